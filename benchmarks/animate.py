@@ -17,9 +17,9 @@ import pandas as pd
 
 from benchmarks.pipeline import needed, prepare, stage
 from benchmarks.speed import paired
+from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.shoal import play
-from finloop.animate.swim import random_goals
 from finloop.edit.schema import Goal
 from finloop.project import Project
 from stages.all_modes import open_modes

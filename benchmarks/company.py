@@ -21,9 +21,9 @@ import pandas as pd
 from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import film_nearest, nearest, of_distances, outline, overlap
-from finloop.animate.planner import Planner, planner
 from finloop.distance.picture import typical_length
 from finloop.live.tank import LiveTank
+from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.project import Project
 
 FISH, SECONDS, STILL = 8, 60.0, 0.05
@@ -46,7 +46,7 @@ def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, f
     }
 
 
-def swum(plans: Planner) -> dict[str, object]:
+def swum(plans: MatchingAnimator) -> dict[str, object]:
     """Return what fish do."""
     waters, player = plans.waters, plans.player
     length, rate = waters.motion.body_length_px, waters.motion.rate_hz
@@ -96,7 +96,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         made = material(project, p)
         yield {"film": film, **filmed(made.reel.features, made.rate_hz)}
         for through in (False, True):
-            yield {"film": film, **swum(planner(made, changed(p, overlap=through)))}
+            yield {"film": film, **swum(matching_animator(made, changed(p, overlap=through)))}
 
 
 if __name__ == "__main__":

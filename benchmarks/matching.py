@@ -2,26 +2,26 @@
 
 from typing import Any
 
-from finloop.animate.plan_settings import Settings, merge_settings
-from finloop.animate.planner import Material
 from finloop.given_path import given_lines
+from finloop.modes.matching import Material
+from finloop.plan.settings import AllSettings, merge_settings
 from finloop.project import Project
 from stages.settings import load
 
 MODE = "matching"
 
 
-def settings_without_path() -> Settings:
+def settings_without_path() -> AllSettings:
     """Return the parameters of the present folder, with no path to swim."""
     return changed(merge_settings(load("animate"), load("matching")), path=None)
 
 
-def changed(p: Settings, **values: Any) -> Settings:
+def changed(p: AllSettings, **values: Any) -> AllSettings:
     """Return the parameters with some other values."""
-    return Settings(**{**vars(p), **values})
+    return AllSettings(**{**vars(p), **values})
 
 
-def material(project: Project, p: Settings) -> Material:
+def material(project: Project, p: AllSettings) -> Material:
     """Return what the stage `modes-matching` makes its animation of."""
     return Material(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,

@@ -19,12 +19,12 @@ from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.paths import shapes, tracks
 from benchmarks.pipeline import write_table
 from finloop.animate.paths import lay
-from finloop.animate.plan_settings import Settings
-from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.route import Route
 from finloop.animate.shoal import swim
-from finloop.animate.swim import Player
 from finloop.edit.build import edit_lists
+from finloop.modes.matching import MatchingAnimator, Material, matching_animator
+from finloop.plan.planner import Player
+from finloop.plan.settings import AllSettings
 from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
@@ -41,7 +41,7 @@ TRACKS = 18
 class Swimming(NamedTuple):
     """Who swims, and along which path."""
 
-    plans: Planner
+    plans: MatchingAnimator
     route: Route | None
 
 
@@ -54,7 +54,7 @@ def swum(player: Player, ticks: int, seed: int, route: Route | None = None) -> W
     return edit_lists([made], ticks, player.sources), ()
 
 
-def routes_of(made: Material, plans: Planner, p: Settings) -> dict[str, list[Swimming]]:
+def routes_of(made: Material, plans: MatchingAnimator, p: AllSettings) -> dict[str, list[Swimming]]:
     """Along what fish swim, and by which players: those of a track know nothing of its film."""
     waters = plans.waters
     found: dict[str, list[Swimming]] = {
@@ -67,7 +67,7 @@ def routes_of(made: Material, plans: Planner, p: Settings) -> dict[str, list[Swi
         "tracks, with times": [],
     }
     for _, line in tracks(made, plans, TRACKS):
-        without = planner(made._replace(lines=[line]), p)
+        without = matching_animator(made._replace(lines=[line]), p)
         for name, one in (
             ("tracks, own pace", line._replace(time_s=None, heading_deg=None)),
             ("tracks, with times", line),
@@ -101,7 +101,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
     with project, workers(WORKERS_NEED) as crew:
         made = material(project, q)
-        plans = planner(made, q)
+        plans = matching_animator(made, q)
         size = plans.pictures.reel.size
         works |= animations(routes_of(made, plans, q), amount)
         pictures, instrument = Pictures(project), instrument_of(project)

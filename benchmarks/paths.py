@@ -19,11 +19,11 @@ import scipy
 
 from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.pipeline import film_table
-from finloop.animate.path_measures import limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
-from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
+from finloop.modes.matching import MatchingAnimator, Material, matching_animator
+from finloop.plan.path_measures import limits, of_path, swum_path, where_left
 from finloop.project import Project
 
 SECONDS, TRACK_S, TRACKS, SPLINES = 30.0, 10.0, 6, 10
@@ -31,7 +31,7 @@ TRIES, KNOTS = 20_000, 6
 WALL = 0.15  # body lengths that the paths keep from where the centre may not be
 
 
-def shapes(plans: Planner, rng: np.random.Generator) -> Iterator[tuple[str, Line]]:
+def shapes(plans: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[str, Line]]:
     """Fourteen paths in the free middle of the tank, px."""
     waters = plans.waters
     length = waters.motion.body_length_px
@@ -78,7 +78,9 @@ def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -
     raise RuntimeError(f"no spline bends less than {bend} per px")
 
 
-def tracks(made: Material, plans: Planner, count: int = TRACKS) -> Iterator[tuple[str, Line]]:
+def tracks(
+    made: Material, plans: MatchingAnimator, count: int = TRACKS
+) -> Iterator[tuple[str, Line]]:
     """The longest stretches of tracks where a drawn fish may be; of these the liveliest."""
     features, legal = made.reel.features, plans.waters.tank.legal
     most = round(TRACK_S * made.rate_hz)
@@ -114,7 +116,7 @@ def timed(line: Line, speed_px: float) -> Line:
     return line._replace(x=x, y=y, time_s=way / speed_px, closed=False)
 
 
-def measure(film: str, name: str, line: Line, plans: Planner) -> dict[str, object]:
+def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[str, object]:
     """Return how a path is followed."""
     waters = plans.waters
     path = lay(line, waters.tank, waters.motion, None)
@@ -147,7 +149,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     p = changed(settings_without_path(), path_film=False)
     with Project() as project:
         made = material(project, p)
-        plans = planner(made, p)
+        plans = matching_animator(made, p)
         motion = plans.waters.motion
         swims = plans.waters.film.speed[plans.waters.film.more]
         speed_px = float(np.median(swims)) * motion.body_length_px
@@ -155,7 +157,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
             yield measure(film, name, line, plans)
             yield measure(film, name, timed(line, speed_px), plans)
         for name, line in tracks(made, plans):
-            without = planner(made._replace(lines=[line]), p)
+            without = matching_animator(made._replace(lines=[line]), p)
             yield measure(film, name, line._replace(time_s=None, heading_deg=None), without)
             yield measure(film, name, line, without)
 

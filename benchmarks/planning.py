@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from finloop.animate.places import random_goals
 from finloop.animate.shoal import play
-from finloop.animate.swim import random_goals
 from finloop.project import Project
 from stages.all_modes import open_modes
 from stages.play import open_view

@@ -18,10 +18,10 @@ from benchmarks.company import summary
 from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import nearest, overlaps, places
-from finloop.animate.planner import Planner, planner
+from finloop.animate.places import random_goals
 from finloop.animate.shoal import shoal, tasks
-from finloop.animate.swim import random_goals
 from finloop.edit.build import edit_lists
+from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.project import Project
 
 SHOALS = ((8, 1.0, 600.0, 30.0), (64, 1 / 3, 120.0, 60.0))
@@ -29,7 +29,7 @@ SHOALS = ((8, 1.0, 600.0, 30.0), (64, 1 / 3, 120.0, 60.0))
 WARM_UP = 20  # ticks, after which everything is compiled
 
 
-def swum(plans: Planner, goal_s: float) -> dict[str, object]:
+def swum(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
     """Return what fish do."""
     waters, player = plans.waters, plans.player
     p, rate, ticks = waters.settings, waters.motion.rate_hz, waters.duration
@@ -60,7 +60,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         made = material(project, p)
         for fish, size, seconds, goal_s in SHOALS:
             own = changed(p, fish=fish, size=size, seconds=seconds, overlap=False)
-            row = swum(planner(made, own), goal_s)
+            row = swum(matching_animator(made, own), goal_s)
             print(row, flush=True)
             yield {"film": film, "size": size, **row}
 

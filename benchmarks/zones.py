@@ -22,10 +22,10 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.matching import MODE, changed, material, settings_without_path
-from finloop.animate.planner import planner
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.features.table import delta_of
+from finloop.modes.matching import matching_animator
 from finloop.project import Project
 from finloop.social.measures import beside, shoal_table
 from finloop.social.walls import Walls
@@ -84,7 +84,7 @@ def film_tables(folder: Path) -> pd.DataFrame:
             for seed in range(SEEDS):
                 # One goal a fish at most: afterwards it wanders.
                 swum = changed(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
-                plans = planner(made, swum)
+                plans = matching_animator(made, swum)
                 edit = plans.plan(plans.goals())[1]
                 where = edit[["x_px", "y_px"]].to_numpy(float)
                 heading = edit["heading_deg"].to_numpy(float)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.animate.matching_settings import Settings
 from finloop.animate.paths import track_line
 from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK, Line
 from finloop.io.line import load_line
+from finloop.plan.settings import Settings
 
 
 def given_lines(p: Settings, features: pd.DataFrame) -> list[Line | None]:

@@ -33,8 +33,6 @@ from typing import Any
 
 import pandas as pd
 
-from finloop.animate.plan_settings import merge_settings
-from finloop.animate.planner import Material, planner
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
@@ -73,7 +71,9 @@ from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.modes.animator import Animator, FilmData
 from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
+from finloop.modes.matching import Material, matching_animator
 from finloop.modes.network import network_animator
+from finloop.plan.settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, frames, shelves
@@ -266,7 +266,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     outline_px = lists_to_points(tracks.table, "outline")
     animator: Animator
     if mode == "matching":
-        animator = planner(
+        animator = matching_animator(
             Material(
                 tracks.film.rate_hz, tracks.film.arena, Reel(reel.features, reel.film), outline_px,
                 similar.facts, similar.steps, jumps.jumps, poses, forecast,

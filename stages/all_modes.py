@@ -4,8 +4,8 @@ import sys
 from collections.abc import Callable
 from functools import partial
 
-from finloop.animate.planner import NothingToUse
 from finloop.modes.animator import Animator
+from finloop.modes.matching import NothingToUse
 from finloop.project import Project
 from stages.modes import hybrid, loops, matching, network
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.animate import encounters, measures, path_measures
+from finloop.animate import encounters, measures
 from finloop.animate.motion import Motion, learn
 from finloop.base.errors import FinloopError
 from finloop.edit.measures import table
@@ -17,6 +17,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.record import load_json, made_by
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.modes.phases import learn_phases, state_shares
+from finloop.plan import path_measures
 from finloop.project import Project
 from finloop.social.measures import SHOAL, beside, halves, shoal_table
 from finloop.social.walls import Walls

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate import encounters, measures
-from finloop.animate.planner import NothingToUse
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.measures import (
     averaged,
@@ -29,6 +28,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.modes.animator import Animator, FilmData
+from finloop.modes.matching import NothingToUse
 from finloop.modes.samples import sample_animations
 from finloop.project import Project
 from finloop.reel import Reel

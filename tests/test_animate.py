@@ -33,7 +33,7 @@ from finloop.animate.arena import (
     tank,
     where,
 )
-from finloop.animate.kinematics import Ahead, Spot, Turning
+from finloop.animate.kinematics import Ahead, Target, Turning
 from finloop.animate.motion import learn
 from finloop.animate.shoal import play
 from finloop.base.distributions import wasserstein_distance
@@ -231,7 +231,7 @@ def test_goals_that_cannot_be_reached_are_named(given, unit, said):
 # --- steps
 
 OPEN = np.ones((1000, 1000), bool)
-FAR = Spot(-1e6, -1e6, 5.0, 9.0)
+FAR = Target(-1e6, -1e6, 5.0, 9.0)
 
 
 def test_ahead_is_along_the_heading_with_y_down_and_left_to_its_left():
@@ -263,7 +263,7 @@ def test_a_goal_is_touched_by_the_head_before_the_centre():
     none = np.zeros(100)
     for head, tick in ((0.0, 48), (16.0, 44)):  # 100 + 4 · 49 = 296, 4 px before the goal
         _, _, touched = step.straight(
-            OPEN, start, Ahead(np.full(100, 4.0), none, none), Spot(300.0, 500.0, 4.0, head)
+            OPEN, start, Ahead(np.full(100, 4.0), none, none), Target(300.0, 500.0, 4.0, head)
         )
         assert touched == tick
 
@@ -275,7 +275,7 @@ def test_in_a_turn_the_error_falls_at_every_tick_to_nothing(target):
     share /= share[-1]
     flow, side = np.full(12, 3.0), np.full(12, 0.5)
     way, good, _ = step.turn(
-        OPEN, start, Turning(share, flow, side), FAR, Spot(*target, 1.0, 9.0), 90.0
+        OPEN, start, Turning(share, flow, side), FAR, Target(*target, 1.0, 9.0), 90.0
     )
     assert good
     bearing = np.degrees(np.arctan2(way[:, 1] - at[1], at[0] - way[:, 0]))
@@ -289,8 +289,8 @@ def test_a_mirrored_target_gives_the_mirrored_turn():
     share, flow, side = np.linspace(0.1, 1, 10), np.full(10, 3.0), np.full(10, 0.4)
     start = np.array([500.0, 500.0, 0.0])
     swim = Turning(share, flow, side)
-    left, _, _ = step.turn(OPEN, start, swim, FAR, Spot(400.0, 200.0, 1.0, 9.0), 90.0)
-    right, _, _ = step.turn(OPEN, start, swim, FAR, Spot(400.0, 800.0, 1.0, 9.0), 90.0)
+    left, _, _ = step.turn(OPEN, start, swim, FAR, Target(400.0, 200.0, 1.0, 9.0), 90.0)
+    right, _, _ = step.turn(OPEN, start, swim, FAR, Target(400.0, 800.0, 1.0, 9.0), 90.0)
     assert right[:, 0] == pytest.approx(left[:, 0])
     assert right[:, 1] - 500 == pytest.approx(500 - left[:, 1])
     assert right[:, 2] == pytest.approx(-left[:, 2])
@@ -299,7 +299,7 @@ def test_a_mirrored_target_gives_the_mirrored_turn():
 def test_a_target_too_near_for_a_turn_is_refused():
     share, flow = np.linspace(0.1, 1, 10), np.full(10, 30.0)
     start = np.array([500.0, 500.0, 0.0])
-    near = Spot(500.0, 460.0, 1.0, 9.0)
+    near = Target(500.0, 460.0, 1.0, 9.0)
     _, good, _ = step.turn(OPEN, start, Turning(share, flow, 0 * flow), FAR, near, 20.0)
     assert not good
 

@@ -32,23 +32,14 @@ from toy_film import (
     waters_of,
 )
 
-from finloop.animate import decide, measures
+from finloop.animate import measures
 from finloop.animate.arena import Tank, inside, tank
-from finloop.animate.beam import Candidates
-from finloop.animate.bounds import bounds_of
-from finloop.animate.decide import Ways
-from finloop.animate.kinematics import Spot, bearing, rotate, touches
-from finloop.animate.loops import counted
-from finloop.animate.loops import decision as decision_of
-from finloop.animate.objectives import remaining, to_goal
-from finloop.animate.planner import frame_hulls, reach
-from finloop.animate.policies import choose_motion
-from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
-from finloop.animate.search import search
+from finloop.animate.kinematics import Target, bearing, rotate, touches
+from finloop.animate.memory import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
+from finloop.animate.places import random_goals
 from finloop.animate.shoal import swim
-from finloop.animate.space import Here, Rules, jump_cost, space_of
-from finloop.animate.state import Fish, Options
-from finloop.animate.swim import considered, random_goals
+from finloop.animate.size import frame_hulls, reach
+from finloop.animate.state import Fish
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.build import edit_list
 from finloop.edit.explain import in_words
@@ -67,8 +58,19 @@ from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
+from finloop.plan import search as decide
+from finloop.plan.cost import CostWeights, jump_cost
+from finloop.plan.film_swimmer import counted
+from finloop.plan.film_swimmer import decision as decision_of
+from finloop.plan.objectives import remaining, to_goal
+from finloop.plan.plan import Options
+from finloop.plan.planner import considered
+from finloop.plan.policies import choose_motion
+from finloop.plan.search import Candidates, SearchStart, Ways, search
+from finloop.plan.space import search_graph
+from finloop.plan.walls import bounds_of
 
-RULES = Rules(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0, 4.0, 11.0)
+RULES = CostWeights(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0, 4.0, 11.0)
 """Of a fish that does 3 px and 5° a tick."""
 
 
@@ -78,7 +80,7 @@ def film_player(film_=None, room_=None, **changes):
 
 
 def spot(x, y):
-    return Spot(float(x), float(y), TOUCH, HEAD)
+    return Target(float(x), float(y), TOUCH, HEAD)
 
 
 def edit_of(player, goals, ticks, seed):
@@ -293,12 +295,12 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         costs, sinces = rng.uniform(0, 9, len(rows)), rng.integers(0, 9, len(rows))
         every = np.arange(n)
         recent = np.stack([every, every, rng.integers(-500, now, n)], 1)
-        here = Here(x, y, now, SPEED, 0, recent)
+        here = SearchStart(x, y, now, SPEED, 0, recent)
         aim = spot(*rng.uniform(-40, 130, 2))
         horizon, stride, stay = (int(rng.integers(1, top)) for top in (26, 4, 6))
         rules = RULES._replace(horizon=horizon, stride=stride, stay=stay, beam=20_000)
         candidates = Candidates(rows, rots, costs, sinces)
-        space = space_of(
+        space = search_graph(
             reel, bounds_of(Tank(legal, legal, np.zeros((2, 90, 90), np.int32))), rules
         )
         found, _ = search(space, candidates, here, 0.0, to_goal(aim), rules)
@@ -317,9 +319,9 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
     for _ in range(20):
         rows = rng.choice(np.flatnonzero(rich_film().endless & rich_film().more), 12)
         candidates = Candidates(rows, rng.uniform(-180, 180, 12), np.zeros(12), np.zeros(12, int))
-        here = Here(400.0, 300.0, 0, SPEED, 0, np.zeros((0, 3), np.int64))
+        here = SearchStart(400.0, 300.0, 0, SPEED, 0, np.zeros((0, 3), np.int64))
         aim = spot(*rng.uniform(100, 500, 2))
-        space = space_of(rich_film(), bounds_of(open_tank()), RULES)
+        space = search_graph(rich_film(), bounds_of(open_tank()), RULES)
         found = [
             search(space, candidates, here, 0.0, to_goal(aim), RULES._replace(beam=beam))[0][:3]
             for beam in (4, 4000)
@@ -333,7 +335,7 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
 
 def test_a_space_has_every_jump_the_cheapest_first():
     reel = rich_film()
-    space = space_of(reel, bounds_of(open_tank()), RULES)
+    space = search_graph(reel, bounds_of(open_tank()), RULES)
     for row in np.flatnonzero(reel.end >= 0):
         first, last = reel.start[reel.end[row] : reel.end[row] + 2]
         faster = reel.speed[reel.to[first:last]] - reel.speed[row]
@@ -347,12 +349,12 @@ def test_a_space_has_every_jump_the_cheapest_first():
 def test_where_no_way_leads_on_more_are_followed():
     swimmer, rng, found = swimmer_of(film_player(beam=2)), np.random.default_rng(6), 0
     reel, tank_ = swimmer.waters.film, swimmer.waters.tank
-    space = space_of(reel, bounds_of(tank_), swimmer.rules)
+    space = search_graph(reel, bounds_of(tank_), swimmer.rules)
     for _ in range(150):
         row, rot = int(rng.choice(np.flatnonzero(reel.more))), float(rng.uniform(-180, 180))
         fish = Fish(*tank_.random_point(rng), 0.0, SPEED, IN_FILM, -1, row=row, rot=rot, since=100)
         aim, ways = spot(*tank_.random_point(rng)), decide.ways_on(reel, row + 1, rot, True)
-        here = Here(*swimmer.arrival(fish), 0, SPEED, 100, fish.recent)
+        here = SearchStart(*swimmer.arrival(fish), 0, SPEED, 100, fish.recent)
         narrow, wide = (
             decide.weigh(space, ways, here, to_goal(aim), swimmer.rules._replace(beam=beam))[
                 1

@@ -9,19 +9,10 @@ import scipy
 from toy_film import LENGTH, waters_of
 from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
 
-from finloop.animate.brisk import brisk_of
-from finloop.animate.endless import endless, leading, parts
-from finloop.animate.film import ROW
-from finloop.animate.forecast import ForecastSwimmer, farther
-from finloop.animate.kinematics import Spot
-from finloop.animate.loops import FilmSwimmer
-from finloop.animate.path_measures import swum_path
+from finloop.animate.kinematics import Target
 from finloop.animate.paths import lay
-from finloop.animate.policies import Policy
-from finloop.animate.rare import Rarity
 from finloop.animate.shoal import swim
-from finloop.animate.state import Fish, State, after
-from finloop.animate.swim import Player
+from finloop.animate.state import Fish, State
 from finloop.base.line import PX, Line
 from finloop.edit.schema import FORECAST, FRAME, Goal
 from finloop.forecast.film import MOTION, film_states
@@ -29,6 +20,15 @@ from finloop.forecast.learning import learn
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split
 from finloop.forecast.sampling import at_row, follow, sampler
+from finloop.plan.cost import Rarity
+from finloop.plan.film_swimmer import FilmSwimmer
+from finloop.plan.forecast_swimmer import ForecastSwimmer, farther
+from finloop.plan.graph import ROW, endless, leading, parts
+from finloop.plan.path_measures import swum_path
+from finloop.plan.plan import after
+from finloop.plan.planner import Player
+from finloop.plan.policies import Policy
+from finloop.plan.world import brisk_of
 
 REST = np.zeros(3000, bool)
 GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
@@ -242,7 +242,7 @@ def test_farther_round_there_are_more_rows():
 
 def test_a_fish_from_sprites_or_from_the_film_goes_on():
     one = swimmer()
-    goal = Spot(400.0, 300.0, 10.0, 5.0)
+    goal = Target(400.0, 300.0, 10.0, 5.0)
     for fish in (
         Fish(300, 300, 0.0, 2.0, 0, sprite=7),
         Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=2999),
@@ -259,7 +259,7 @@ def test_a_fish_in_a_corner_goes_on_with_its_row_and_turns_no_faster_than_a_bris
     one = swimmer()
     legal, most = one.waters.tank.legal, one.waters.brisk.turn_deg
     y, x = np.argwhere(legal).min(0)
-    goal, joined, ticks = Spot(400.0, 300.0, 10.0, 5.0), 0, 0
+    goal, joined, ticks = Target(400.0, 300.0, 10.0, 5.0), 0, 0
     for seed in range(30):
         rng = np.random.default_rng(seed)
         fish = Fish(float(x), float(y), 135.0, 2.0, FORECAST, sprite=-1, row=100 + 20 * seed)
@@ -300,7 +300,7 @@ def test_a_fish_that_rests_before_a_wall_turns_round():
     alone = one.sampler._replace(start=np.zeros(n + 1, np.int64), to=np.zeros(0, np.int64))
     one.sampler = alone._replace(settle=0 * alone.settle, low=0 * alone.low - 9)
     y = float(one.waters.tank.legal[:, 300].argmax())
-    goal = Spot(400.0, 300.0, 10.0, 5.0)
+    goal = Target(400.0, 300.0, 10.0, 5.0)
     fish = Fish(300.0, y, 90.0, 0.0, FORECAST, sprite=-1, row=605)
     way = one.next(fish, goal, np.random.default_rng(0)).way
     most = one.waters.brisk.turn_deg

@@ -20,16 +20,17 @@ from toy_film import (
 )
 
 from finloop.animate.arena import inside, tank
-from finloop.animate.avoidance import Avoidance
-from finloop.animate.bounds import beyond, bounds_of, fits, kept_inside, moved_off
 from finloop.animate.company import discs_of
-from finloop.animate.detour import effort
 from finloop.animate.encounters import placed
-from finloop.animate.kinematics import Spot
-from finloop.animate.loops import FilmSwimmer
-from finloop.animate.space import longer_rest
-from finloop.animate.state import Effort, Fish, after
+from finloop.animate.kinematics import Target
+from finloop.animate.state import Effort, Fish
 from finloop.edit.schema import Goal
+from finloop.plan.cost import longer_rest
+from finloop.plan.fallback import Avoidance
+from finloop.plan.film_swimmer import FilmSwimmer
+from finloop.plan.objectives import effort
+from finloop.plan.plan import after
+from finloop.plan.walls import beyond, bounds_of, fits, kept_inside, moved_off
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 
@@ -152,7 +153,7 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     keeper, rng = Avoidance(player.policy, waters), np.random.default_rng(0)
     fish = replace(player.begin(rng).fish, x=232.0, y=150.0, heading=0.0)
     fish = replace(fish, rot=-float(waters.film.heading[fish.row]))
-    ahead = keeper._staying(fish, Spot(0, 0, 0, 0))[-1]
+    ahead = keeper._staying(fish, Target(0, 0, 0, 0))[-1]
     ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
     places = []
     while fish.tick < 500:
@@ -175,7 +176,7 @@ def test_a_narrow_beam_finds_more_ways_in_a_small_tank_if_it_reckons_with_walls_
         swims, rng = FilmSwimmer(waters_of(room_=box(260), beam=4)), np.random.default_rng(0)
         swims.rules = swims._wide = swims.rules._replace(aside=aside, room=150.0)
         fish = [swims.begin(rng) for _ in range(150)]
-        values = [swims.options(one, Spot(one.x, one.y, 0, 0, True)).value for one in fish]
+        values = [swims.options(one, Target(one.x, one.y, 0, 0, True)).value for one in fish]
         found[aside] = np.mean([np.isfinite(value).any() for value in values])
     assert found[30.0] > found[0.0] + 0.05
 

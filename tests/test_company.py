@@ -21,12 +21,12 @@ from finloop.animate.company import (
     round_others,
 )
 from finloop.animate.encounters import overlap, placed
-from finloop.animate.kinematics import Spot
-from finloop.animate.swim import Player
+from finloop.animate.kinematics import Target
 from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
 from finloop.edit.stretch import Decision, Stretch
 from finloop.live.tank import LiveTank
+from finloop.plan.planner import Player
 
 NEEDLE = np.array([[30.0, 2], [-30, 2], [-30, -2], [30, -2]])
 MODE = "matching"  # the one mode of several fish
@@ -38,7 +38,7 @@ def known(ways, start, discs, stays):
     return company_of(Plans.of(ways, start).others(-1, start), start, discs, stays)
 
 
-SPOT = Spot(0.0, 0.0, 0.0, 0.0)
+SPOT = Target(0.0, 0.0, 0.0, 0.0)
 
 
 def bent(rng: np.random.Generator) -> np.ndarray:

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from toy_film import RATE, film_of, lessons, loops, planning
 
-from finloop.animate.brisk import learn_brisk
-from finloop.animate.film import mean_step_px
 from finloop.animate.measures import motion_of_film
 from finloop.animate.motion import learn
 from finloop.base.settings import settings
 from finloop.features.current import measured_current
 from finloop.modes.phases import learn_phases
+from finloop.plan.graph import mean_step_px
+from finloop.plan.world import learn_brisk
 
 
 def beating(frames=200, hz=2.0, wide=0.18, drift=0.0):

@@ -8,11 +8,9 @@ import pandas as pd
 import pytest
 from toy_film import HEAD, TOUCH, swum, table_of, waters_of
 
-from finloop.animate.film import film, neighbour_jumps
-from finloop.animate.kinematics import Spot
-from finloop.animate.loops import FilmSwimmer
-from finloop.animate.planner import BODY
+from finloop.animate.kinematics import Target
 from finloop.base.settings import settings
+from finloop.distance.picture import BODY
 from finloop.edit.build import folded
 from finloop.features.table import wrap_deg
 from finloop.jumps import search
@@ -23,6 +21,8 @@ from finloop.jumps.signature import Parts, signatures
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 from finloop.nearest import parts_of
+from finloop.plan.film_swimmer import FilmSwimmer
+from finloop.plan.graph import film, neighbour_jumps
 
 COUNT, LEAST = 5, 8
 
@@ -288,7 +288,7 @@ def test_who_wanders_takes_the_film_as_it_comes(rng):
     waters = waters_of(free=5e-6)
     swimmer = FilmSwimmer(waters)
     fish = swimmer.begin(rng)
-    spot = Spot(400.0, 300.0, TOUCH, HEAD, free=True)
+    spot = Target(400.0, 300.0, TOUCH, HEAD, free=True)
     options = swimmer.options(fish, spot)
     stays = np.isfinite(options.value)
     assert stays.any()

@@ -41,11 +41,11 @@ from toy_film import (
 
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
-from finloop.animate.kinematics import Spot, bearing, rotate, touches
+from finloop.animate.kinematics import Target, bearing, rotate, touches
+from finloop.animate.places import random_goals
 from finloop.animate.route import Route
 from finloop.animate.shoal import swim
 from finloop.animate.state import Fish
-from finloop.animate.swim import random_goals
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY, FILM
@@ -116,7 +116,7 @@ def edit_of(player, goals, ticks, seed):
 
 
 def spot(x, y, touch=TOUCH, head=HEAD):
-    return Spot(float(x), float(y), touch, head)
+    return Target(float(x), float(y), touch, head)
 
 
 def in_film(film, rng, room=None):

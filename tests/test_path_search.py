@@ -13,14 +13,21 @@ from toy_film import (
     waters_of,
 )
 
-import finloop.animate.decide
-from finloop.animate.beam import BRANCH, RUN, Branch, keep, tick_row_shown
-from finloop.animate.decide import ways_on, weigh
-from finloop.animate.objectives import along_path
+import finloop.plan.search
+from finloop.animate.memory import NEVER
 from finloop.animate.paths import lay
-from finloop.animate.recent import NEVER
-from finloop.animate.space import Here
 from finloop.base.line import PX, Line
+from finloop.plan.objectives import along_path
+from finloop.plan.search import (
+    BRANCH,
+    RUN,
+    Branch,
+    SearchStart,
+    keep,
+    tick_row_shown,
+    ways_on,
+    weigh,
+)
 
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
@@ -57,7 +64,7 @@ def looked(waters, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
     """What becomes of the ways on from a row, and the rows of the best, of a beam so wide."""
     follower, film = matching_of(waters).follower, waters.film
     every = ways_on(film, row, rot, True)
-    here = Here(*place, 1, 2.0, 99, np.zeros((0, 3), np.int64))
+    here = SearchStart(*place, 1, 2.0, 99, np.zeros((0, 3), np.int64))
     rules = follower._alone._replace(beam=beam, horizon=40, again=0.0)
     path = along_path(route, follower.steering)
     return follower._film, weigh(follower._film, every, here, path, rules)
@@ -118,9 +125,9 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
 
 def counted_searches(monkeypatch):
     searches = []
-    inner = finloop.animate.decide.weigh
+    inner = finloop.plan.search.weigh
     monkeypatch.setattr(
-        finloop.animate.decide, "weigh", lambda *all_: searches.append(1) or inner(*all_)
+        finloop.plan.search, "weigh", lambda *all_: searches.append(1) or inner(*all_)
     )
     return searches
 
@@ -159,7 +166,7 @@ def test_no_more_of_a_plan_is_swum_than_was_looked_at():
         follower = matching_of(waters).follower
         follower._alone = follower._alone._replace(horizon=horizon)
         every = ways_on(waters.film, 5, 0.0, True)
-        here = Here(400.0, 300.0, 1, 2.0, 99, np.zeros((0, 3), np.int64))
+        here = SearchStart(400.0, 300.0, 1, 2.0, 99, np.zeros((0, 3), np.int64))
         plan = follower._best(follower._film, every, here, 0.0, laid(EIGHT, waters))
         assert plan.ticks.sum() == horizon
         assert sum(run.ticks for run in plan.runs(10**6)) == horizon

@@ -17,17 +17,18 @@ from toy_film import (
     waters_of,
 )
 
-from finloop.animate.bounds import bounds_of
-from finloop.animate.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
 from finloop.animate.route import Route, asked_at, foot, place
 from finloop.animate.shoal import swim
-from finloop.animate.steering import Steering, steered
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, checked_line
 from finloop.edit.schema import PATH
 from finloop.io.line import load_line
 from finloop.io.table import save_table
+from finloop.plan.advance import steered
+from finloop.plan.cost import Steering
+from finloop.plan.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
+from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
 
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)

@@ -85,7 +85,7 @@ def test_another_digest_of_a_file_is_another_list(monkeypatch):
 def test_a_changed_search_for_loops_reruns_no_stage_that_shows_none():
     users = {word for word in STAGES if "finloop/loops/search.py" in files(word)}
     assert users == {"loops", "plots-motion", "modes-loops", "modes-hybrid"}
-    penalty = {word for word in STAGES if "finloop/animate/search.py" in files(word)}
+    penalty = {word for word in STAGES if "finloop/plan/search.py" in files(word)}
     assert penalty & {"render", "tank", "export", "report", "realism"} == set()
 
 

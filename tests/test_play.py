@@ -105,7 +105,7 @@ def test_the_fish_gets_there_even_while_its_goal_is_dragged(mode, drag):
                 break
         took.append(tick)
         row = tank.fish[0].at(tank.tick)
-        goal = step.Spot(row.goal_x_px, row.goal_y_px, TOUCH + 0.1, HEAD)
+        goal = step.Target(row.goal_x_px, row.goal_y_px, TOUCH + 0.1, HEAD)
         # A way of loops that touches the goal ends at the next loop end.
         last = [tank.fish[0].at(tick) for tick in range(row.decided, tank.tick + 1)]
         assert any(step.touches(one.x_px, one.y_px, one.heading_deg, goal) for one in last)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from finloop.animate.kinematics import towards_by, wrap
-from finloop.animate.rare import Rarity
 from finloop.edit.movement import movement
+from finloop.plan.cost import Rarity
 from finloop.puppet import Pose
 
 SPRING = np.array([1.0, 0.7, 0.3, 0.1])

@@ -8,15 +8,16 @@ import pytest
 from toy_film import LENGTH, matching_of, planning, shoaling, waters_of
 
 from finloop.animate.arena import tank
-from finloop.animate.planner import Planner
-from finloop.animate.rule import Rule, wish
-from finloop.animate.shoal import by_rule, shoal, tasks
+from finloop.animate.rule import Rule
+from finloop.animate.shoal import shoal, tasks
 from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_lists
 from finloop.edit.schema import Goal
 from finloop.live.message import parsed
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
+from finloop.modes.matching import MatchingAnimator, by_rule
+from finloop.plan.objectives import wish
 from finloop.social.measures import shoal_table
 from finloop.social.zones import NO_ZONES, Zones
 
@@ -42,7 +43,7 @@ def player_of(zones, **by):
 
 def planner_of(waters):
     """A planner without pictures."""
-    return Planner(matching_of(waters), None, 1.0, 1.0)
+    return MatchingAnimator(matching_of(waters), None, 1.0, 1.0)
 
 
 def stepless():
@@ -53,7 +54,7 @@ def stepless():
 
 def swum(player, ticks=TICKS, seed=0, goals=()):
     p = player.waters.settings
-    plans = Planner(player, None, 1.0, 1.0)
+    plans = MatchingAnimator(player, None, 1.0, 1.0)
     todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
     return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
@@ -128,12 +129,12 @@ def test_zones_that_nobody_knows_are_asked_for():
 @pytest.mark.parametrize("steps", [True, False])
 def test_company_without_a_rule_is_refused_before_anything_is_planned(steps):
     player = player_of(NEAR)
-    assert Planner(player, None, 1.0, 1.0).goals() == []
+    assert MatchingAnimator(player, None, 1.0, 1.0).goals() == []
     player = replace(player, shoaling=stepless() if steps else None)
     with pytest.raises(FinloopError, match="too short for the steps" if steps else "no zones"):
-        Planner(player, None, 1.0, 1.0).goals()
+        MatchingAnimator(player, None, 1.0, 1.0).goals()
     alone = replace(player, waters=water(fish=1))
-    assert Planner(alone, None, 1.0, 1.0).goals() == []
+    assert MatchingAnimator(alone, None, 1.0, 1.0).goals() == []
 
 
 # --- after a leader
@@ -170,7 +171,7 @@ def test_who_follows_nobody_has_the_goals():
     names = [[goal.name for goal in lot] for lot in (task.goals for task in plans.tasks(goals))]
     assert names == [["A", "C"], [], ["B"], []]
     assert plans.seekers == [0, 2]
-    assert Planner(player_of(NEAR), None, 1.0, 1.0).goals() == []
+    assert MatchingAnimator(player_of(NEAR), None, 1.0, 1.0).goals() == []
 
 
 @pytest.mark.parametrize("follow", [((1, 2), (2, 1)), ((1, 1),), ((2, 9),)])

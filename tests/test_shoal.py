@@ -22,16 +22,14 @@ import stages.modes.network
 import stages.plots.animate
 import stages.plots.render
 import stages.render
-from finloop.animate import avoidance, encounters
+from finloop.animate import encounters
 from finloop.animate.arena import tank
 from finloop.animate.company import Plans, can_stay
 from finloop.animate.encounters import nearest, overlap, overlaps, placed
-from finloop.animate.kinematics import Spot
-from finloop.animate.path_measures import LEFT, SWUM
+from finloop.animate.kinematics import Target
 from finloop.animate.paths import lay
-from finloop.animate.planner import Planner
-from finloop.animate.shoal import deal, refuse_meetings, settle, shoal, swim, tasks
-from finloop.animate.swim import NoRoom, random_goals
+from finloop.animate.places import random_goals
+from finloop.animate.shoal import NoRoom, deal, refuse_meetings, settle, shoal, swim, tasks
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
@@ -45,7 +43,10 @@ from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.live.tank import LiveTank
 from finloop.modes import samples
+from finloop.modes.matching import MatchingAnimator
 from finloop.modes.samples import sample_animations
+from finloop.plan import fallback as avoidance
+from finloop.plan.path_measures import LEFT, SWUM
 from finloop.project import Project
 
 
@@ -158,7 +159,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     for directions in (avoidance._ASIDE_DEG, (0.0,)):  # and back to back alone
         monkeypatch.setattr(avoidance, "_ASIDE_DEG", directions)
         fish = between(first, gap)
-        ahead = player.policy.next(fish, Spot(x + 100, y, 0, 0), np.random.default_rng(1))
+        ahead = player.policy.next(fish, Target(x + 100, y, 0, 0), np.random.default_rng(1))
         blocked = replace(ahead, way=np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0))
         way = avoider.kept_clear(fish, blocked, np.random.default_rng(2)).way
         ways.append(way[-1, :2] - (x, y))
@@ -190,7 +191,7 @@ def plans_of(lines, **changes):
     waters = replace(waters, settings=replace(waters.settings, **changes))
     player = replace(crowded(), waters=waters)
     paths = tuple(one and lay(one, waters.tank, waters.motion, None) for one in lines)
-    return Planner(player, None, 1.0, 0.6 * LENGTH, paths)
+    return MatchingAnimator(player, None, 1.0, 0.6 * LENGTH, paths)
 
 
 def test_each_fish_has_a_path_or_goals_of_its_own():
@@ -287,7 +288,7 @@ def test_two_fish_sent_to_one_place_are_refused():
 
 def planner_of(p):
     """A planner of the made-up fish, without pictures."""
-    return Planner(matching_of(waters_of(**p)), None, 1.0, 20.0)
+    return MatchingAnimator(matching_of(waters_of(**p)), None, 1.0, 20.0)
 
 
 def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
@@ -308,7 +309,7 @@ def test_more_fish_than_fit_are_refused():
     arena[10:70, 10:120] = True
     small = tank(arena, 0.6 * LENGTH)
     waters = waters_of(room_=small, fish=40)
-    plans = Planner(matching_of(waters), None, 1.0, 20.0)
+    plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
     with pytest.raises(FinloopError, match=r"matching\.fish=40: the tank has room for ") as refused:
         plans.check_room([])
     assert "at most" in refused.value.wanted and "matching.overlap=true" in refused.value.do
@@ -321,7 +322,7 @@ def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch
     arena = np.zeros((80, 130), bool)
     arena[10:70, 10:120] = True
     waters = waters_of(room_=tank(arena, 0.6 * LENGTH), fish=3, seconds=0.2, trial_goals=1)
-    plans = Planner(matching_of(waters), None, 1.0, 20.0)
+    plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
 
     def room(seed):
         try:

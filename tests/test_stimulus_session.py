@@ -102,7 +102,7 @@ def test_fading_changes_nothing_but_alpha(tmp_path):
 
 def test_more_fish_than_there_is_room_for_are_refused(monkeypatch):
     made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
-    monkeypatch.setattr("finloop.animate.swim._PLACES", 0)  # no place is looked for
+    monkeypatch.setattr("finloop.plan.planner._PLACES", 0)  # no place is looked for
     with pytest.raises(FinloopError, match="room for 0 fish"):
         planned(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from finloop.animate.film import ROW, Film, lags, mean_step_px
-from finloop.animate.tempo import Tempo
+from finloop.plan.cost import Tempo
+from finloop.plan.graph import ROW, MotionGraph, lags, mean_step_px
 
 N = 200
 
@@ -16,7 +16,7 @@ def film_of(steps):
     rows["more"][-1] = False
     rows["dx"][-1] = 0.0
     empty = np.zeros(0, np.int32)
-    return Film(rows, np.zeros(1, np.int32), empty, np.zeros(0), True, len(steps))
+    return MotionGraph(rows, np.zeros(1, np.int32), empty, np.zeros(0), True, len(steps))
 
 
 def way(steps):

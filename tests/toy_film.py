@@ -13,17 +13,10 @@ import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank, tank
-from finloop.animate.brisk import Brisk, learn_brisk
 from finloop.animate.cast import Cast
-from finloop.animate.film import Film, film, loop_jumps
-from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import Motion, learn
-from finloop.animate.plan_settings import Settings as PlanSettings
-from finloop.animate.plan_settings import merge_settings
-from finloop.animate.policies import Policy
 from finloop.animate.protocols import AnyPlayer
-from finloop.animate.state import Waters
-from finloop.animate.swim import Player
+from finloop.animate.world import World
 from finloop.base.settings import settings, values_of
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
@@ -38,7 +31,12 @@ from finloop.modes.network import Network
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites, make_sprites
-from finloop.modes.world import World
+from finloop.plan.film_swimmer import FilmSwimmer
+from finloop.plan.graph import MotionGraph, film, loop_jumps
+from finloop.plan.planner import Player
+from finloop.plan.policies import Policy
+from finloop.plan.settings import AllSettings, merge_settings
+from finloop.plan.world import Brisk, FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
 from finloop.social.rule import Shoaling
@@ -133,7 +131,7 @@ def brisk() -> Brisk:
     return learn_brisk(lessons(), RATE, DELTA, planning())
 
 
-def planning(**changes) -> PlanSettings:
+def planning(**changes) -> AllSettings:
     """The parameters of the planner of `matching`, some changed."""
     common, own = set(values_of("animate", "default")), set(values_of("matching", "default"))
     assert set(changes) <= common | own
@@ -225,7 +223,7 @@ def loops(*pairs):
 
 def film_of(
     features, found, pose=BODY, step=1.0, barred=None, taught=None, dear=0.0, rests=None
-) -> Film:
+) -> MotionGraph:
     """A film with its loops; its drawn length is the median of its own."""
     n = len(features)
     graph = loop_graph(found, features["track_id"].to_numpy())
@@ -261,7 +259,7 @@ def rich_table() -> pd.DataFrame:
 
 
 @cache
-def rich_film() -> Film:
+def rich_film() -> MotionGraph:
     """The rich film."""
     return film_of(*rich())
 
@@ -293,11 +291,11 @@ def open_tank() -> Tank:
     return tank(ARENA, 0.6 * LENGTH)
 
 
-def waters_of(film_=None, room_=None, taught=None, **changes) -> Waters:
+def waters_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
     """A film in a tank, with some parameters changed."""
-    return Waters(
-        open_tank() if room_ is None else room_, rich_film() if film_ is None else film_,
-        lesson() if taught is None else taught, brisk(), TOUCH, HEAD,
+    return FilmWorld(
+        open_tank() if room_ is None else room_, lesson() if taught is None else taught,
+        TOUCH, HEAD, rich_film() if film_ is None else film_, brisk(),
         planning(**({"wander": "places", "free": 0.75} | changes)),
     )  # fmt: skip
 
@@ -305,7 +303,7 @@ def waters_of(film_=None, room_=None, taught=None, **changes) -> Waters:
 HULL = np.array([[20.0, 0], [-20, 5], [-20, -5]])
 
 
-def cast_of(film_: Film, hulls=(HULL, HULL)) -> Cast:
+def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
     """Outlines: every sprite has the first, every frame the second."""
     frames = np.repeat(hulls[1][None].astype(np.float32), len(film_.more), axis=0)
     return Cast(sprites(), [hulls[0]] * len(sprites()), frames)
@@ -379,7 +377,7 @@ def shapes() -> PoseShapes:
     return PoseShapes.fit(np.hstack([head, bent, np.full((400, n), 1 / n)]), 0.999)
 
 
-def bodies_of(film_: Film) -> Bodies:
+def bodies_of(film_: MotionGraph) -> Bodies:
     """Postures of a film's rows, which change little by little, and of the sprites."""
     rng, n = np.random.default_rng(4), len(film_.more)
     codes = scipy.ndimage.gaussian_filter1d(

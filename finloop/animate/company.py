@@ -34,7 +34,7 @@ class Discs(NamedTuple):
 
     table (n + s, k, 3): of n frames of the film, then of s sprites: px ahead of the mass centre and
     to its left, and the radius; frames: n; reach: px from the centre, none reaches farther. A
-    picture is looked up by its number: the row of `Film` that it is of, or −1 − that of a sprite.
+    picture is looked up by its number: the row of the motion graph, or −1 − that of a sprite.
     """
 
     table: Floats

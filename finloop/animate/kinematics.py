@@ -12,7 +12,7 @@ from finloop.base.arrays import Floats, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
 
-class Spot(NamedTuple):
+class Target(NamedTuple):
     """A place to touch, px: the centre or the head, `head_px` ahead, comes within `touch_px`.
 
     free: whether the fish only wanders: by sprites it swims there, by the film as the film does.
@@ -25,7 +25,7 @@ class Spot(NamedTuple):
     free: bool = False
 
 
-def aim_in(tank: Tank, place: tuple[float, float], goal: Spot, near_px: float) -> Spot:
+def aim_in(tank: Tank, place: tuple[float, float], goal: Target, near_px: float) -> Target:
     """Return the point to head for: the legal place nearest to a goal, or one on the way there.
 
     place: of the fish, x, y px. The goal itself where that place is less than `near_px` away.
@@ -102,7 +102,7 @@ def ahead(x: float, y: float, heading: float, forward: float, sideways: float): 
 
 
 @leaf_kernel
-def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
+def touches(x: float, y: float, heading: float, spot: Target) -> bool:
     """Whether a fish touches a spot."""
     dx, dy = x - spot.x, y - spot.y
     reach = 1.001 * (spot.touch_px + spot.head_px)
@@ -116,7 +116,7 @@ def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
 
 
 @kernel
-def straight(legal: Mask, start: Floats, swim: Ahead, goal: Spot):  # type: ignore[no-untyped-def]
+def straight(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
     """Swim ahead from `start` (x, y, heading), tick by tick.
 
     Returns
@@ -142,7 +142,7 @@ def straight(legal: Mask, start: Floats, swim: Ahead, goal: Spot):  # type: igno
 
 @kernel
 def turn(  # type: ignore[no-untyped-def]
-    legal: Mask, start: Floats, swim: Turning, goal: Spot, aim: Spot, fastest: float
+    legal: Mask, start: Floats, swim: Turning, goal: Target, aim: Target, fastest: float
 ):  # fmt: skip
     """Turn from `start` (x, y, heading) towards the point `aim`, tick by tick.
 

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.motion import Motion
-from finloop.animate.protocols import AnyPlayer, AnyWorld
+from finloop.animate.protocols import AnyPlayer
+from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.base.distributions import wasserstein_distance
 from finloop.base.schema import Column, Schema
@@ -69,7 +70,7 @@ def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px:
     return ticks
 
 
-def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: AnyWorld) -> dict[str, float]:
+def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: World) -> dict[str, float]:
     """Return goals reached, time, path error against straight ways, straightness, and the heading.
 
     arrival_heading_error_deg: of the heading at a goal against the straight way there, on average.

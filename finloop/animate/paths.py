@@ -12,14 +12,12 @@ import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank
-from finloop.animate.film import Film, runs
 from finloop.animate.motion import Motion
 from finloop.animate.route import Route
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.line import MM, PX, TANK, TRACK, Line, checked_line
-from finloop.features.table import wrap_deg
 
 _GRAIN = 0.05  # body lengths; what is finer is left out, and so far the centre keeps from walls
 _STEP = 0.1  # body lengths between the places that are steered for
@@ -166,20 +164,3 @@ def _within(route: Route, tank: Tank, margin_px: float) -> Route:
     return route._replace(
         x=np.where(legal, route.x, near_column), y=np.where(legal, route.y, near_row)
     )
-
-
-def film_turning(film: Film, delta: int, length_px: float, quantile: float) -> float:
-    """How sharply the film's fish bend their ways over Δ: a quantile, radians per body length."""
-    rows = film.rows[: film.filmed]
-    first = np.flatnonzero(runs(rows["more"]) >= 2 * delta)
-    if not len(first):
-        return 0.0
-    places = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]
-    a, b = places[1] - places[0], places[2] - places[1]
-    courses = [np.degrees(np.arctan2(-moved[:, 1], moved[:, 0])) for moved in (a, b)]
-    bend = np.abs(wrap_deg(courses[1] - courses[0]))
-    far = np.hypot(*a.T) + np.hypot(*b.T)
-    moves: Mask = far >= 0.2 * length_px
-    if not moves.any():
-        return 0.0
-    return float(np.quantile(np.radians(bend[moves]) * 2 * length_px / far[moves], quantile))

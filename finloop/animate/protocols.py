@@ -4,13 +4,12 @@ from typing import Protocol
 
 import numpy as np
 
-from finloop.animate.arena import Tank
 from finloop.animate.cast import Cast
 from finloop.animate.company import Company
-from finloop.animate.motion import Motion
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.state import State
+from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.edit.build import Sources
 from finloop.edit.joins import Joins
@@ -19,24 +18,11 @@ from finloop.edit.stretch import Stretch
 from finloop.social.rule import Shoaling
 
 
-class AnyWorld(Protocol):
-    """Where a fish swims: the tank, what the film teaches, px to a goal, px to its head."""
-
-    @property
-    def tank(self) -> Tank: ...
-    @property
-    def motion(self) -> Motion: ...
-    @property
-    def touch_px(self) -> float: ...
-    @property
-    def head_px(self) -> float: ...
-
-
 class AnyPlayer(Protocol):
     """Moves a fish in a mode. most_fish: that a tank may hold; None: any number."""
 
     @property
-    def waters(self) -> AnyWorld: ...
+    def waters(self) -> World: ...
     @property
     def joins(self) -> Joins: ...
     @property

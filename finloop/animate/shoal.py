@@ -14,17 +14,14 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.company import Plans, can_stay
-from finloop.animate.plan_settings import Settings
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
-from finloop.animate.swim import NoRoom
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_list
 from finloop.edit.schema import PATH, Goal
 from finloop.edit.stretch import Swim
-from finloop.social.leader import leaders
 from finloop.social.rule import rule_of
 
 
@@ -81,20 +78,6 @@ def tasks(
     draws = [rng, *rng.spawn(fish - 1)]
     routes = [route, *[None] * (fish - 1)]
     return [Task(*one) for one in zip(deal(goals, fish), draws, routes, strict=True)]
-
-
-def by_rule(todo: Sequence[Task], p: Settings) -> list[Task]:
-    """The same by the rules of the parameters, whose fish are numbered from 1.
-
-    FinloopError if these are contradictory.
-    """
-    led = leaders(p.follow, len(todo))
-    return [
-        task._replace(follows=led[fish] - 1)
-        if fish in led
-        else task._replace(zones=p.rule == "zones")
-        for fish, task in enumerate(todo, 1)
-    ]
 
 
 class Swimmer:
@@ -220,3 +203,7 @@ def play(
 ) -> pd.DataFrame:
     """An edit list of `ticks` ticks: to the goals one after the other, afterwards anywhere."""
     return edit_list(swim(player, goals, ticks, rng), ticks, player.sources)
+
+
+class NoRoom(FinloopError):
+    """No place in the tank is clear of the fish that are there."""

@@ -45,7 +45,7 @@ GROUPS = (*WORDS, "cluster")
 SETTINGS_AT = {
     "network": "modes/network_settings.py",
     "hybrid": "modes/hybrid_settings.py",
-    "matching": "animate/matching_settings.py",
+    "matching": "plan/settings.py",
 }
 """Where parameters are declared, below `finloop/`, if not in <word>/settings.py."""
 CONF = Path(__file__).parents[2] / "conf"

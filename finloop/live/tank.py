@@ -7,7 +7,8 @@ import numpy as np
 
 from finloop.animate.arena import goal_name
 from finloop.animate.paths import lay
-from finloop.animate.protocols import AnyPlayer, AnyWorld
+from finloop.animate.protocols import AnyPlayer
+from finloop.animate.world import World
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
@@ -52,7 +53,7 @@ class LiveTank:
         self.count(fish)
 
     @property
-    def waters(self) -> AnyWorld:
+    def waters(self) -> World:
         """What all fish swim in, in every mode."""
         return self.players[self.mode].waters
 

@@ -11,10 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from finloop.animate.film import Film
 from finloop.animate.kinematics import rotate
-from finloop.animate.state import Options
-from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.edit.explain import in_words
 from finloop.edit.modes import MODES
@@ -22,6 +19,9 @@ from finloop.edit.schema import VERDICTS
 from finloop.live import message
 from finloop.live.choice import Choice, Errand, Order
 from finloop.live.tank import LiveTank
+from finloop.plan.graph import MotionGraph
+from finloop.plan.plan import Options
+from finloop.plan.planner import Player
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
 
@@ -230,13 +230,13 @@ class View:
             "path": self._path(self._film(choice), fish.x, fish.y, row, float(options.rots[way])),
         }  # fmt: skip
 
-    def _film(self, choice: Choice) -> Film:
+    def _film(self, choice: Choice) -> MotionGraph:
         """The film through which ways were weighed."""
         player = self.tank.players[choice.mode]
         assert isinstance(player, Player)
         return player.waters.film
 
-    def _path(self, film: Film, x: float, y: float, row: int, rot: float) -> list[list[int]]:
+    def _path(self, film: MotionGraph, x: float, y: float, row: int, rot: float) -> list[list[int]]:
         last = row + round(_WAY_S * self.tank.rate_hz)
         stops = np.flatnonzero(~film.more[row:last])
         last = row + int(stops[0]) if stops.size else min(last, len(film.more) - 1)

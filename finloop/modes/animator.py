@@ -9,13 +9,13 @@ import pandas as pd
 
 from finloop.animate.arena import place_goals, tank
 from finloop.animate.cast import Cast
-from finloop.animate.film import Film, Jumps, film, loop_jumps
 from finloop.animate.motion import learn
-from finloop.animate.planner import Sized, head_ahead_px, sized
+from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
-from finloop.animate.swim import random_goals
+from finloop.animate.size import Sized, head_ahead_px, sized
+from finloop.animate.world import World
 from finloop.base.arrays import Mask, Picture, Reals
 from finloop.distance.map import MapFacts
 from finloop.edit.bodies import Bodies
@@ -28,7 +28,7 @@ from finloop.features.table import delta_of
 from finloop.loops.graph import loop_graph
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
-from finloop.modes.world import World
+from finloop.plan.graph import Jumps, MotionGraph, film, loop_jumps
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
@@ -149,7 +149,7 @@ def basis_of(made: FilmData, p: Settings) -> Basis:
 NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
 
 
-def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> Film:
+def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> MotionGraph:
     """Return the film with the jumps of its loops alone."""
     features = basis.sized.reel.features
     n, track = len(features), features["track_id"].to_numpy()
@@ -165,7 +165,7 @@ def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> Film:
 
 
 def make_animator(
-    made: FilmData, basis: Basis, mode: PaperMode, way: Film, sprites: Sprites | None,
+    made: FilmData, basis: Basis, mode: PaperMode, way: MotionGraph, sprites: Sprites | None,
     p: Settings, join: str,
 ) -> PaperAnimator:  # fmt: skip
     """Return what plans the animations of a mode. way: the film; join: how pictures are joined."""

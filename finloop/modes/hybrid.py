@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import inside
-from finloop.animate.kinematics import Spot, touches, wrap
+from finloop.animate.kinematics import Target, touches, wrap
 from finloop.animate.settings import Settings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats, Ints
@@ -90,13 +90,13 @@ class Hybrid:
             return fish
         return self.network.take_over(fish)
 
-    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch towards a goal: Fig. 19."""
         if fish.row < 0:
             return self.play_network(fish, goal, rng)
         return self.play_loops(fish, goal, rng)
 
-    def play_network(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def play_network(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Network mode, until a gateway fits; after the film the network plays a tick at least."""
         if fish.since != _LEFT and (entered := self.enter(fish, goal)) is not None:
             return entered
@@ -107,7 +107,7 @@ class Hybrid:
                 return stretch.cut(tick)
         return stretch
 
-    def enter(self, fish: Fish, goal: Spot) -> Stretch | None:
+    def enter(self, fish: Fish, goal: Target) -> Stretch | None:
         """Return the film, entered from the sprite that is shown; None where no way is legal."""
         starts = self.gates(fish)
         if starts is None:
@@ -129,7 +129,7 @@ class Hybrid:
         rows, turns, seams = gates
         return Starts(rows, np.asarray(wrap_deg(fish.heading + turns), float), seams)
 
-    def play_loops(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def play_loops(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Loop mode: the next legal loop, else out of the film by a gateway."""
         starts = self.loops.starts(fish)
         ways = self.loops.follow_starts(fish, starts, goal, self._ends)
@@ -140,7 +140,7 @@ class Hybrid:
             return self.leave_film(fish, ways, goal)
         return self.play_to_gateway(fish, starts, ways, goal, rng)
 
-    def leave_film(self, fish: Fish, ways: Ways, goal: Spot) -> Stretch:
+    def leave_film(self, fish: Fish, ways: Ways, goal: Target) -> Stretch:
         """Leave the film for a tick, by the gateway whose sprite looks most like the row shown."""
         sprite, turn, seam = next(
             way for way in self.gateways.out_of[fish.row] if way[0] in self._cycle
@@ -158,7 +158,7 @@ class Hybrid:
         )  # fmt: skip
 
     def play_to_gateway(
-        self, fish: Fish, starts: Starts, ways: Ways, goal: Spot, rng: np.random.Generator
+        self, fish: Fish, starts: Starts, ways: Ways, goal: Target, rng: np.random.Generator
     ) -> Stretch:
         """Play the shortest film to a row with a gateway; on the spot where none is in the tank."""
         place, legal = self.loops.next_place(fish), self.loops.world.tank.legal

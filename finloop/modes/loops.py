@@ -16,11 +16,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
-from finloop.animate.film import Film
-from finloop.animate.kinematics import Spot, bearing, rotate, touches, wrap
-from finloop.animate.planner import NothingToUse
+from finloop.animate.kinematics import Target, bearing, rotate, touches, wrap
 from finloop.animate.settings import Settings as CommonSettings
 from finloop.animate.state import Fish
+from finloop.animate.world import World
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
 from finloop.edit.schema import FILM, FRAME, JUMP, PLAY, SPOT, VERDICTS
@@ -36,7 +35,8 @@ from finloop.modes.animator import (
     loop_film,
     make_animator,
 )
-from finloop.modes.world import World
+from finloop.modes.matching import NothingToUse
+from finloop.plan.graph import MotionGraph
 
 _TURNED_DEG = 30.0  # off a fish's heading weigh as much as 1 body length/s off its speed
 _TANK, _QUADRANT, _HEADING = map(VERDICTS.index, ("tank", "quadrant", "heading"))
@@ -72,7 +72,7 @@ class Ways(NamedTuple):
 class Loops:
     """Plays the film's loops. film: with the jumps of its loops alone."""
 
-    def __init__(self, world: World, film: Film, p: Settings) -> None:
+    def __init__(self, world: World, film: MotionGraph, p: Settings) -> None:
         self.world, self.film, self.p = world, film, p
         self.stay = max(1, round(p.stay * world.motion.delta))
         self.ends = loop_ends(film)
@@ -121,7 +121,7 @@ class Loops:
             unlike += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _TURNED_DEG
         return int(rows[np.argmin(unlike)])
 
-    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the film up to the next loop end, on a legal way where there is one."""
         starts = self.starts(fish)
         ways = self.follow_starts(fish, starts, goal)
@@ -150,13 +150,13 @@ class Loops:
         return Starts(rows, np.asarray(rots, float), seams)
 
     def follow_starts(
-        self, fish: Fish, starts: Starts, goal: Spot, ends: Mask | None = None
+        self, fish: Fish, starts: Starts, goal: Target, ends: Mask | None = None
     ) -> Ways:
         """Follow each start to an end: one of the rows `ends` (n,), by default of the loop ends."""
         return self.follow_starts_from(self.next_place(fish), starts, goal, ends)
 
     def follow_starts_from(
-        self, place: tuple[float, float], starts: Starts, goal: Spot, ends: Mask | None = None
+        self, place: tuple[float, float], starts: Starts, goal: Target, ends: Mask | None = None
     ) -> Ways:
         """Follow each start, shown at a place (x, y) px, to the legal end nearest to the goal."""
         ends = self.ends if ends is None else ends
@@ -177,7 +177,7 @@ class Loops:
         return int(some[np.argmin(ways.far[some])])
 
     def stretch(
-        self, fish: Fish, starts: Starts, ways: Ways, taken: int, goal: Spot, reason: str = ""
+        self, fish: Fish, starts: Starts, ways: Ways, taken: int, goal: Target, reason: str = ""
     ) -> Stretch:
         """Return the film from a start on, as far as its way leads."""
         film, row, rot = self.film, int(starts.rows[taken]), float(starts.rots[taken])
@@ -211,7 +211,7 @@ class Loops:
         return fish.x + float(dx), fish.y + float(dy)
 
     def swim_on_spot(
-        self, fish: Fish, starts: Starts, ways: Ways, goal: Spot, rng: np.random.Generator
+        self, fish: Fish, starts: Starts, ways: Ways, goal: Target, rng: np.random.Generator
     ) -> Stretch:
         """Play the film in place, to a loop end after `stay` rows: no way is in the tank (§4.2)."""
         film, taken = self.film, int(rng.integers(len(starts.rows)))
@@ -247,7 +247,7 @@ def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
     )  # fmt: skip
 
 
-def loop_ends(film: Film) -> Mask:
+def loop_ends(film: MotionGraph) -> Mask:
     """Return the rows (n,) after which the film can jump, or play on for ever."""
     rows = np.arange(len(film.rows) - 1)
     end = film.end[rows + 1]

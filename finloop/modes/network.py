@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate import kinematics as step
-from finloop.animate.kinematics import Ahead, Spot, Turning, wrap
+from finloop.animate.kinematics import Ahead, Target, Turning, wrap
 from finloop.animate.settings import Settings as CommonSettings
 from finloop.animate.state import Fish
+from finloop.animate.world import World
 from finloop.base.arrays import Floats, Ints
 from finloop.bpn.model import MotionModel
 from finloop.distance.picture import distance
@@ -34,7 +35,6 @@ from finloop.modes.animator import (
 from finloop.modes.network_settings import Settings
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.sprites import Sprites, TurnPlan, make_sprites, plan_turn, start_from_bend
-from finloop.modes.world import World
 
 
 class Course(NamedTuple):
@@ -46,8 +46,8 @@ class Course(NamedTuple):
     """
 
     fish: Fish
-    goal: Spot
-    aim: Spot
+    goal: Target
+    aim: Target
     start: Floats
     error: float
     distance: float
@@ -90,7 +90,7 @@ class Network:
         speed = min(max(fish.speed, self.phases.low), self.phases.high)
         return Fish(fish.x, fish.y, fish.heading, speed, SLIDE, sprite, tick=fish.tick)
 
-    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch towards a goal: Fig. 18."""
         course = self._course(fish, goal)
         if self.will_turn(course):
@@ -101,7 +101,7 @@ class Network:
             or self.brake(course)
         )
 
-    def _course(self, fish: Fish, goal: Spot) -> Course:
+    def _course(self, fish: Fish, goal: Target) -> Course:
         near_px = self.p.arrived * self.world.touch_px
         aim = step.aim_in(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)

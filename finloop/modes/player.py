@@ -8,12 +8,12 @@ import numpy as np
 
 from finloop.animate.cast import Cast
 from finloop.animate.company import ALONE, Company
-from finloop.animate.film import Film
-from finloop.animate.kinematics import Spot
+from finloop.animate.kinematics import Target
+from finloop.animate.places import somewhere
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.state import Fish, State
-from finloop.animate.swim import somewhere
+from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.build import Sources
@@ -21,7 +21,7 @@ from finloop.edit.joins import Joins
 from finloop.edit.schema import FRAME, TURN, Goal
 from finloop.edit.stretch import Stretch
 from finloop.modes.sprites import Sprites
-from finloop.modes.world import World
+from finloop.plan.graph import MotionGraph
 
 
 class PaperMode(Protocol):
@@ -33,7 +33,7 @@ class PaperMode(Protocol):
     def take_over(self, fish: Fish) -> Fish:
         """Return a fish of another mode as one of this mode; its own unchanged."""
 
-    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch towards a goal."""
 
     def after(self, fish: Fish, stretch: Stretch) -> Fish:
@@ -49,7 +49,7 @@ class PaperPlayer:
 
     mode: PaperMode
     world: World
-    film: Film
+    film: MotionGraph
     sprites: Sprites | None
     cast: Cast
     joins: Joins
@@ -116,7 +116,7 @@ class PaperPlayer:
                 place, left = somewhere(world, fish, rng)
             x, y = place
         free = not isinstance(goal, Goal)
-        spot = Spot(float(x), float(y), world.touch_px, world.head_px, free)
+        spot = Target(float(x), float(y), world.touch_px, world.head_px, free)
         stretch = self.mode.play(fish, spot, rng)
         if fish is not state.fish:
             stretch = replace(stretch, new=True)

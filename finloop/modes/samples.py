@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.settings import Settings
-from finloop.animate.swim import NoRoom
+from finloop.animate.shoal import NoRoom
 from finloop.edit.schema import by_fish
 from finloop.modes.animator import Animator
 

@@ -4,8 +4,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from finloop.animate.path_measures import rms
 from finloop.base.arrays import Picture
+from finloop.plan.path_measures import rms
 from finloop.plots.animate import COLOURS
 
 _GOAL = "0.2"

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.paths import lay
-from finloop.animate.protocols import AnyPlayer, AnyWorld
+from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route
+from finloop.animate.world import World
 from finloop.base.errors import FinloopError
 from finloop.base.line import TANK
 from finloop.edit.bodies import Bodies
@@ -46,7 +47,7 @@ class Scene:
     mm_per_px: float | None = None
 
     @property
-    def waters(self) -> AnyWorld:
+    def waters(self) -> World:
         """What all fish swim in."""
         return self.player.waters
 

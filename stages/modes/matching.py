@@ -7,21 +7,22 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from finloop.animate import encounters, path_measures
-from finloop.animate.plan_settings import merge_settings
-from finloop.animate.planner import NO_SPRITES, Material, Planner, planner
-from finloop.animate.swim import considered
+from finloop.animate import encounters
 from finloop.base.arrays import Ints
 from finloop.edit.measures import averaged
 from finloop.edit.schema import CONSIDERED
 from finloop.edit.stretch import Swim
 from finloop.given_path import given_lines
 from finloop.io.table import save_table
+from finloop.modes.matching import NO_SPRITES, MatchingAnimator, Material, matching_animator
+from finloop.plan import path_measures
+from finloop.plan.planner import considered
+from finloop.plan.settings import merge_settings
 from finloop.project import Project
 from stages.animation import animate
 
 
-def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> Planner:
+def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnimator:
     """Bring the mode together from what the stages before have made.
 
     sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
@@ -33,7 +34,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> Planner:
         given_lines(own, project.features), project.facts.mm_per_px, project.rule,
         project.background, sprite_rows,
     )  # fmt: skip
-    return planner(made, merge_settings(common, own))
+    return matching_animator(made, merge_settings(common, own))
 
 
 class Followed(NamedTuple):
@@ -44,7 +45,7 @@ class Followed(NamedTuple):
     numbers: dict[str, float]
 
 
-def follow_paths(swims: list[Swim], plans: Planner) -> list[Followed]:
+def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[Followed]:
     """Return how the path of each fish that has one was followed."""
     waters, every = plans.waters, list[Followed]()
     if not any(plans.paths):
@@ -61,7 +62,7 @@ def follow_paths(swims: list[Swim], plans: Planner) -> list[Followed]:
 
 
 def save_more(
-    folder: Path, plans: Planner, swims: list[Swim], edit: pd.DataFrame
+    folder: Path, plans: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
     """Write what was weighed, and how paths were followed; return the numbers of paths and fish."""
     waters = plans.waters

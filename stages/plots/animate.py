@@ -8,10 +8,10 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.animate.measures import KINEMATICS
-from finloop.animate.path_measures import SWUM
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
+from finloop.plan.path_measures import SWUM
 from finloop.plots.animate import kinematics
 from finloop.plots.path import path
 from finloop.project import Project

@@ -7,32 +7,22 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import place_goals, size_for, tank, where
-from finloop.animate.brisk import learn_brisk
-from finloop.animate.cast import Cast, FrameHulls
+from finloop.animate.arena import place_goals, tank
+from finloop.animate.cast import Cast
 from finloop.animate.company import Plans
-from finloop.animate.endless import endless
-from finloop.animate.film import film, neighbour_jumps
-from finloop.animate.forecast import ForecastSwimmer
-from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import learn
 from finloop.animate.paths import Path, lay
-from finloop.animate.plan_settings import Settings
-from finloop.animate.policies import Policy
-from finloop.animate.rare import Rarity
-from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
     Task,
-    by_rule,
     deal,
     refuse_meetings,
     settle,
     shoal,
     tasks,
 )
-from finloop.animate.state import Waters
-from finloop.animate.swim import Player, random_goals
-from finloop.base.arrays import Floats, Ints, Mask, Picture, Reals
+from finloop.animate.size import head_ahead_px, sized
+from finloop.base.arrays import Ints, Mask, Picture, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.line import Line
 from finloop.distance.map import MapFacts, mapped
@@ -45,10 +35,18 @@ from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
 from finloop.features.table import delta_of
 from finloop.forecast.sampling import Sampler
+from finloop.plan.cost import Rarity
+from finloop.plan.film_swimmer import FilmSwimmer
+from finloop.plan.forecast_swimmer import ForecastSwimmer
+from finloop.plan.graph import endless, film, neighbour_jumps
+from finloop.plan.planner import Player
+from finloop.plan.policies import Policy
+from finloop.plan.settings import AllSettings
+from finloop.plan.world import FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
+from finloop.social.leader import leaders
 from finloop.social.rule import Shoaling, rule_of
-from finloop.sprites.pictures import outlines
 
 NO_SPRITES: Ints = np.zeros(0, np.intp)
 
@@ -82,7 +80,7 @@ class Material(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Planner:
+class MatchingAnimator:
     """Mode `matching` of a film. step: its median natural step, the unit of every seam.
 
     reach_px: how far the fish reaches from its centre; paths: of the first fish, None for one that
@@ -96,7 +94,7 @@ class Planner:
     paths: tuple[Path | None, ...] = ()
 
     @property
-    def waters(self) -> Waters:
+    def waters(self) -> FilmWorld:
         """What its fish swim in."""
         return self.player.waters
 
@@ -201,7 +199,7 @@ class Planner:
         return swum, edit
 
 
-def planner(made: Material, p: Settings) -> Planner:
+def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
     """Bring together what plans mode `matching`.
 
     FinloopError where the film shows too little for what `matching.uses` names.
@@ -239,74 +237,29 @@ def planner(made: Material, p: Settings) -> Planner:
     touch_px = p.goal_radius * motion.body_length_px
     water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
     brisk = learn_brisk(features, rate_hz, delta, p)
-    waters = Waters(water, way, motion, brisk, touch_px, head_px, p, cast.discs)
+    waters = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
     swimmer = ForecastSwimmer(waters, swum, rarity) if foretells and swum is not None else None
     policy = Policy(FilmSwimmer(waters), swimmer, plays, made.sprite_rows)
     player = Player(policy, waters, cast, how, made.shoaling)
     paths = tuple(
         None if line is None else lay(line, water, motion, made.mm_per_px) for line in made.lines
     )
-    return Planner(player, pictures, float(made.steps["headed"].median()), reach_px, paths)
+    return MatchingAnimator(player, pictures, float(made.steps["headed"].median()), reach_px, paths)
 
 
 class NothingToUse(FinloopError):
     """The film shows too little for a mode."""
 
 
-def head_ahead_px(features: pd.DataFrame, size: float) -> float:
-    """How far the head is before the mass centre of a fish drawn at a size, px, in the median."""
-    dx, dy = (features[f"head_{axis}_px"] - features[f"{axis}_px"] for axis in "xy")
-    return float(np.hypot(dx, dy).median() * size)
+def by_rule(todo: Sequence[Task], p: AllSettings) -> list[Task]:
+    """The same by the rules of the parameters, whose fish are numbered from 1.
 
-
-class Sized(NamedTuple):
-    """A film at the size at which it is drawn.
-
-    hulls: of its frames; area (h, w): where its fish may be; reach_px, barred: of `reach`.
+    FinloopError if these are contradictory.
     """
-
-    reel: Reel
-    hulls: FrameHulls
-    area: Mask
-    reach_px: float
-    barred: Mask
-
-
-def sized(
-    reel: Reel, outline_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
-) -> Sized:
-    """The film at the size that is asked for; by `auto` it fits in where the fish may be.
-
-    outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): where fish can be.
-    """
-    scale = (reel.length_px / reel.lengths_px).astype(float)
-    filmed = frame_hulls(outline_px, reel.features, scale)
-    hulls = outlines(reel) if len(reel.sprites) else []
-    reach_px, barred = reach(hulls, filmed, p.reach_quantile)
-    size = 1.0 if p.size == "auto" else p.size
-    area = where(arena, outline_px, size * reach_px, p.tank, floor)
-    size = size_for(area, reach_px) if p.size == "auto" else size
-    hulls_at_size = replace(filmed, scale=size * scale)
-    return Sized(reel.sized(size), hulls_at_size, area, size * reach_px, barred)
-
-
-def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
-    """The outlines of the film's frames about their mass centre.
-
-    outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
-    drawn size / filmed size.
-    """
-    centre = places[["x_px", "y_px"]].to_numpy(float)
-    heading = np.radians(places["heading_deg"].to_numpy(float))
-    return FrameHulls(outline_px, centre, heading, scale)
-
-
-def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) -> tuple[float, Mask]:
-    """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
-
-    quantile: of the frames' reach; wider ones are mostly faults.
-    """
-    frames = hulls.reach_px
-    sprites = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)
-    most = max(sprites, float(np.quantile(frames, quantile)))
-    return most, frames > most
+    led = leaders(p.follow, len(todo))
+    return [
+        task._replace(follows=led[fish] - 1)
+        if fish in led
+        else task._replace(zones=p.rule == "zones")
+        for fish, task in enumerate(todo, 1)
+    ]

@@ -5,15 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from finloop.animate.bounds import kept_inside
 from finloop.animate.company import lasting_ticks
-from finloop.animate.kinematics import Spot, bearing, wrap
-from finloop.animate.loops import FilmSwimmer
-from finloop.animate.policies import Policy
-from finloop.animate.state import Fish, Waters
+from finloop.animate.kinematics import Target, bearing, wrap
+from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
 from finloop.edit.schema import FORECAST, SPOT, WAITING
 from finloop.edit.stretch import Decision, Stretch
+from finloop.plan.film_swimmer import FilmSwimmer
+from finloop.plan.policies import Policy
+from finloop.plan.walls import kept_inside
+from finloop.plan.world import FilmWorld
 
 _AWAY = 3.0  # body lengths; so far away from the nearest fish is the place to make way to
 _ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one after the other
@@ -23,7 +24,7 @@ _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 class Avoidance:
     """Keeps fish clear of the walls and of each other. policy: of the mode."""
 
-    def __init__(self, policy: Policy, waters: Waters) -> None:
+    def __init__(self, policy: Policy, waters: FilmWorld) -> None:
         self._policy, self._waters = policy, waters
         self._film = FilmSwimmer(waters)
         motion = waters.motion
@@ -35,7 +36,7 @@ class Avoidance:
         Else what can be done: at a wall the fish stays; one that is blocked by another, or turns on
         the spot beside it, makes way.
         """
-        stretch = self._inside(stretch) or self._at_wall(fish, Spot(*stretch.aim))
+        stretch = self._inside(stretch) or self._at_wall(fish, Target(*stretch.aim))
         company, others = fish.company, fish.company.places[0]
         if not len(others):
             return stretch
@@ -59,12 +60,12 @@ class Avoidance:
             return stretch
         return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
 
-    def _at_wall(self, fish: Fish, aim: Spot) -> Stretch:
+    def _at_wall(self, fish: Fish, aim: Target) -> Stretch:
         """What a fish does whose next picture does not fit: it stays, and turns if it can.
 
         In a corner where it cannot, it drifts towards open water.
         """
-        open_water = Spot(*self._waters.tank.into(fish.x, fish.y), 0.0, 0.0)
+        open_water = Target(*self._waters.tank.into(fish.x, fish.y), 0.0, 0.0)
         ways = self._staying(fish, aim)
         for stays in ways:
             turns = (stays.way[:, 2] != fish.heading).any()
@@ -99,14 +100,14 @@ class Avoidance:
                 yield replace(one, way=way, decision=Decision(WAITING))
         yield replace(self._staying(fish, away)[-1], decision=Decision(WAITING))
 
-    def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Spot:
+    def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
         """A place to make way to for a fish at x, y: away from it, or so much aside of that."""
         far = _AWAY * self._waters.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
-        return Spot(*self._waters.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
+        return Target(*self._waters.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
 
-    def _staying(self, fish: Fish, away: Spot) -> list[Stretch]:
+    def _staying(self, fish: Fish, away: Target) -> list[Stretch]:
         """What a fish can show in its place: turning, not turning, the same picture."""
         stays = self._film.stay(fish, away, turns=False)
         rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
@@ -118,7 +119,7 @@ class Avoidance:
             return [replace(one, state=FORECAST) for one in ways]
         return ways
 
-    def _turned(self, frozen: Stretch, aim: Spot) -> Stretch:
+    def _turned(self, frozen: Stretch, aim: Target) -> Stretch:
         """The same picture in its place, turned towards an aim tick by tick."""
         (x, y, heading), ticks = frozen.way[0], np.arange(1, len(frozen.way) + 1)
         error = float(wrap(bearing(x, y, aim.x, aim.y) - heading))
@@ -130,7 +131,7 @@ class Avoidance:
         rot = None if frozen.rot is None else frozen.rot + turn
         return replace(frozen, way=way, rot=rot)
 
-    def _drifting(self, fish: Fish, stays: Stretch, there: Spot) -> Floats:
+    def _drifting(self, fish: Fish, stays: Stretch, there: Target) -> Floats:
         """The way (n, 3) of a fish that stays, if it drifts towards a place meanwhile."""
         far = np.arange(1, len(stays.way) + 1) * self._drift_px
         to = np.subtract(there[:2], (fish.x, fish.y))

@@ -10,17 +10,19 @@ from functools import cached_property
 
 import numpy as np
 
-from finloop.animate import decide
 from finloop.animate import kinematics as step
-from finloop.animate.bounds import beyond
-from finloop.animate.decide import Ways
-from finloop.animate.kinematics import Spot, aim_in
-from finloop.animate.objectives import footage_of, reach_of, to_goal
-from finloop.animate.space import Here, Rules, Space, space_of
-from finloop.animate.state import Fish, Options, Waters
+from finloop.animate.kinematics import Target, aim_in
+from finloop.animate.state import Fish
 from finloop.edit.schema import FILM, FORECAST, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.edit.stretch import Decision, Stretch
 from finloop.loops.positions import quadrant
+from finloop.plan import advance, search
+from finloop.plan.objectives import to_goal
+from finloop.plan.plan import Options
+from finloop.plan.search import SearchStart, Ways
+from finloop.plan.space import SearchGraph, footage_of, reach_of, search_graph
+from finloop.plan.walls import beyond
+from finloop.plan.world import FilmWorld
 
 _WIDER = 8  # times as many ways are followed where, of those that were, none leads on
 
@@ -28,19 +30,19 @@ _WIDER = 8  # times as many ways are followed where, of those that were, none le
 class FilmSwimmer:
     """Swims by the film."""
 
-    def __init__(self, waters: Waters) -> None:
+    def __init__(self, waters: FilmWorld) -> None:
         self.waters = waters
         p = waters.settings
-        self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam, p.again)
+        self.rules = waters.cost_weights(p.look_ahead, p.stride, p.beam, p.again)
         self._wide = self.rules._replace(beam=_WIDER * p.beam)
 
     @cached_property
-    def space(self) -> Space:
+    def space(self) -> SearchGraph:
         """The film as it is searched."""
-        return space_of(self.waters.film, self.waters.bounds, self.rules)
+        return search_graph(self.waters.film, self.waters.bounds, self.rules)
 
     @cached_property
-    def footage(self) -> Space:
+    def footage(self) -> SearchGraph:
         """The film as paths are followed through it."""
         stride = max(1, self.waters.ticks(self.waters.settings.path_stride))
         return footage_of(self.space, reach_of(self.waters), stride)
@@ -54,7 +56,7 @@ class FilmSwimmer:
         heading = float(step.wrap(film.heading[row] + rot))
         return Fish(x, y, heading, 0.0, FILM, -1, row=row, rot=rot, since=self.rules.stay)
 
-    def swim(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def swim(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Go on to the next loop end, by the best way towards the goal."""
         aim = self.aim(fish, goal)
         options = self.choose(self.options(fish, aim), rng)
@@ -62,12 +64,12 @@ class FilmSwimmer:
             return self.stay(fish, aim)
         return self.play(fish, options, goal, aim)
 
-    def aim(self, fish: Fish, goal: Spot) -> Spot:
+    def aim(self, fish: Fish, goal: Target) -> Target:
         """The point to head for: the goal, or what is in sight of the way to it."""
         aim = aim_in(self.waters.tank, (fish.x, fish.y), goal, self.waters.touch_px)
         return goal if aim[:2] == self.waters.tank.into(goal.x, goal.y) else aim
 
-    def options(self, fish: Fish, aim: Spot) -> Options:
+    def options(self, fish: Fish, aim: Target) -> Options:
         """The ways on from a fish that is in the film, or swims as is foretold.
 
         The latter goes over to other rows when it likes, so it may jump at once.
@@ -77,30 +79,30 @@ class FilmSwimmer:
 
     def _ways_on(self, fish: Fish, jumps: bool) -> Ways:
         """Ways on that need never stop, playing on first; jumps: whether the fish may jump."""
-        return decide.ways_on(self.waters.film, fish.row + 1, fish.rot, jumps)
+        return search.ways_on(self.waters.film, fish.row + 1, fish.rot, jumps)
 
-    def weigh(self, fish: Fish, aim: Spot, ways: Ways) -> Options:
+    def weigh(self, fish: Fish, aim: Target, ways: Ways) -> Options:
         """Look ahead from ways (k,) that could be shown next.
 
         The cheapest ways are much alike, and may all run into one wall. Then more are followed.
         """
         rate = self.waters.motion.rate_hz
-        here = Here(
+        here = SearchStart(
             *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
             fish.company, int(self.waters.film.rest[fish.row + 1]),
             self.waters.price_of_rest(fish, aim),
         )  # fmt: skip
         goal = to_goal(aim)
-        terms, found, _ = decide.weigh(self.space, ways, here, goal, self.rules)
+        terms, found, _ = search.weigh(self.space, ways, here, goal, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
-            terms, found, _ = decide.weigh(self.space, ways, here, goal, self._wide)
-        verdict = decide.verdicts(found)
+            terms, found, _ = search.weigh(self.space, ways, here, goal, self._wide)
+        verdict = search.verdicts(found)
         terms, value = terms / rate, found.value / rate
         return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 
     def arrival(self, fish: Fish) -> tuple[float, float]:
         """Where the fish is at the next tick, by the film."""
-        return decide.arrival(self.waters.film, fish.x, fish.y, fish.row, fish.rot)
+        return advance.arrival(self.waters.film, fish.x, fish.y, fish.row, fish.rot)
 
     def choose(self, options: Options, rng: np.random.Generator) -> Options:
         """Return the options, one of the best of those that stay in the tank taken, if any."""
@@ -111,10 +113,10 @@ class FilmSwimmer:
         free = rng.exponential(free_s, len(options.value))
         return replace(options, taken=int(np.argmin(options.value + free)))
 
-    def play(self, fish: Fish, options: Options, goal: Spot, aim: Spot) -> Stretch:
+    def play(self, fish: Fish, options: Options, goal: Target, aim: Target) -> Stretch:
         """Show the row that is taken, and those after it up to the next loop end or the goal."""
         row, rot = int(options.rows[options.taken]), float(options.rots[options.taken])
-        path, touched, (dx, dy) = decide.play(
+        path, touched, (dx, dy) = advance.play(
             self.waters.film, (*self.arrival(fish), rot), row, (goal, aim), self.rules
         )
         plays = row == fish.row + 1
@@ -131,7 +133,7 @@ class FilmSwimmer:
         there = fish.x, fish.y, fish.heading
         return fish.row >= 0 and fish.state == FILM and beyond(bounds, *there, room) > 0.0
 
-    def stay(self, fish: Fish, aim: Spot, turns: bool = True) -> Stretch:
+    def stay(self, fish: Fish, aim: Target, turns: bool = True) -> Stretch:
         """No way on: stay in place while the film goes on. turns: whether towards the aim."""
         film, most_deg = self.waters.film, self.waters.brisk.turn_deg
         ways = self._ways_on(fish, jumps=True).rows

@@ -1,46 +1,34 @@
-"""Who swims, and the next stretch: to a goal, along a path, or anywhere (Figs. 16-18)."""
+"""Who swims in mode `matching`, and the next stretch: to a goal, along a path, or anywhere."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from finloop.animate.arena import goal_name
-from finloop.animate.avoidance import Avoidance
-from finloop.animate.bounds import fits
 from finloop.animate.cast import Cast
-from finloop.animate.company import (
-    ALONE,
-    Company,
-    can_stay,
-    company_of,
-    near_first,
-)
-from finloop.animate.detour import effort
-from finloop.animate.follower import Follower
-from finloop.animate.kinematics import Spot
-from finloop.animate.policies import Policy
-from finloop.animate.protocols import AnyWorld
+from finloop.animate.company import ALONE, Company, can_stay, company_of, near_first
+from finloop.animate.kinematics import Target
+from finloop.animate.places import somewhere
 from finloop.animate.route import Route
-from finloop.animate.rule import Rule, wish
-from finloop.animate.state import Effort, Fish, Progress, State, Waters, after
+from finloop.animate.rule import Rule
+from finloop.animate.shoal import NoRoom
+from finloop.animate.state import Effort, Progress, State
 from finloop.base.arrays import Floats
-from finloop.base.errors import FinloopError
 from finloop.edit.build import Sources
 from finloop.edit.joins import Joins
 from finloop.edit.schema import CONSIDERED, FRAME, TURN, VERDICTS, Goal
 from finloop.edit.stretch import Stretch, Swim
+from finloop.plan.fallback import Avoidance
+from finloop.plan.follower import Follower
+from finloop.plan.objectives import effort, wish
+from finloop.plan.plan import after
+from finloop.plan.policies import Policy
+from finloop.plan.walls import fits
+from finloop.plan.world import FilmWorld
 from finloop.social.rule import Shoaling
 
-_TRIES = 8  # a place to wander to is drawn so often before any place will do
 _PLACES = 200  # a place clear of the other fish is drawn so often
-
-
-class NoRoom(FinloopError):
-    """No place in the tank is clear of the fish that are there."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +39,7 @@ class Player:
     """
 
     policy: Policy
-    waters: Waters
+    waters: FilmWorld
     cast: Cast
     joins: Joins
     shoaling: Shoaling | None = None
@@ -142,7 +130,7 @@ class Player:
             place, left, wished = self._target(state, goal, rng)
             x, y = place
             free = not wished and waters.settings.wander == "film"
-        spot = Spot(float(x), float(y), waters.touch_px, waters.head_px, free)
+        spot = Target(float(x), float(y), waters.touch_px, waters.head_px, free)
         film = self.policy.film
         if fish.tick < tried.until and film.faces_wall(fish):
             stretch = film.stay(fish, spot)
@@ -204,34 +192,3 @@ def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFra
     table = pd.DataFrame(rows, columns=CONSIDERED.names[1:])
     table.insert(0, "fish", fish)
     return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
-
-
-def random_goals(waters: AnyWorld, count: int, rng: np.random.Generator) -> list[Goal]:
-    """Places in the tank that the head of a fish can touch, all equally likely."""
-    tank, touch_px = waters.tank, waters.touch_px + waters.head_px
-    goals: list[Goal] = []
-    while len(goals) < count:
-        y, x = (int(rng.integers(side)) for side in tank.arena.shape)
-        near = tank.into(x, y)
-        if tank.arena[y, x] and np.hypot(near[0] - x, near[1] - y) <= touch_px:
-            goals.append(Goal(goal_name(len(goals)), float(x), float(y)))
-    return goals
-
-
-def somewhere(world: AnyWorld, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
-    """A place (2,) px to wander to, as far aside as the film's turns go, and for how many ticks."""
-    motion, tank = world.motion, world.tank
-    for _ in range(_TRIES):
-        angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
-        ticks = int(one_of(motion.straight_ticks, rng))
-        way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
-        direction = np.radians(fish.heading + angle)
-        x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
-        if tank.sees(fish.x, fish.y, x, y):
-            return np.array([x, y]), ticks
-    return np.array(tank.random_point(rng)), int(one_of(motion.straight_ticks, rng))
-
-
-def one_of(values: NDArray[Any], rng: np.random.Generator) -> Any:
-    """One of some values, as `rng.choice`, which takes five times as long."""
-    return values[rng.integers(len(values))]

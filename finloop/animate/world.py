@@ -1,4 +1,4 @@
-"""What the fish paper's modes swim in: the tank, and what the film teaches of swimming."""
+"""What every mode swims in: the tank, and what the film teaches of swimming."""
 
 from dataclasses import dataclass
 

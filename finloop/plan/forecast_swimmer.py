@@ -13,16 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.bounds import beyond
 from finloop.animate.company import clear_ticks
-from finloop.animate.decide import Ways, weigh
-from finloop.animate.film import foretold_film
-from finloop.animate.kinematics import Spot, aim_in
-from finloop.animate.objectives import footage_of, reach_of, to_goal
-from finloop.animate.outlook import Pace, course, held
-from finloop.animate.rare import Rarity
-from finloop.animate.space import Here, Rules, Space, space_of
-from finloop.animate.state import Fish, Waters
+from finloop.animate.kinematics import Target, aim_in
+from finloop.animate.state import Fish
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import FORECAST, FORETOLD, FRAME, WALL
 from finloop.edit.stretch import Decision, Stretch
@@ -30,6 +23,14 @@ from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow, ways
 from finloop.forecast.sampling import at_row as state_at
+from finloop.plan.advance import Pace, course, held
+from finloop.plan.cost import Rarity
+from finloop.plan.graph import foretold_film
+from finloop.plan.objectives import to_goal
+from finloop.plan.search import SearchStart, Ways, weigh
+from finloop.plan.space import SearchGraph, footage_of, reach_of, search_graph
+from finloop.plan.walls import beyond
+from finloop.plan.world import FilmWorld
 
 _TRIES = 8  # ways that are tried one after the other before the fish slides along a wall
 
@@ -40,12 +41,12 @@ class ForecastSwimmer:
     sampler: of `endless`; rarity: of the film's rows.
     """
 
-    def __init__(self, waters: Waters, sampler: Sampler, rarity: Rarity) -> None:
+    def __init__(self, waters: FilmWorld, sampler: Sampler, rarity: Rarity) -> None:
         motion, p = waters.motion, waters.settings
         self.waters = waters
         self.sampler = sampler
         self._rarity = rarity
-        self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam, p.again)
+        self.rules = waters.cost_weights(p.look_ahead, p.stride, p.beam, p.again)
         px = motion.body_length_px / motion.rate_hz
         self.pace = Pace(px, float(np.degrees(1 / motion.rate_hz)))
         rows = np.arange(len(sampler.usable))
@@ -55,12 +56,12 @@ class ForecastSwimmer:
         self._near = near[np.abs(near - rows).argmin(0), rows]
 
     @cached_property
-    def footage(self) -> Space:
+    def footage(self) -> SearchGraph:
         """The film, with jumps to similar rows, as it is searched for goals and along paths."""
         waters, p = self.waters, self.waters.settings
         film = foretold_film(waters.film, self.sampler)
-        rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
-        return footage_of(space_of(film, waters.bounds, rules), reach_of(waters), rules.stride)
+        rules = waters.cost_weights(p.path_ahead, p.path_stride, p.path_beam, p.path_again)
+        return footage_of(search_graph(film, waters.bounds, rules), reach_of(waters), rules.stride)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, in a state of the film."""
@@ -75,12 +76,12 @@ class ForecastSwimmer:
         row = int(self._near[fish.row])
         return replace(fish, row=row), state_at(self.sampler, row).past
 
-    def _weigh(self, fish: Fish, rows: Ints, aim: Spot) -> Floats:
+    def _weigh(self, fish: Fish, rows: Ints, aim: Target) -> Floats:
         """Return what following rows (k,) costs, in ticks; infinite where they leave the tank."""
         film = self.footage.film
         rots = np.asarray(wrap_deg(fish.heading - film.heading[rows]), float)
         every = Ways(rows.astype(np.int64), rots, np.zeros(len(rows)), rows != fish.row)
-        here = Here(
+        here = SearchStart(
             fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
             fish.company, int(film.rest[fish.row]), self.waters.price_of_rest(fish, aim),
         )  # fmt: skip
@@ -92,11 +93,11 @@ class ForecastSwimmer:
     def course(self, states: Floats, fish: Fish, row: int) -> Floats:
         """The way (n + 1, 3) of states (n, d) that follow a row, the fish's own place first."""
         start = np.array([fish.x, fish.y, fish.heading])
-        nowhere = Spot(fish.x, fish.y, 0.0, 0.0, True)
+        nowhere = Target(fish.x, fish.y, 0.0, 0.0, True)
         way, _, _ = course(self.waters.bounds, states, row, start, nowhere, self.pace)
         return np.concatenate([start[None], way])
 
-    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def next(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Swim on towards the goal: follow a row till the next decision."""
         fish, past = self.with_past(fish)
         swum, p = self.sampler, self.waters.settings

@@ -13,32 +13,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from finloop.animate import decide
 from finloop.animate.company import Company
-from finloop.animate.decide import Ways
-from finloop.animate.kinematics import Spot
-from finloop.animate.loops import counted
-from finloop.animate.objectives import along_path, onward, reach_of
-from finloop.animate.path_plan import Plan, seam_to, spread
-from finloop.animate.policies import Policy
+from finloop.animate.kinematics import Target
 from finloop.animate.route import Route, foot, least_along, place
-from finloop.animate.space import Here, Rules, Space
-from finloop.animate.state import Fish, Options, Progress, Run, Waters
-from finloop.animate.steering import Steering, steered
+from finloop.animate.state import Fish, Progress, Run
 from finloop.base.arrays import Floats, Ints
-from finloop.edit.schema import (
-    FILM,
-    FORECAST,
-    FORETOLD,
-    FRAME,
-    JUMP,
-    PLAY,
-    SPOT,
-    TURN,
-)
+from finloop.edit.schema import FILM, FORECAST, FORETOLD, FRAME, JUMP, PLAY, SPOT, TURN
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.forecast.sampling import follow, ways
+from finloop.plan import advance, search
+from finloop.plan.advance import onward, steered
+from finloop.plan.cost import Steering
+from finloop.plan.film_swimmer import counted
+from finloop.plan.objectives import along_path
+from finloop.plan.plan import Options, Plan, seam_to
+from finloop.plan.policies import Policy
+from finloop.plan.search import SearchStart, Ways
+from finloop.plan.space import SearchGraph, reach_of
+from finloop.plan.world import FilmWorld, spread
 
 _FEWER = 4  # a fish that has others near it follows so many times fewer ways
 _STARTS = 300  # rows that a path is begun from are drawn from so many
@@ -47,11 +40,11 @@ _STARTS = 300  # rows that a path is begun from are drawn from so many
 class Follower:
     """Follows paths. policy: of its mode."""
 
-    def __init__(self, policy: Policy, waters: Waters) -> None:
+    def __init__(self, policy: Policy, waters: FilmWorld) -> None:
         self.policy, self.waters = policy, waters
         motion, p = waters.motion, waters.settings
         self.spread = spread(waters.film, motion.delta)
-        self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
+        self.rules = waters.cost_weights(p.path_ahead, p.path_stride, p.path_beam, p.path_again)
         self.steering = Steering(
             turn=max(p.path_share * self.spread.turn_deg / motion.delta, 1e-6),
             shift=p.path_share * motion.body_length_px / motion.rate_hz,
@@ -90,7 +83,7 @@ class Follower:
         begin = Ways(some, rots, np.zeros(len(some)), np.zeros(len(some), bool))
         slow = self.waters.tempo.price_along(0.0, self.waters.settings.path_pace)
         none = np.zeros((0, 3), np.int64)
-        here = Here(x, y, route.begins - 1, 0.0, self.rules.stay, none, slow=slow)
+        here = SearchStart(x, y, route.begins - 1, 0.0, self.rules.stay, none, slow=slow)
         plan = self._best(footage, begin, here, 0.0, route)
         best = plan.taken if plan else 0
         row, rot = int(some[best]), float(rots[best])
@@ -156,8 +149,8 @@ class Follower:
         if self._film is None or fish.row < 0 or not self._film.film.more[fish.row]:
             return None
         film, jumps = self._film.film, fish.since + 1 >= self.rules.stay
-        every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
-        x, y = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
+        every = search.ways_on(film, fish.row + 1, fish.rot, jumps)
+        x, y = advance.arrival(film, fish.x, fish.y, fish.row, fish.rot)
         here = self._here(fish, x, y)._replace(
             tick=fish.tick + 1, rest=int(film.rest[fish.row + 1])
         )
@@ -179,9 +172,9 @@ class Follower:
         here = self._here(fish, fish.x, fish.y)._replace(rest=rest)
         return self._best(footage, every, here, along, route)
 
-    def _here(self, fish: Fish, x: float, y: float) -> Here:
+    def _here(self, fish: Fish, x: float, y: float) -> SearchStart:
         """What matters of a fish that is at x, y when it decides."""
-        return Here(
+        return SearchStart(
             x, y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
             _a_tick_later(fish.company), slow=self._slow(fish),
         )  # fmt: skip
@@ -191,14 +184,14 @@ class Follower:
         return self.waters.tempo.price_along(fish.lag, self.waters.settings.path_pace)
 
     def _best(
-        self, footage: Space, every: Ways, here: Here, along: float, route: Route
+        self, footage: SearchGraph, every: Ways, here: SearchStart, along: float, route: Route
     ) -> Plan | None:
         """The cheapest of some ways, or the longest where all come to an end."""
         if not len(every.rows):
             return None
         rules = self.rules if here.company.near else self._alone
         path = along_path(route, self.steering)
-        terms, found, rows = decide.weigh(footage, every, here, path, rules, along)
+        terms, found, rows = search.weigh(footage, every, here, path, rules, along)
         if not len(rows):
             return None
         taken = int(np.flatnonzero(every.rows == rows[0])[0])
@@ -213,7 +206,7 @@ class Follower:
         assert self._film is not None
         film, row = self._film.film, run.row
         seam, rot = seam_to(film, fish, row)
-        arrives = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
+        arrives = advance.arrival(film, fish.x, fish.y, fish.row, fish.rot)
         begins = np.array([
             [fish.x, fish.y, fish.heading], [*arrives, film.rows["heading"][row] + rot]
         ])  # fmt: skip
@@ -286,10 +279,10 @@ class Follower:
         speed, numbers = np.ascontiguousarray(speed, float), numbers.astype(np.int64)
         return steered(way, speed, numbers, begins, route, (self.waters.bounds, self.steering))
 
-    def _aim(self, route: Route, along: float) -> Spot:
+    def _aim(self, route: Route, along: float) -> Target:
         """A place a body length ahead on the path."""
         x, y = map(float, place(route, along + self.steering.length_px))
-        return Spot(x, y, self.waters.touch_px, self.waters.head_px)
+        return Target(x, y, self.waters.touch_px, self.waters.head_px)
 
 
 def _a_tick_later(company: Company) -> Company:

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from finloop.animate.forecast import ForecastSwimmer
-from finloop.animate.kinematics import Spot, wrap
-from finloop.animate.loops import FilmSwimmer, counted
+from finloop.animate.kinematics import Target, wrap
 from finloop.animate.state import Fish
 from finloop.base.arrays import Ints
 from finloop.edit.schema import FILM, NO_WAY
 from finloop.edit.stretch import Stretch
+from finloop.plan.film_swimmer import FilmSwimmer, counted
+from finloop.plan.forecast_swimmer import ForecastSwimmer
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Policy:
         """A fish somewhere in the tank, in a state of the film."""
         return self.film.begin(rng) if self.forecast is None else self.forecast.begin(rng)
 
-    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    def next(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """What is shown next, on the way to a goal."""
         if fish.row < 0:
             fish = self._from_sprite(fish)
@@ -53,7 +53,7 @@ class Policy:
 
 
 def choose_motion(
-    film: FilmSwimmer, forecast: ForecastSwimmer, fish: Fish, goal: Spot, rng: np.random.Generator
+    film: FilmSwimmer, forecast: ForecastSwimmer, fish: Fish, goal: Target, rng: np.random.Generator
 ) -> Stretch:
     """Return what is shown next: film where a way of it stays in the tank, else a prediction."""
     if fish.row < 0 or not film.waters.film.more[fish.row]:

@@ -13,10 +13,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.motion import Motion
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import kernel, leaf_kernel
 from finloop.distance.picture import BODY, typical_length
 from finloop.features.current import through_water
-from finloop.forecast.sampling import Sampler
+from finloop.forecast.sampling import Sampler, Similar
 from finloop.loops.graph import LoopGraph, endless_rows
 
 ROW = np.dtype(
@@ -37,7 +38,7 @@ rest: for how many ticks the animal rests from the row on, 0 where it moves; mor
 a next row to play; endless: whether playing on from the row need never stop."""
 
 
-class Film(NamedTuple):
+class MotionGraph(NamedTuple):
     """The rows of the feature table (n,), of dtype `ROW`, and the loops; kernels take it whole.
 
     start, to, seam: what may be shown instead of end k, rows `to[start[k]:start[k + 1]]`, after
@@ -65,7 +66,7 @@ class Film(NamedTuple):
         goes_on[goes_on] = self.endless[rows[goes_on] + 1]
         return goes_on
 
-    def only(self, allowed: Mask) -> "Film":
+    def only(self, allowed: Mask) -> "MotionGraph":
         """The film with those of its jumps (e,) that are allowed."""
         before = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
         return self._replace(start=before[self.start], to=self.to[allowed], seam=self.seam[allowed])
@@ -114,7 +115,7 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
 def film(
     features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask, dear: Floats,
     rests: Mask,
-) -> Film:  # fmt: skip
+) -> MotionGraph:  # fmt: skip
     """Arrange a feature table (n rows) and where it can go on.
 
     barred (n,): rows that must not be shown; dear (n,): of `ROW`; rests (n,): whether the animal
@@ -142,7 +143,7 @@ def film(
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)
     rows["end"] = jumps.end
-    made = Film(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
+    made = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
     made = made.only(~barred[jumps.to] & ~_within_rests(made, motion.delta))
     del jumps  # of a film of hours they are 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
@@ -152,7 +153,7 @@ def film(
     return made.only(leads[made.to])
 
 
-def _within_rests(film: Film, delta: int) -> Mask:
+def _within_rests(film: MotionGraph, delta: int) -> Mask:
     """Whether each jump (e,) leads from a rest that lasts for more than Δ to another rest.
 
     Nothing else moves then, so that its seam is seen, and nothing is gained by it.
@@ -169,7 +170,7 @@ def mean_step_px(rows: NDArray[np.void]) -> float:
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
-def farthest(film: Film, most: int) -> Floats:
+def farthest(film: MotionGraph, most: int) -> Floats:
     """How far (t,) the film's fish come from where they are in 0, 1 … `most` ticks, at most, px.
 
     What is between powers of two is as far as the next of these.
@@ -197,7 +198,7 @@ def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
     return other
 
 
-def foretold_film(film: Film, sampler: Sampler) -> Film:
+def foretold_film(film: MotionGraph, sampler: Sampler) -> MotionGraph:
     """The film as a fish goes on in it that swims as is foretold: from row to similar row."""
     n = min(len(film.rows), len(sampler.usable))
     rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
@@ -224,3 +225,122 @@ def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:
     here = np.arange(len(track))
     a, b = np.maximum(here - delta // 2, first), np.minimum(here + delta - delta // 2, last)
     return np.hypot(*(place[b] - place[a]).T) / np.maximum(b - a, 1)
+
+
+def endless(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
+    """A sampler of those rows of `animate.MotionGraph` from which a fish can swim for ever.
+
+    more: which of them the film goes on from; rests: at which of the film's own it rests. Without
+    the film's mirror images, where it has none, and without rows that must not be shown. Of the
+    rest: the largest set of rows that lead to each other, and all that lead there; not those that
+    only lead to an end of the film, or round and round in a few frames. So the last row of a
+    stretch, which cannot be followed, has neighbours.
+    """
+    n, m = len(more), len(sampler.usable)
+    shown = np.zeros(m + 1, bool)
+    shown[:n] = sampler.usable[:n] & more[:m]
+    part = parts(shown, sampler.start, sampler.to)
+    order = np.argsort(part, kind="stable")
+    leads = np.append(leading(shown, sampler.start, sampler.to, (part, order)), False) & shown
+    usable = leads[:-1] & leads[1:]
+    start, to = kept(leads, usable, sampler.start, sampler.to)
+    still = np.resize(rests, m)  # those of mirror images follow
+    return sampler._replace(usable=usable, start=start, to=to, rests=still)
+
+
+def kept(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:
+    """The graph of the edges from rows that lead on, `leads`, to usable rows."""
+    count = np.zeros(len(start), np.int64)
+    _kept(leads, usable, (start, to), count[1:], to[:0])
+    count = np.cumsum(count)
+    made = np.empty(count[-1], to.dtype)
+    _kept(leads, usable, (start, to), np.empty(len(usable), np.int64), made)
+    return count, made
+
+
+@kernel
+def _kept(leads, usable, graph, count, made):  # type: ignore[no-untyped-def]
+    """The edges that are kept: how many of each row into `count`, their ends into `made`.
+
+    As far as `made` has room.
+    """
+    start, to = graph
+    many = 0
+    for row in range(len(usable)):
+        before = many
+        if leads[row]:
+            for e in range(start[row], start[row + 1]):
+                if usable[to[e]]:
+                    if many < len(made):
+                        made[many] = to[e]
+                    many += 1
+        count[row] = many - before
+
+
+@leaf_kernel
+def _next(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
+    """Where an edge leads, −1 if it must not be taken; the one before `start` is to play on."""
+    after = row + 1 if edge < start[row] else np.int64(to[edge]) + 1
+    return after if shown[row] and shown[after - 1] and shown[after] else -1
+
+
+@kernel
+def parts(shown, start, to):  # type: ignore[no-untyped-def]
+    """The number of the strongly connected part (m,) of every row (Tarjan 1972).
+
+    A part has a higher number than those that it leads to.
+    """
+    m = len(start) - 1
+    order, low, part = np.full(m, -1), np.zeros(m, np.int64), np.full(m, -1)
+    edge, calls, stack = np.zeros(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64)
+    visited = depth = waiting = count = 0
+    for root in range(m):
+        if order[root] >= 0:
+            continue
+        calls[0], depth = root, 1
+        while depth > 0:
+            row = calls[depth - 1]
+            if order[row] < 0:
+                order[row] = low[row] = visited
+                edge[row] = start[row] - 1
+                stack[waiting] = row
+                visited, waiting = visited + 1, waiting + 1
+            if edge[row] < start[row + 1]:
+                after = _next(shown, row, edge[row], start, to)
+                if after >= 0 and order[after] < 0:
+                    calls[depth] = after
+                    depth += 1
+                    continue  # the edge is looked at again when all from there is known
+                if after >= 0 and part[after] < 0:
+                    low[row] = min(low[row], low[after])
+                edge[row] += 1
+                continue
+            depth -= 1
+            if low[row] == order[row]:
+                while part[row] < 0:
+                    waiting -= 1
+                    part[stack[waiting]] = count
+                count += 1
+    return part
+
+
+@kernel
+def leading(shown, start, to, numbered):  # type: ignore[no-untyped-def]
+    """Which rows (m,) lead to the largest part, its own rows too.
+
+    numbered: the part of each row, and the rows in the order of their parts.
+    """
+    part, order = numbered
+    m = len(part)
+    size = np.zeros(m, np.int64)
+    for row in range(m):
+        size[part[row]] += 1
+    leads = np.zeros(m, np.bool_)
+    leads[size.argmax()] = True
+    for row in order:
+        for edge in range(start[row] - 1, start[row + 1]):
+            if leads[part[row]]:
+                break
+            after = _next(shown, row, edge, start, to)
+            leads[part[row]] = after >= 0 and leads[part[after]]
+    return leads[part]

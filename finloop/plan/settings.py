@@ -1,10 +1,11 @@
 """Parameters of mode `matching`: what is shown, how ways are weighed, several fish, paths."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
 from pydantic import Field
 
+from finloop.animate.settings import Settings as CommonSettings
 from finloop.base.settings import Count, NotNegative, Positive
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -78,3 +79,16 @@ class Settings:
     path_left: Positive  # body lengths beside the path, where the fish has left it
     # of the goal's radius; so near to the place in the tank nearest to a goal, head for the goal
     arrived: NotNegative
+
+
+@dataclass(frozen=True)
+class AllSettings(Settings, CommonSettings):
+    """The groups `animate` and `matching` in one."""
+
+
+def merge_settings(common: CommonSettings, own: Settings) -> AllSettings:
+    """Return the parameters of both groups in one."""
+    both = (common, own)
+    return AllSettings(
+        **{field.name: getattr(one, field.name) for one in both for field in fields(one)}
+    )

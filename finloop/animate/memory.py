@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Ints
-from finloop.base.kernel import for_kernels, kernel, kernel_part, leaf_kernel
+from finloop.base.kernel import kernel, leaf_kernel
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
@@ -30,15 +30,6 @@ class Repeat(NamedTuple):
 NO_REPEAT = Repeat(NEVER, 0)
 
 
-@for_kernels
-def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
-    """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
-
-    again: ticks that it costs at once; it costs less and less till `memory` ticks are over.
-    """
-    return again * np.maximum(0.0, 1.0 - ago / memory)
-
-
 @leaf_kernel
 def last_on_screen(recent: Ints, first: int, last: int) -> int:
     """The tick at which any of the rows first … last was last on screen."""
@@ -54,16 +45,6 @@ def last_on_screen(recent: Ints, first: int, last: int) -> int:
         tick = max(tick, recent[low, 2] + min(recent[low, 1], last) - recent[low, 0])
         low += 1
     return tick
-
-
-@kernel_part
-def times(repeat: Repeat, recent: Ints, row: int, stay: int) -> float:
-    """How many times as much a row costs again that goes on with a repeat; else 1.
-
-    recent: stretches that were on screen; stay: ticks of a repeat after which it is twice as much.
-    """
-    goes_on = repeat.ticks > 0 and last_on_screen(recent, row, row) == repeat.tick + 1
-    return 1.0 + repeat.ticks / stay if goes_on else 1.0
 
 
 @kernel

@@ -6,16 +6,17 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.film import Film
-from finloop.animate.path_plan import Spread
-from finloop.animate.paths import Path, film_turning
+from finloop.animate.paths import (
+    Path,
+)
 from finloop.animate.route import Route, asked_at, foot, least_along, place
-from finloop.animate.state import Waters
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema, columns
 from finloop.edit.schema import PATH
 from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
+from finloop.plan.graph import MotionGraph, runs
+from finloop.plan.world import FilmWorld, Spread
 
 SWUM = Schema(
     Column("fish", "int16", "1"),
@@ -33,7 +34,6 @@ SWUM = Schema(
 """A path as it was swum, a row a tick: the place of the path that the fish is at, and its own; how
 far it is beside the path and, of a path with times, from the place asked for at that time; of one
 with headings, how far off the heading; and by how much the film's motion was corrected."""
-
 LEFT = Schema(
     Column("fish", "int16", "1"),
     Column("mode", "string", "1"),
@@ -45,12 +45,11 @@ LEFT = Schema(
 """Where the path was left: from when to when, how far at most, and where that was. `why`: "wall",
 the fish's centre cannot be there; "sharp", the path bends more than nine of ten bends of the film;
 "fast", it asks for more than the film's highest speed; "" none of these."""
-
 _BEND = 0.9  # quantile of the film's bends, above which a path is sharp
 _AT_WALL = 0.1  # body lengths between a path and where the centre may be
 
 
-def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: Waters) -> pd.DataFrame:
+def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) -> pd.DataFrame:
     """The path as it was swum in the first `ticks` ticks, while it lasts; columns of `SWUM`."""
     ticks = min(ticks, len(path.asked.when)) if path.asked.timed else ticks
     stretches = [one for one, name in zip(swim.stretches, swim.names, strict=True) if name == PATH]
@@ -80,7 +79,7 @@ def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: Waters) -> 
 
 
 def of_path(
-    swum: pd.DataFrame, left: pd.DataFrame, path: Path, spread: Spread, waters: Waters
+    swum: pd.DataFrame, left: pd.DataFrame, path: Path, spread: Spread, waters: FilmWorld
 ) -> dict[str, float]:
     """The measures of a path that was swum: errors in body lengths, corrections in per cent.
 
@@ -128,14 +127,14 @@ class Limits(NamedTuple):
     speed: float
 
 
-def limits(film: Film, waters: Waters) -> Limits:
+def limits(film: MotionGraph, waters: FilmWorld) -> Limits:
     """The limits of a film."""
     motion = waters.motion
     bend = film_turning(film, motion.delta, motion.body_length_px, _BEND)
     return Limits(bend, waters.brisk.fastest)
 
 
-def where_left(swum: pd.DataFrame, path: Path, waters: Waters, most: Limits) -> pd.DataFrame:
+def where_left(swum: pd.DataFrame, path: Path, waters: FilmWorld, most: Limits) -> pd.DataFrame:
     """Where the path was left by more than `path_left`, columns of `LEFT`; of one mode.
 
     Of a path with times also where the fish was so far from the place asked for at that time.
@@ -157,7 +156,7 @@ def where_left(swum: pd.DataFrame, path: Path, waters: Waters, most: Limits) -> 
     return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
 
 
-def _why(along: Floats, ticks: tuple[int, int], path: Path, waters: Waters, most: Limits) -> str:
+def _why(along: Floats, ticks: tuple[int, int], path: Path, waters: FilmWorld, most: Limits) -> str:
     """What of the path, a body length before and after, no fish can swim."""
     length, asked = waters.motion.body_length_px, path.asked
     at = np.arange(along[0] - length, along[1] + length, 0.1 * length)
@@ -187,3 +186,20 @@ def _sharp(at: Floats, route: Route, length: float, bend: float) -> Mask:
             for k in (-1, 0, 1)]  # fmt: skip
     steps = [np.degrees(np.arctan2(*(b - a).T[::-1] * [[-1], [1]])) for a, b in pairwise(ends)]
     return np.asarray(np.abs(np.radians(wrap_deg(steps[1] - steps[0]))) * length / half > bend)
+
+
+def film_turning(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
+    """How sharply the film's fish bend their ways over Δ: a quantile, radians per body length."""
+    rows = film.rows[: film.filmed]
+    first = np.flatnonzero(runs(rows["more"]) >= 2 * delta)
+    if not len(first):
+        return 0.0
+    places = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]
+    a, b = places[1] - places[0], places[2] - places[1]
+    courses = [np.degrees(np.arctan2(-moved[:, 1], moved[:, 0])) for moved in (a, b)]
+    bend = np.abs(wrap_deg(courses[1] - courses[0]))
+    far = np.hypot(*a.T) + np.hypot(*b.T)
+    moves: Mask = far >= 0.2 * length_px
+    if not moves.any():
+        return 0.0
+    return float(np.quantile(np.radians(bend[moves]) * 2 * length_px / far[moves], quantile))

@@ -1,0 +1,45 @@
+"""Places in the tank that are drawn at random: goals, and where a fish wanders to."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.arena import goal_name
+from finloop.animate.state import Fish
+from finloop.animate.world import World
+from finloop.base.arrays import Floats
+from finloop.edit.schema import Goal
+
+_TRIES = 8  # a place to wander to is drawn so often before any place will do
+
+
+def random_goals(waters: World, count: int, rng: np.random.Generator) -> list[Goal]:
+    """Places in the tank that the head of a fish can touch, all equally likely."""
+    tank, touch_px = waters.tank, waters.touch_px + waters.head_px
+    goals: list[Goal] = []
+    while len(goals) < count:
+        y, x = (int(rng.integers(side)) for side in tank.arena.shape)
+        near = tank.into(x, y)
+        if tank.arena[y, x] and np.hypot(near[0] - x, near[1] - y) <= touch_px:
+            goals.append(Goal(goal_name(len(goals)), float(x), float(y)))
+    return goals
+
+
+def somewhere(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
+    """A place (2,) px to wander to, as far aside as the film's turns go, and for how many ticks."""
+    motion, tank = world.motion, world.tank
+    for _ in range(_TRIES):
+        angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
+        ticks = int(one_of(motion.straight_ticks, rng))
+        way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
+        direction = np.radians(fish.heading + angle)
+        x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
+        if tank.sees(fish.x, fish.y, x, y):
+            return np.array([x, y]), ticks
+    return np.array(tank.random_point(rng)), int(one_of(motion.straight_ticks, rng))
+
+
+def one_of(values: NDArray[Any], rng: np.random.Generator) -> Any:
+    """One of some values, as `rng.choice`, which takes five times as long."""
+    return values[rng.integers(len(values))]

@@ -1,0 +1,74 @@
+"""The size at which a film is drawn, and what of it fits into the tank."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.arena import size_for, where
+from finloop.animate.cast import FrameHulls
+from finloop.animate.settings import Settings as CommonSettings
+from finloop.base.arrays import Floats, Mask, Picture, Reals
+from finloop.reel import Reel
+from finloop.sprites.pictures import outlines
+
+
+class Sized(NamedTuple):
+    """A film at the size at which it is drawn.
+
+    hulls: of its frames; area (h, w): where its fish may be; reach_px, barred: of `reach`.
+    """
+
+    reel: Reel
+    hulls: FrameHulls
+    area: Mask
+    reach_px: float
+    barred: Mask
+
+
+def sized(
+    reel: Reel, outline_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
+) -> Sized:
+    """The film at the size that is asked for; by `auto` it fits in where the fish may be.
+
+    outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): where fish can be.
+    """
+    scale = (reel.length_px / reel.lengths_px).astype(float)
+    filmed = frame_hulls(outline_px, reel.features, scale)
+    hulls = outlines(reel) if len(reel.sprites) else []
+    reach_px, barred = reach(hulls, filmed, p.reach_quantile)
+    size = 1.0 if p.size == "auto" else p.size
+    area = where(arena, outline_px, size * reach_px, p.tank, floor)
+    size = size_for(area, reach_px) if p.size == "auto" else size
+    hulls_at_size = replace(filmed, scale=size * scale)
+    return Sized(reel.sized(size), hulls_at_size, area, size * reach_px, barred)
+
+
+def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
+    """The outlines of the film's frames about their mass centre.
+
+    outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
+    drawn size / filmed size.
+    """
+    centre = places[["x_px", "y_px"]].to_numpy(float)
+    heading = np.radians(places["heading_deg"].to_numpy(float))
+    return FrameHulls(outline_px, centre, heading, scale)
+
+
+def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) -> tuple[float, Mask]:
+    """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
+
+    quantile: of the frames' reach; wider ones are mostly faults.
+    """
+    frames = hulls.reach_px
+    sprites = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)
+    most = max(sprites, float(np.quantile(frames, quantile)))
+    return most, frames > most
+
+
+def head_ahead_px(features: pd.DataFrame, size: float) -> float:
+    """How far the head is before the mass centre of a fish drawn at a size, px, in the median."""
+    dx, dy = (features[f"head_{axis}_px"] - features[f"{axis}_px"] for axis in "xy")
+    return float(np.hypot(dx, dy).median() * size)

@@ -1,0 +1,242 @@
+"""All that a way of `matching` costs, in ticks: every term has its weight here."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, chain
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.animate.memory import Repeat, last_on_screen
+from finloop.animate.route import Route, asked_at, heading_at, place
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import finite_leaf, for_kernels, kernel_part, leaf_kernel
+from finloop.edit.movement import Movement
+from finloop.plan.graph import MotionGraph, lags, mean_step_px
+
+
+class CostWeights(NamedTuple):
+    """How ways are followed and compared, times in ticks.
+
+    pace [px/tick], turning [°/tick]: of a brisk fish; horizon: ways are followed so far; stride:
+    loop ends sooner than this are passed by; stay: least time between two jumps; beam: ways
+    followed at once; seam, jerk, again: ticks that a jump costs for a seam of one median step, for
+    a change of speed by one body length/s, for a row just seen; memory: until a row is forgotten;
+    room: px that a brisk fish needs ahead of it to turn aside; aside: ticks that it takes to turn
+    back.
+    """
+
+    pace: float
+    turning: float
+    horizon: int
+    stride: int
+    stay: int
+    beam: int
+    seam: float
+    jerk: float
+    again: float
+    memory: float
+    room: float = np.inf
+    aside: float = 0.0
+
+
+@for_kernels
+def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
+    """Ticks that jumps cost: for the seam, the change of speed, for what was on screen just now.
+
+    Numbers or arrays. seam in median steps, faster in body lengths/s; the row that is jumped to was
+    on screen `ago` ticks before.
+    """
+    again = again_cost(ago, rules.again, rules.memory)
+    return rules.seam * seam, rules.jerk * np.abs(faster), again
+
+
+@leaf_kernel
+def longer_rest(own: int, other: int) -> int:
+    """Ticks that a jump costs by which it makes a rest longer: so many.
+
+    own, other: for how long the animal rests if the film plays on, and after the jump. Jumps within
+    rests are seen least. Were they free, fish would rest far longer than the film's animal.
+    """
+    return max(other - own, 0) if own > 0 else 0
+
+
+@for_kernels
+def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
+    """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
+
+    again: ticks that it costs at once; it costs less and less till `memory` ticks are over.
+    """
+    return again * np.maximum(0.0, 1.0 - ago / memory)
+
+
+@kernel_part
+def times(repeat: Repeat, recent: Ints, row: int, stay: int) -> float:
+    """How many times as much a row costs again that goes on with a repeat; else 1.
+
+    recent: stretches that were on screen; stay: ticks of a repeat after which it is twice as much.
+    """
+    goes_on = repeat.ticks > 0 and last_on_screen(recent, row, row) == repeat.tick + 1
+    return 1.0 + repeat.ticks / stay if goes_on else 1.0
+
+
+_SOON = 3  # ticks in which an offset dies away fastest
+
+
+@dataclass(frozen=True)
+class Rarity:
+    """What the steps to the film's rows (n,) cost.
+
+    steps (n,): from the row before, 0 where there is none; known (k,): these, rising; share: of the
+    frames for which the film lets wait for as large a one, that a step costs; pull: the largest
+    step that an offset of 1 in the codes makes in a tick while it dies away.
+    """
+
+    steps: Floats
+    known: Floats
+    share: float
+    pull: float
+
+    @classmethod
+    def of(
+        cls, moved: Movement, codes: Floats, goes_on: Mask, seen: Floats, spring: Floats,
+        share: float,
+    ) -> "Rarity":  # fmt: skip
+        """Of a film (n rows).
+
+        codes (n, c): of its postures; goes_on (n,): whether the next row is the next frame; seen
+        (n,): Eq. 5 from a row to the next, NaN where it is not known: there the body's movement
+        stands in. spring (t,): what is left of an offset of 1 after 0, 1 … ticks.
+        """
+        here = goes_on[:-1]
+        moves, bends = (one[here] for one in moved)
+        step, far = seen[:-1][here], np.linalg.norm(np.diff(codes, axis=0), axis=1)[here]
+        sure = np.isfinite(step)
+        unit = float(step[sure].sum()) / max(float(moves[sure].sum()), 1e-12)
+        steps = np.zeros(len(goes_on))
+        steps[1:][here] = np.where(sure, step, unit * moves)
+        fastest = float(-np.diff(spring, append=0.0).min(initial=0.0))
+        pull = fastest * unit * float(bends.sum()) / max(float(far.sum()), 1e-12)
+        return cls(steps, np.sort(steps[1:][here]), share, pull)
+
+    def price(self, steps: Floats) -> Floats:
+        """Ticks (…) that steps cost."""
+        smaller = np.searchsorted(self.known, steps)
+        return self.share * len(self.known) / np.maximum(len(self.known) - smaller, 1)
+
+    @property
+    def dear(self) -> Floats:
+        """Ticks (n,) that showing all rows up to each costs, beyond their mean."""
+        return (self._each - self._each.mean()).cumsum()
+
+    @cached_property
+    def _each(self) -> Floats:
+        """Ticks (n,) that the step to each row costs."""
+        return self.price(self.steps)
+
+    def of_joins(self, rows: Ints, far: Floats) -> Floats:
+        """Ticks (k,) that it costs to go on at rows (k,), beside what they cost themselves.
+
+        far (k,): how far they are, in codes, from what is on screen. Rows n, n + 1 … are mirror
+        images.
+        """
+        soon = (rows[:, None] + np.arange(1, 1 + _SOON)) % len(self.steps)
+        steps = self.steps[soon] + self.pull * far[:, None]
+        return (self.price(steps) - self._each[soon]).sum(1)
+
+
+_MOST = 3.0  # times the usual lag; beyond it nothing gets dearer
+_BASE = 0.25  # of the price at the usual lag, along a path for who does not lag
+
+
+class Tempo(NamedTuple):
+    """How the film's fish swim.
+
+    step_px: their mean way in a tick; keeps: share of a lag that is left after a tick; usual: root
+    mean square of their lags, ticks.
+    """
+
+    step_px: float
+    keeps: float
+    usual: float
+
+    @classmethod
+    def of(cls, film: MotionGraph, memory: float, least: float) -> "Tempo":
+        """The tempo of a film.
+
+        memory: ticks after which a third of a lag is left; least: ticks, the smallest usual lag.
+        """
+        rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory))
+        tracks = np.split(lags(rows), np.flatnonzero(~rows["more"]) + 1)
+        summed = [accumulate(one.tolist(), lambda left, lag: keeps * left + lag) for one in tracks]
+        usual = float(np.sqrt(np.mean(np.fromiter(chain(*summed), float) ** 2)))
+        return cls(mean_step_px(rows), keeps, max(usual, least))
+
+    def after(self, lag: float, way: Floats, begin: tuple[float, float]) -> float:
+        """The lag at the end of a way (n, 3) x, y px, heading, that begins at x, y."""
+        path = np.hypot(*np.diff(way[:, :2], axis=0, prepend=[begin]).T)
+        n = len(path)
+        return float(
+            self.keeps**n * lag + self.keeps ** np.arange(n)[::-1] @ (1 - path / self.step_px)
+        )
+
+    def price(self, lag: float, share: float) -> float:
+        """Ticks that a tick on the spot costs whoever lags so far; < 0: that it is worth.
+
+        share: the price at the usual lag.
+        """
+        return share * min(max(lag / self.usual, -_MOST), _MOST)
+
+    def price_along(self, lag: float, share: float) -> float:
+        """The same on a path, on which who is slow keeps nearer to it; never < 0."""
+        return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)
+
+
+class Steering(NamedTuple):
+    """How a fish is steered, and what leaving the path costs.
+
+    turn [°/tick, of a brisk fish], shift [px/tick at a body length/s]: the most that is corrected,
+    less of a slower fish, of one that rests nothing; brisk: speed of a brisk fish, body lengths/s;
+    reach: ticks of film that are looked ahead of; length_px: a body length. In ticks that a tick
+    costs: across, late: a body length beside the path, and from the place that is asked for now;
+    heading: at right angles to the heading that is asked for; effort: the most correction.
+    """
+
+    turn: float
+    shift: float
+    brisk: float
+    reach: int
+    length_px: float
+    across: float
+    late: float
+    heading: float
+    effort: float
+
+
+NO_STEERING = Steering(0.0, 0.0, 1.0, 0, 1.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@finite_leaf
+def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
+    """What a tick costs, in ticks: beside the path, late, headed otherwise, and by its effort.
+
+    at: x, y, heading; foot_at: along, x, y; used: corrections, as shares of the most:
+    of the turn of a brisk fish, of the shift of its own speed.
+    """
+    square = steering.length_px * steering.length_px
+    x, y, heading = at
+    cost = steering.across * near((foot_at[1] - x) ** 2 + (foot_at[2] - y) ** 2, square)
+    if route.when.size:
+        tx, ty = place(route, asked_at(route, tick))
+        cost += steering.late * near((tx - x) ** 2 + (ty - y) ** 2, square)
+    if route.heading.size:
+        off = np.radians(heading_at(route, foot_at[0]) - heading)
+        cost += steering.heading * (1.0 - np.cos(off))
+    return cost + steering.effort * (used[0] * used[0] + used[1] * used[1])
+
+
+@finite_leaf
+def near(far2: float, unit2: float) -> float:
+    """The square of a distance in units; beyond one unit it grows as the distance does."""
+    share = far2 / unit2
+    return share if share < 1.0 else 2.0 * np.sqrt(share) - 1.0

@@ -1,0 +1,159 @@
+"""What a fish is sent for: to a goal, along a path, by a rule; what is still to come."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.animate.kinematics import Target, bearing, wrap
+from finloop.animate.route import NO_ROUTE, Route, asked_at, place
+from finloop.animate.rule import Rule
+from finloop.animate.state import Effort, Fish
+from finloop.base.arrays import Floats
+from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
+from finloop.edit.schema import Goal
+from finloop.plan.cost import NO_STEERING, CostWeights, Steering, near
+from finloop.plan.walls import beyond
+from finloop.plan.world import FilmWorld
+from finloop.social.rule import Self, shoaling_place
+
+
+class Objective(NamedTuple):
+    """What a fish is sent for: a place to touch (aim), or a path to follow, if it has places."""
+
+    aim: Target
+    route: Route
+    steering: Steering
+
+
+def to_goal(aim: Target) -> Objective:
+    """Return the objective to touch a place."""
+    return Objective(aim, NO_ROUTE, NO_STEERING)
+
+
+def along_path(route: Route, steering: Steering) -> Objective:
+    """Return the objective to follow a path."""
+    return Objective(Target(0.0, 0.0, 0.0, 0.0, True), route, steering)
+
+
+@leaf_kernel
+def remaining(x: float, y: float, heading: float, aim: Target, rules: CostWeights):  # type: ignore[no-untyped-def]
+    """About how many ticks it is to a point: way / pace + turn / turning; 0 for who wanders."""
+    if aim.free:
+        return 0.0
+    far = np.hypot(aim.x - x, aim.y - y)
+    error = abs(wrap(bearing(x, y, aim.x, aim.y) - heading))
+    return far / rules.pace + error / rules.turning
+
+
+@leaf_kernel
+def estimate_ticks_to_aim(space, way, aim, rules):  # type: ignore[no-untyped-def]
+    """Return about how many ticks a way still takes to the aim, and to turn from a wall ahead."""
+    heading = space.film.rows[way.row].heading + way.rot
+    aside = rules.aside * beyond(space.bounds, way.x, way.y, heading, rules.room)
+    return remaining(way.x, way.y, heading, aim, rules) + aside
+
+
+@finite_leaf
+def at_path_end(route, along):  # type: ignore[no-untyped-def]
+    """Return whether a way that has come so far along a path, px, is at its end.
+
+    Closed paths have none; those with times end with these.
+    """
+    if route.closed or route.when.size:
+        return False
+    return along >= route.step * (route.x.size - 1)
+
+
+@kernel_part
+def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
+    """Return where a path with times asks the fish to be, x, y (ticks + 1, 2) px, from a tick on.
+
+    (0, 2) of a path without times.
+    """
+    count = ticks + 1 if route.when.size else 0
+    asked = np.empty((count, 2))
+    for t in range(count):
+        asked[t, 0], asked[t, 1] = place(route, asked_at(route, tick + t))
+    return asked
+
+
+@finite_leaf
+def direction(at, way):  # type: ignore[no-untyped-def]
+    """The cosine and sine of the heading of a way that shows a row."""
+    angle = np.radians(at.heading + way.rot)
+    return np.cos(angle), np.sin(angle)
+
+
+@finite_leaf
+def estimate_next_cost(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
+    """About what the next ticks cost, in ticks, if a row is played on from where a way has come to.
+
+    By the places that it leads to, less what can be corrected on the way there: by Simpson's rule.
+    turned: of the heading there; by: where the fish is asked to be, steering.
+    """
+    half, steering = lead.ticks // 2, by[1]
+    middle = _off(way, (lead.half_ahead, lead.half_left, lead.half_far, half), turned, route, by)
+    end = _off(way, (lead.ahead, lead.left, lead.far, lead.ticks), turned, route, by)
+    price = steering.late if route.when.size else steering.across
+    return price * lead.ticks * (4.0 * middle + end) / 6.0
+
+
+@finite_leaf
+def _off(way, lead, turned, route, by):  # type: ignore[no-untyped-def]
+    """How far off the path a lead comes, less what can be corrected, as `near` counts it.
+
+    lead: px ahead, to the left, as the crow flies, and ticks.
+    """
+    (ahead, left, far, ticks), (cos, sin), (asked, steering) = lead, turned, by
+    x, y = way.x + ahead * cos - left * sin, way.y - ahead * sin - left * cos
+    if route.when.size:
+        to_x, to_y = asked[way.ticks + ticks, 0], asked[way.ticks + ticks, 1]
+    else:
+        to_x, to_y = place(route, way.along + far)
+    off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2) - far * np.radians(steering.turn) * ticks / 2
+    return near(max(off, 0.0) ** 2, steering.length_px**2)
+
+
+def wish(
+    rule: Rule, fish: Fish, waters: FilmWorld, rng: np.random.Generator
+) -> tuple[Floats, int] | None:
+    """The place (2,), px, that a fish swims to by a rule, and for how many ticks it holds.
+
+    None where the rule wishes nothing.
+    """
+    length = waters.motion.body_length_px
+    if rule.leader is not None:
+        angle = np.radians(rule.others.headings_deg[rule.leader])
+        x, y = rule.others.places[rule.leader] - length * np.array([np.cos(angle), -np.sin(angle)])
+        return np.array(waters.tank.into(float(x), float(y))), 0
+    shoaling = rule.shoaling
+    assert shoaling is not None
+    last = fish.speed * shoaling.horizon / waters.motion.rate_hz
+    own = Self(fish.x, fish.y, fish.heading, last)
+    place = shoaling_place(own, rule.others, shoaling, waters.walls, rng)
+    return None if place is None else (np.array(waters.tank.into(*place)), shoaling.horizon)
+
+
+_NEARER = 0.25  # body lengths; by less a fish comes no nearer
+
+
+def effort(
+    before: Effort, fish: Fish, goal: Goal, waters: FilmWorld, rng: np.random.Generator
+) -> Effort:
+    """How a fish gets on now; a detour is begun where it came no nearer for `matching.patience`."""
+    far = float(np.hypot(goal.x_px - fish.x, goal.y_px - fish.y))
+    if before.goal != (goal.x_px, goal.y_px):
+        return Effort((goal.x_px, goal.y_px), far, fish.tick)
+    if fish.tick < before.until:
+        return before
+    if before.until > before.since:  # a detour is over
+        return before._replace(far=far, since=fish.tick, until=0)
+    if far < before.far - _NEARER * waters.motion.body_length_px:
+        return before._replace(far=far, since=fish.tick)
+    before = before._replace(far=max(far, before.far))
+    p = waters.settings
+    if fish.tick - before.since < waters.ticks(p.patience):
+        return before
+    return before._replace(
+        detour=waters.tank.random_point(rng), until=fish.tick + waters.ticks(p.look_ahead)
+    )

@@ -1,0 +1,135 @@
+"""What a fish of `matching` swims in and by: the tank, the film, what the film teaches."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.company import NO_DISCS, Discs
+from finloop.animate.kinematics import Target
+from finloop.animate.motion import courses
+from finloop.animate.state import Fish
+from finloop.animate.world import World
+from finloop.base.arrays import Floats
+from finloop.features.table import wrap_deg
+from finloop.plan.cost import CostWeights, Tempo
+from finloop.plan.graph import MotionGraph, farthest, runs
+from finloop.plan.settings import AllSettings
+from finloop.plan.walls import Bounds, bounds_of
+from finloop.social.walls import Walls
+
+
+class Brisk(NamedTuple):
+    """turn_deg: by how much a brisk fish turns in a tick, over Δ; fastest: the film's highest
+    speed, body lengths/s.
+    """
+
+    turn_deg: float
+    fastest: float
+
+
+@dataclass(frozen=True)
+class FilmWorld(World):
+    """What a fish of `matching` swims in and by: the tank, the film, what the film teaches.
+
+    discs: by which it is told whether a picture is inside the tank; none where the fish must be
+    where all are.
+    """
+
+    film: MotionGraph
+    brisk: Brisk
+    settings: AllSettings
+    discs: Discs = NO_DISCS
+
+    def ticks(self, time: float) -> int:
+        """A time of the settings, in Δ, in ticks."""
+        return round(time * self.motion.delta)
+
+    @cached_property
+    def walls(self) -> Walls:
+        """The wall of the tank, as rules between fish have it."""
+        return Walls(self.tank.arena, self.motion.body_length_px)
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        """What keeps a fish inside the tank."""
+        return bounds_of(self.tank, self.discs)
+
+    @cached_property
+    def farthest(self) -> Floats:
+        """How far (t,) the film's fish come from where they are in 0, 1, 2 … ticks, at most, px."""
+        return farthest(self.film, self.ticks(2 * self.settings.give_way) + 2)
+
+    @cached_property
+    def tempo(self) -> Tempo:
+        """How fast the film's fish swim."""
+        return Tempo.of(self.film, self.ticks(self.settings.memory), self.motion.delta)
+
+    def price_of_rest(self, fish: "Fish", aim: Target) -> float:
+        """Ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
+        price = self.tempo.price(fish.lag, self.settings.tempo)
+        return price if aim.free else max(price, 0.0)
+
+    def cost_weights(self, ahead: float, stride: float, beam: int, again: float) -> CostWeights:
+        """How ways are followed and compared; ahead, stride, again: times in Δ."""
+        motion, p = self.motion, self.settings
+        swims, delta = self.film.speed[self.film.more], motion.delta
+        brisk = brisk_of(swims, p) if len(swims) else 1.0
+        pace = brisk * motion.body_length_px / motion.rate_hz
+        turning = float(np.median(motion.turns.angle_deg / motion.turns.ticks))
+        return CostWeights(
+            pace=pace, turning=turning,
+            horizon=max(2, self.ticks(ahead)), stride=max(1, self.ticks(stride)),
+            stay=max(1, self.ticks(p.stay)), beam=beam, seam=p.seam * delta,
+            jerk=p.jerk * delta**2 / motion.rate_hz, again=again * delta,
+            memory=p.memory * delta,
+            room=pace / np.radians(turning) + motion.body_length_px / 2, aside=180 / turning,
+        )  # fmt: skip
+
+    @property
+    def duration(self) -> int:
+        """Ticks of the animation."""
+        return round(self.settings.seconds * self.motion.rate_hz)
+
+
+_QUICKEST = 0.99  # quantile of speeds and turn rates; beyond it are faults
+_FASTEST = 0.998  # quantile of speeds
+
+
+def learn_brisk(features: pd.DataFrame, rate_hz: float, delta: int, p: AllSettings) -> Brisk:
+    """Return how fast the fish of a feature table swim and turn; delta: Δ in frames."""
+    every = courses(features, rate_hz, delta)
+    turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in every]
+    speeds = np.concatenate([c.speed for c in every])
+    return Brisk(
+        brisk_of(np.concatenate(turned), p),
+        float(np.quantile(speeds, _FASTEST)),
+    )
+
+
+def brisk_of(sizes: Floats, settings: AllSettings) -> float:
+    """The speed, or turn rate, of a brisk fish among those (n,) of a film.
+
+    A quantile; of a fish that rests for most of the film a share of the quickest.
+    """
+    quantile, quickest = np.quantile(sizes, (settings.brisk, _QUICKEST))
+    return float(max(quantile, settings.brisk_least * quickest, 1e-6))
+
+
+class Spread(NamedTuple):
+    """How much the film's fish differ: turn_deg: of the turn over Δ; speed: body lengths/s."""
+
+    turn_deg: float
+    speed: float
+
+
+def spread(film: MotionGraph, delta: int) -> Spread:
+    """The standard deviation of the film's turns over Δ, and its median speed."""
+    rows = film.rows[: film.filmed]
+    first = np.flatnonzero(runs(rows["more"]) >= delta)
+    if not len(first):
+        return Spread(0.0, 0.0)
+    turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
+    return Spread(float(turned.std()), float(np.median(rows["speed"][first])))
