@@ -81,7 +81,7 @@ class Joins:
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
 
     def moving(self, kind: str, number: Ints) -> int:
-        """How many pictures of a kind, numbered as `MotionGraph` does, count of the time of a join."""
+        """Return how many pictures of a kind count of the time of a join."""
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring(self) -> tuple[Floats, Floats]:
