@@ -23,7 +23,7 @@ from finloop.animate.route import Route
 from finloop.animate.shoal import swim
 from finloop.edit.build import edit_lists
 from finloop.modes.matching import MatchingAnimator, Material, matching_animator
-from finloop.plan.planner import Player
+from finloop.plan.planner import Planner
 from finloop.plan.settings import AllSettings
 from finloop.project import Project
 from finloop.realism import compare
@@ -45,7 +45,7 @@ class Swimming(NamedTuple):
     route: Route | None
 
 
-def swum(player: Player, ticks: int, seed: int, route: Route | None = None) -> Work:
+def swum(player: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
     """An animation: along a path while it lasts, or wandering."""
     made = swim(player, [], ticks, np.random.default_rng(seed), route)
     if route is not None:

@@ -131,7 +131,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     took = time.process_time() - begin
     table = swum_path(MODE, swum, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
-    numbers = of_path(table, left, path, player.follower.spread, waters)
+    numbers = of_path(table, left, path, waters.spread, waters)
     new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]
     return {

@@ -6,10 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy
-from toy_film import LENGTH, waters_of
+from toy_film import LENGTH, matching_of, waters_of
 from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
 
-from finloop.animate.kinematics import Target
 from finloop.animate.paths import lay
 from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State
@@ -21,13 +20,9 @@ from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split
 from finloop.forecast.sampling import at_row, follow, sampler
 from finloop.plan.cost import Rarity
-from finloop.plan.film_swimmer import FilmSwimmer
-from finloop.plan.forecast_swimmer import ForecastSwimmer, farther
 from finloop.plan.graph import ROW, endless, leading, parts
 from finloop.plan.path_measures import swum_path
-from finloop.plan.plan import after
-from finloop.plan.planner import Player
-from finloop.plan.policies import Policy
+from finloop.plan.sources import PredictionSource
 from finloop.plan.world import brisk_of
 
 REST = np.zeros(3000, bool)
@@ -64,17 +59,12 @@ def waters(mirrored=True, barred=()):
     return replace(plain, film=plain.film._replace(rows=rows, filmed=n))
 
 
-def swimmer(rarity=None, **film):
-    here = waters(**film)
-    none = Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
-    film = endless(sample(), here.film.more, REST)
-    return ForecastSwimmer(here, film, rarity or none)
-
-
 def player(**film):
-    one = swimmer(**film)
-    policy = Policy(FilmSwimmer(one.waters), one, False, np.arange(60))
-    return Player(policy, one.waters, None, None)
+    """A planner that shows predictions alone."""
+    world, none = waters(**film), Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
+    recurrent = endless(sample(), world.film.more, REST)
+    by_forecast = PredictionSource(world, world.cost_weights, world.reach, recurrent, none)
+    return replace(matching_of(), world=world, film=None, prediction=by_forecast)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -136,15 +126,6 @@ def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
     assert len(short.past) == deep + 2
     assert np.array_equal(cut.fish.past[0], stretch.past[deep + 1])
     assert cut.fish.row == stretch.number[1]
-
-
-def test_no_row_is_followed_for_longer_than_it_may_be():
-    fish = player()
-    swum = swim(fish, [], 3000, np.random.default_rng(0))
-    number = np.concatenate([one.number for one in swum.stretches])
-    runs = np.diff(np.flatnonzero(np.append(np.diff(number) != 1, True)))
-    most = fish.waters.ticks(fish.waters.settings.follow_most)
-    assert np.quantile(runs, 0.99) <= 2 * most
 
 
 def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_are_none():
@@ -231,49 +212,37 @@ def test_rows_that_lead_to_the_largest_set_are_those_that_scipy_finds(seed):
     assert set(np.flatnonzero(leads).tolist()) == set(order.tolist())
 
 
-def test_farther_round_there_are_more_rows():
-    whole = sample()
-    row = int(np.flatnonzero(whole.usable)[100])
-    near = whole.to[whole.start[row] : whole.start[row + 1]]
-    rows, chance = farther(whole, near)
-    assert set(near) < set(rows.tolist())
-    assert chance.sum() == pytest.approx(1)
-
-
 def test_a_fish_from_sprites_or_from_the_film_goes_on():
-    one = swimmer()
-    goal = Target(400.0, 300.0, 10.0, 5.0)
+    one = replace(player(), sprite_rows=np.arange(60))
     for fish in (
         Fish(300, 300, 0.0, 2.0, 0, sprite=7),
         Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=2999),
         Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=1),
     ):
-        stretch = one.next(fish, goal, np.random.default_rng(0))
-        later = after(fish, stretch, one.waters)
-        assert later.past is not None
-        assert State(later, np.zeros(2)).fish.row == stretch.number[-1]
+        stretch, later = one.step(State(fish, np.zeros(2)), GOALS[0], np.random.default_rng(0))
+        assert later.fish.past is not None and later.fish.row == stretch.number[-1]
 
 
-def test_a_fish_in_a_corner_goes_on_with_its_row_and_turns_no_faster_than_a_brisk_one():
-    """Held up by walls it does not try another row at every tick."""
-    one = swimmer()
-    legal, most = one.waters.tank.legal, one.waters.brisk.turn_deg
+def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted():
+    one, most = player(), waters().brisk.turn_deg
+    legal = one.world.tank.legal
     y, x = np.argwhere(legal).min(0)
-    goal, joined, ticks = Target(400.0, 300.0, 10.0, 5.0), 0, 0
-    for seed in range(30):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         fish = Fish(float(x), float(y), 135.0, 2.0, FORECAST, sprite=-1, row=100 + 20 * seed)
+        fish = replace(fish, rot=135.0 - float(one.world.film.heading[fish.row]))
+        state = State(fish, np.zeros(2))
         for _ in range(6):
-            stretch = one.next(fish, goal, rng)
+            heading = state.fish.heading
+            stretch, state = one.step(state, Goal("A", 400.0, 300.0), rng)
             way = np.rint(stretch.way[:, :2]).astype(int)
             assert legal[way[:, 1], way[:, 0]].all()
-            own = np.degrees(stretch.past[-len(stretch.way) :, -1]) / RATE
-            turned = np.diff(stretch.way[:, 2], prepend=fish.heading)
-            turned = (turned + 180) % 360 - 180
-            assert (np.abs(turned) <= np.maximum(np.abs(own), most) + 1e-6).all()
-            joined, ticks = joined + stretch.new, ticks + len(stretch.way)
-            fish = after(fish, stretch, one.waters)
-    assert joined < 0.5 * ticks
+            own = np.abs(np.diff(one.world.film.heading[stretch.number], prepend=np.nan))[1:]
+            if stretch.past is not None:
+                own = np.abs(np.degrees(stretch.past[-len(stretch.way) :, -1]) / RATE)[1:]
+            turned = np.abs((np.diff(stretch.way[:, 2]) + 180) % 360 - 180)
+            assert (turned <= np.maximum(own % 360, most) + 1e-6).all()
+            assert abs((stretch.way[0, 2] - heading + 180) % 360 - 180) < 30
 
 
 def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
@@ -282,29 +251,6 @@ def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
     assert brisk_of(speed, p) == pytest.approx(0.4)
     assert brisk_of(speed + 1, p) == 1
     assert brisk_of(np.zeros(9), p) > 0
-
-
-def resting(rests, swims):
-    """A swimmer of a film that rests in rows `rests`, and swims straight ahead in rows `swims`."""
-    here, none = waters(), Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
-    states, still = sample().states.copy(), REST.copy()
-    states[rests, -3:], states[swims, -3:], still[rests] = 0.0, (3.0, 0.0, 0.0), True
-    film = endless(sample()._replace(states=states), here.film.more, still)
-    return ForecastSwimmer(here, film, none)
-
-
-def test_a_fish_that_rests_before_a_wall_turns_round():
-    """The film shows nothing but a rest, and a way straight ahead after it."""
-    one = resting(slice(600, 700), slice(700, 800))
-    n = len(one.sampler.usable)
-    alone = one.sampler._replace(start=np.zeros(n + 1, np.int64), to=np.zeros(0, np.int64))
-    one.sampler = alone._replace(settle=0 * alone.settle, low=0 * alone.low - 9)
-    y = float(one.waters.tank.legal[:, 300].argmax())
-    goal = Target(400.0, 300.0, 10.0, 5.0)
-    fish = Fish(300.0, y, 90.0, 0.0, FORECAST, sprite=-1, row=605)
-    way = one.next(fish, goal, np.random.default_rng(0)).way
-    most = one.waters.brisk.turn_deg
-    assert np.allclose(np.diff(way[:, 2], prepend=90.0), -most)
 
 
 def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut():

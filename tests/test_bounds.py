@@ -25,12 +25,8 @@ from finloop.animate.encounters import placed
 from finloop.animate.kinematics import Target
 from finloop.animate.state import Effort, Fish
 from finloop.edit.schema import Goal
-from finloop.plan.cost import longer_rest
-from finloop.plan.fallback import Avoidance
-from finloop.plan.film_swimmer import FilmSwimmer
 from finloop.plan.objectives import effort
-from finloop.plan.plan import after
-from finloop.plan.walls import beyond, bounds_of, fits, kept_inside, moved_off
+from finloop.plan.walls import bounds_of, fits, kept_inside, moved_off
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 
@@ -110,20 +106,11 @@ def test_a_way_inside_is_left_as_it_is_and_one_into_a_wall_slides_along_it():
     assert len(kept_inside(bounds, numbers, way, 3.0)) == 30
 
 
-def test_what_is_behind_a_wall_that_is_met_and_nothing_along_it():
-    _, bounds, _ = pool()
-    assert beyond(bounds, 200.0, 60.0, 90.0, 100.0) == pytest.approx(0.61, abs=0.02)
-    assert beyond(bounds, 200.0, 30.0, 0.0, 80.0) == 0
-    assert beyond(bounds, 200.0, 60.0, -90.0, 100.0) == 0
-
-
-def test_a_rest_is_as_long_as_the_film_shows_it_and_longer_ones_cost():
+def test_a_rest_is_as_long_as_the_film_shows_it():
     table = rich_table()
     still = np.isin(np.arange(len(table)), (3, 4, 5, 9))
     reel = film_of(table, loops(), rests=still)
     assert reel.rest[:11].tolist() == [0, 0, 0, 3, 2, 1, 0, 0, 0, 1, 0]
-    assert longer_rest(2, 5) == 3 and longer_rest(5, 2) == 0
-    assert longer_rest(0, 5) == 0  # it begins to rest
 
 
 def test_nobody_jumps_from_a_long_rest_to_another_rest():
@@ -149,15 +136,16 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     arena[100:200, 20:160] = True
     arena[138:162, 160:260] = True  # too narrow for the fish to turn in
     player = matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
-    waters = replace(player.waters, discs=player.cast.discs)
-    keeper, rng = Avoidance(player.policy, waters), np.random.default_rng(0)
+    waters = replace(player.world, discs=player.cast.discs)
+    player, rng = replace(player, world=waters), np.random.default_rng(0)
+    keeper = player._fallback
     fish = replace(player.begin(rng).fish, x=232.0, y=150.0, heading=0.0)
     fish = replace(fish, rot=-float(waters.film.heading[fish.row]))
     ahead = keeper._staying(fish, Target(0, 0, 0, 0))[-1]
     ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
     places = []
     while fish.tick < 500:
-        fish = after(fish, keeper.kept_clear(fish, ahead, rng), waters)
+        fish = player._after(fish, keeper.keep_clear(fish, ahead, rng))
         places.append((fish.x, fish.y, fish.heading))
         assert fits(waters.bounds, fish.row, *places[-1])
     steps = -np.diff(np.array(places)[:, 0])
@@ -168,17 +156,6 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
 def box(px):
     """A square tank."""
     return tank(np.pad(np.ones((px, px), bool), 20), 0.6 * LENGTH)
-
-
-def test_a_narrow_beam_finds_more_ways_in_a_small_tank_if_it_reckons_with_walls_ahead():
-    found = {}
-    for aside in (0.0, 30.0):
-        swims, rng = FilmSwimmer(waters_of(room_=box(260), beam=4)), np.random.default_rng(0)
-        swims.rules = swims._wide = swims.rules._replace(aside=aside, room=150.0)
-        fish = [swims.begin(rng) for _ in range(150)]
-        values = [swims.options(one, Target(one.x, one.y, 0, 0, True)).value for one in fish]
-        found[aside] = np.mean([np.isfinite(value).any() for value in values])
-    assert found[30.0] > found[0.0] + 0.05
 
 
 def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():

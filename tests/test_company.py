@@ -26,7 +26,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
 from finloop.edit.stretch import Decision, Stretch
 from finloop.live.tank import LiveTank
-from finloop.plan.planner import Player
+from finloop.plan.planner import Planner
 
 NEEDLE = np.array([[30.0, 2], [-30, 2], [-30, -2], [30, -2]])
 MODE = "matching"  # the one mode of several fish
@@ -311,7 +311,7 @@ def kept_plan(tank, monkeypatch, wish) -> int:
     plan = tank.fish[0].way(tank.tick)
     wish()
     with monkeypatch.context() as patch:
-        patch.setattr(Player, "is_clear", lambda *_: False)
+        patch.setattr(Planner, "is_clear", lambda *_: False)
         tank.on()
     assert np.array_equal(tank.fish[0].way(tank.tick), plan[1:])
     return tank.tick

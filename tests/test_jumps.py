@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from toy_film import HEAD, TOUCH, swum, table_of, waters_of
+from toy_film import matching_of, swum, table_of, waters_of
 
-from finloop.animate.kinematics import Target
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY
 from finloop.edit.build import folded
+from finloop.edit.schema import TERMS
 from finloop.features.table import wrap_deg
 from finloop.jumps import search
 from finloop.jumps.film import _best_jumps
@@ -21,7 +21,6 @@ from finloop.jumps.signature import Parts, signatures
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 from finloop.nearest import parts_of
-from finloop.plan.film_swimmer import FilmSwimmer
 from finloop.plan.graph import film, neighbour_jumps
 
 COUNT, LEAST = 5, 8
@@ -285,13 +284,11 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
 
 
 def test_who_wanders_takes_the_film_as_it_comes(rng):
-    waters = waters_of(free=5e-6)
-    swimmer = FilmSwimmer(waters)
-    fish = swimmer.begin(rng)
-    spot = Target(400.0, 300.0, TOUCH, HEAD, free=True)
-    options = swimmer.options(fish, spot)
-    stays = np.isfinite(options.value)
-    assert stays.any()
-    assert np.all(options.value[stays] * waters.motion.rate_hz >= swimmer.rules.horizon)
-    stretch = swimmer.swim(fish, spot, rng)
+    planner = matching_of(waters_of(free=5e-6, wander="film"))
+    state = planner.begin(rng)
+    stretch, _ = planner.step(state, None, rng)
+    value = stretch.options.value[stretch.options.taken] * planner.world.motion.rate_hz
+    assert value >= planner.world.ticks(planner.world.settings.look_ahead)
     assert not stretch.touched
+    to_come = stretch.options.terms[:, TERMS.index("to_come")]
+    assert (to_come == 0).all()

@@ -17,6 +17,7 @@ from toy_film import (
     waters_of,
 )
 
+from finloop.animate.kinematics import Target
 from finloop.animate.paths import lay, track_line
 from finloop.animate.route import Route, asked_at, foot, place
 from finloop.animate.shoal import swim
@@ -25,8 +26,9 @@ from finloop.base.line import MM, PX, TANK, Line, checked_line
 from finloop.edit.schema import PATH
 from finloop.io.line import load_line
 from finloop.io.table import save_table
-from finloop.plan.advance import steered
+from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
+from finloop.plan.objectives import along_path
 from finloop.plan.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
@@ -180,7 +182,12 @@ def steer(way, y=300.0, swims=2.0, **changes):
     speed = np.full(len(way) - 1, swims)
     begins = (100.0, 0)
     by = bounds_of(open_tank()), usual._replace(**changes)
-    return steered(way, speed, np.zeros(len(way) - 11, np.int64), begins, route, by)
+    numbers, there = np.zeros(len(way) - 11, np.int64), Target(0.0, 0.0, 0.0, 0.0, True)
+    bounds, steering = by
+    return advance(
+        way, speed, numbers, begins, (along_path(route, steering), there),
+        (bounds, np.ones(len(numbers), bool)),
+    )[:3]  # fmt: skip
 
 
 def test_a_way_along_the_path_is_left_as_it_is():
@@ -226,7 +233,7 @@ def followed(line, ticks=700, **changes):
     swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
     table = swum_path("matching", swum_, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
-    return swum_, table, left, of_path(table, left, path, player.follower.spread, waters)
+    return swum_, table, left, of_path(table, left, path, player.world.spread, waters)
 
 
 def test_the_film_is_swum_along_a_path_lap_after_lap():
@@ -316,15 +323,18 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
         state = then
 
 
-def test_a_film_that_only_swims_straight_is_followed_as_nearly_as_it_can_be():
+def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins():
+    """Every way of it leaves the tank in the end: the fish turns on the spot, and says so."""
     table = swum([0.0] * 300, at=(100.0, 100.0))
     waters = waters_of(film_of(table, loops((20, 280))))
     player, path = matching_of(waters), laid(EIGHT)
     made = swim(player, [], 200, np.random.default_rng(0), path.route)
-    left = where_left(
-        swum_path("matching", made, path, 200, waters), path, waters, limits(waters.film, waters)
-    )
-    assert len(left) and "sharp" in set(left["why"])
+    reasons = [one.decision.reason for one in made.stretches]
+    assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
+    swum_ = swum_path("matching", made, path, 200, waters)
+    left = where_left(swum_, path, waters, limits(waters.film, waters))
+    numbers = of_path(swum_, left, path, waters.spread, waters)
+    assert numbers["path_swum_pct"] < 50
 
 
 def test_what_is_swum_is_written_and_drawn(tmp_path):
@@ -348,7 +358,7 @@ def test_a_line_of_what_is_infinite_is_none():
 
 def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals():
     """Without a path nothing of it counts."""
-    changed = {"path_share": 0.9, "path_beam": 1, "path_across": 0.0}
+    changed = {"path_share": 0.9, "path_commit": 3.0, "path_across": 0.0}
     one, other = (matching_of(w) for w in (waters_of(), waters_of(**changed)))
     swims = [swim(p, [], 200, np.random.default_rng(1)) for p in (one, other)]
     assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))

@@ -29,7 +29,7 @@ from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_list
 from finloop.edit.modes import MODES, PAPER
-from finloop.edit.schema import FRAME, PATH, SPRITE, TURN
+from finloop.edit.schema import FRAME, PATH, SPRITE, TERMS, TURN
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish
@@ -327,11 +327,11 @@ def test_what_was_weighed_is_told_with_its_costs():
             continue
         if row.kind == FRAME:
             assert choice.tick == row.decided and options.taken >= 0
-        assert (options.terms >= 0).all()
-        finite = np.isfinite(options.value)
-        assert (options.value >= options.terms.sum(1) - 1e-6)[finite].all()
+        finite, chance = np.isfinite(options.value), options.terms[:, TERMS.index("chance")]
+        assert options.value[finite] == pytest.approx((options.terms.sum(1) - chance)[finite])
+        assert (options.terms[finite, TERMS.index("time")] > 0).all()
         if options.taken >= 0:
-            seen.add(bool(options.terms[options.taken].any()))
+            seen.add(bool(options.seams[options.taken] > 0))
     assert seen == {True, False}  # jumps, and played on
 
 
@@ -464,8 +464,10 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it():
     assert laps > 1.5
     assert tank.fish[0].at(tank.tick).goal == PATH
     weighed = [tank.fish[0].choice(tick).stretch.options for tick in range(first + 5, tank.tick)]
-    jumps = [one.terms[one.seams > 0, 0] for one in weighed if one is not None]
+    weighed = [one for one in weighed if one is not None]
+    jumps = [one.terms[(one.seams > 0) & np.isfinite(one.value), 0] for one in weighed]
     assert (np.concatenate(jumps) > 0).all()
+    assert any((one.terms[:, TERMS.index("path")] > 0).any() for one in weighed)
 
 
 def test_an_open_path_ends_and_is_given_up_for_a_goal():

@@ -133,7 +133,7 @@ def test_company_without_a_rule_is_refused_before_anything_is_planned(steps):
     player = replace(player, shoaling=stepless() if steps else None)
     with pytest.raises(FinloopError, match="too short for the steps" if steps else "no zones"):
         MatchingAnimator(player, None, 1.0, 1.0).goals()
-    alone = replace(player, waters=water(fish=1))
+    alone = replace(player, world=water(fish=1))
     assert MatchingAnimator(alone, None, 1.0, 1.0).goals() == []
 
 

@@ -45,7 +45,7 @@ from finloop.live.tank import LiveTank
 from finloop.modes import samples
 from finloop.modes.matching import MatchingAnimator
 from finloop.modes.samples import sample_animations
-from finloop.plan import fallback as avoidance
+from finloop.plan import fallback
 from finloop.plan.path_measures import LEFT, SWUM
 from finloop.project import Project
 
@@ -143,7 +143,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     x, y = 200.0, float(np.flatnonzero(wall.legal[:, 200])[0])
     begun = player.begin(np.random.default_rng(0)).fish
     first = replace(begun, x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
-    avoider = avoidance.Avoidance(player.policy, player.waters)
+    avoider = player._fallback
 
     def between(fish, gap):
         sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
@@ -156,14 +156,14 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
         return can_stay(between(first, gap).company, first.picture, np.array([x, y, 90.0]), 0)
 
     gap, ways = 0.1 + next(gap for gap in np.arange(10.0, 20.0, 0.1) if free(gap)), []
-    for directions in (avoidance._ASIDE_DEG, (0.0,)):  # and back to back alone
-        monkeypatch.setattr(avoidance, "_ASIDE_DEG", directions)
+    for directions in (fallback._ASIDE_DEG, (0.0,)):  # and back to back alone
+        monkeypatch.setattr(fallback, "_ASIDE_DEG", directions)
         fish = between(first, gap)
-        ahead = player.policy.next(fish, Target(x + 100, y, 0, 0), np.random.default_rng(1))
+        ahead = player._leave(fish, Target(x + 100, y, 0, 0), np.random.default_rng(1))
         blocked = replace(ahead, way=np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0))
-        way = avoider.kept_clear(fish, blocked, np.random.default_rng(2)).way
+        way = avoider.keep_clear(fish, blocked, np.random.default_rng(2)).way
         ways.append(way[-1, :2] - (x, y))
-    drift_px = avoidance._DRIFT * LENGTH / DELTA
+    drift_px = fallback._DRIFT * LENGTH / DELTA
     assert ways[0][1] > 0.9 * drift_px and abs(ways[0][0]) < 0.5
     assert np.hypot(*ways[1]) < 0.2 + 1e-9
 
@@ -189,7 +189,7 @@ def plans_of(lines, **changes):
     """A planner of the crowded tank whose first fish have these lines, None for one with none."""
     waters = crowded().waters
     waters = replace(waters, settings=replace(waters.settings, **changes))
-    player = replace(crowded(), waters=waters)
+    player = replace(crowded(), world=waters)
     paths = tuple(one and lay(one, waters.tank, waters.motion, None) for one in lines)
     return MatchingAnimator(player, None, 1.0, 0.6 * LENGTH, paths)
 

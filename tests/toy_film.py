@@ -31,11 +31,10 @@ from finloop.modes.network import Network
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites, make_sprites
-from finloop.plan.film_swimmer import FilmSwimmer
 from finloop.plan.graph import MotionGraph, film, loop_jumps
-from finloop.plan.planner import Player
-from finloop.plan.policies import Policy
+from finloop.plan.planner import Planner
 from finloop.plan.settings import AllSettings, merge_settings
+from finloop.plan.sources import FilmSource
 from finloop.plan.world import Brisk, FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
@@ -282,6 +281,17 @@ def gateways(features=None, every=7, seed=1) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[c.name for c in GATEWAYS.columns])
 
 
+def random_film(rng, most_rows=24):
+    """A few short tracks with a few random loops, and perhaps a barred row."""
+    lengths = rng.integers(2, 9, rng.integers(1, 5))
+    table = table_of(*(swum(rng.uniform(-30, 30, n - 1), rng.uniform(0, 360)) for n in lengths))
+    n = len(table)
+    drawn = {tuple(sorted(rng.choice(n, 2, replace=False))) for _ in range(rng.integers(1, 7))}
+    barred = rng.choice(n, rng.integers(0, 3))
+    pairs = loops(*((a, b, rng.uniform(0.1, 1)) for a, b in sorted(drawn)))
+    return table, pairs, barred
+
+
 # --- players
 
 
@@ -309,15 +319,13 @@ def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
     return Cast(sprites(), [hulls[0]] * len(sprites()), frames)
 
 
-def matching_of(waters=None, hulls=(HULL, HULL), forecast=None, film_too=True) -> Player:
-    """A player of mode `matching`: by the film, and as a forecast predicts if there is one."""
-    waters = waters_of() if waters is None else waters
-    how = joins(
-        waters.settings, waters.settings.join, bodies_of(waters.film), DELTA, lambda *_: True
-    )
-    rows = np.minimum(sprites()["row"].to_numpy(), len(waters.film.more) - 2)
-    policy = Policy(FilmSwimmer(waters), forecast, film_too, rows)
-    return Player(policy, waters, cast_of(waters.film, hulls), how)
+def matching_of(waters=None, hulls=(HULL, HULL), prediction=None, film_too=True) -> Planner:
+    """A planner of mode `matching`: by the film, and as a forecast predicts if there is one."""
+    world = waters_of() if waters is None else waters
+    how = joins(world.settings, world.settings.join, bodies_of(world.film), DELTA, lambda *_: True)
+    rows = np.minimum(sprites()["row"].to_numpy(), len(world.film.more) - 2)
+    by_film = FilmSource(world, world.cost_weights, world.reach) if film_too else None
+    return Planner(world, by_film, prediction, cast_of(world.film, hulls), how, None, rows)
 
 
 def world_of(room_=None, taught=None) -> World:

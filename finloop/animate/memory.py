@@ -5,8 +5,6 @@ first row, the last row, and the tick at which the first was last on screen. So 
 the jumps of the last seconds, not with the film, and a row is looked up by halving.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from finloop.base.arrays import Ints
@@ -14,20 +12,6 @@ from finloop.base.kernel import kernel, leaf_kernel
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
-
-
-class Repeat(NamedTuple):
-    """A run of film that is shown again, as it was before.
-
-    tick: at which the row that is on screen was last on screen before; ticks: of the run so far, 0
-    where that row is shown for the first time.
-    """
-
-    tick: int
-    ticks: int
-
-
-NO_REPEAT = Repeat(NEVER, 0)
 
 
 @leaf_kernel
@@ -78,13 +62,3 @@ def remembered(recent: Ints, first: int, last: int, tick: int, since: float) -> 
             kept[n, 0], kept[n, 1], kept[n, 2] = after, b, begun + after - a
             n += 1
     return kept[:n].copy()
-
-
-@leaf_kernel
-def repeated(repeat: Repeat, recent: Ints, first: int, last: int) -> Repeat:
-    """The repeat after the rows first … last; recent: as it was before they were shown."""
-    tick, ticks = repeat.tick, repeat.ticks
-    for row in range(first, last + 1):
-        before, tick = tick, last_on_screen(recent, row, row)
-        ticks = 0 if tick == NEVER else ticks + 1 if tick == before + 1 else 1
-    return Repeat(tick, ticks)

@@ -1,15 +1,13 @@
 """The state of a fish, frozen: where it is, what it does, how it gets on."""
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from finloop.animate.company import ALONE, Company
-from finloop.animate.memory import NO_REPEAT, Repeat
-from finloop.animate.route import Route
 from finloop.base.arrays import Floats, Ints
-from finloop.edit.schema import TURN
+from finloop.edit.schema import FILM, TURN
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +18,7 @@ class Fish:
     one shown, −1 in the film; phase: place in its cycle, in frames; area: relative motion area;
     tick: how long it has swum. In the film: row, the last one shown, −1 for none; rot, by how much
     it is turned; since, ticks since the last jump, or since the film was left; waits, ticks without
-    a legal way on; recent (m, 3): stretches of film that were on screen (`finloop.animate.memory`);
-    repeat: whether what is shown repeats them.
+    a legal way on; recent (m, 3): stretches of film that were on screen (`finloop.animate.memory`).
     As is foretold: past (L + 1, d), its last states, the present one first
     (`finloop.forecast.sampling`). lag: ticks that it lags behind the film (`Tempo`).
     company: where the other fish will be, for the decision that is made now alone.
@@ -41,7 +38,6 @@ class Fish:
     since: int = 0
     waits: int = 0
     recent: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
-    repeat: Repeat = NO_REPEAT
     past: Floats | None = None
     lag: float = 0.0
     company: Company = ALONE
@@ -81,14 +77,14 @@ class Run(NamedTuple):
 class Progress(NamedTuple):
     """How far a fish has come along a path, px, and what it has planned beyond the last stretch.
 
-    route: the path that `runs` are planned along; foretold: whether they are followed as is
-    foretold, not shown as filmed.
+    task: what `runs` are planned for; motion: whether they are swum as filmed, or as predicted, of
+    `STATES`.
     """
 
     along: float = 0.0
-    route: Route | None = None
+    task: Any = None
     runs: tuple[Run, ...] = ()
-    foretold: bool = False
+    motion: int = FILM
 
 
 class State(NamedTuple):

@@ -67,7 +67,8 @@ def _told(decision: Decision) -> str:
     """Of how many rows one was chosen, unless it was planned before, along a path."""
     if not decision.ways:
         return "as planned before"
-    return f"one of {decision.ways} rows: {decision.value_s:.1f} s"
+    cost = "they end" if math.isnan(decision.value_s) else f"{decision.value_s:.1f} s"
+    return f"one of {decision.ways} rows: {cost}"
 
 
 def _ways(decision: Decision) -> str:

@@ -94,18 +94,27 @@ VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
 """Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better.
 A way that meets another fish fails as one that leaves the tank."""
 
+TERMS = (
+    "seam", "speed_change", "repeat", "rarity", "lag", "path", "time", "to_come", "chance",
+)  # fmt: skip
+"""What a way costs: for the seams of its jumps; for their changes of speed; for film that was on
+screen just now; for steps that the film shows seldom; for falling behind the film's speed; for
+being beside the path, late, headed otherwise and corrected; the ticks that it takes; about what is
+still to come; and what is left to chance, so that ways that cost about the same are all taken."""
+
 CONSIDERED = Schema(
     Column("fish", "int16", "1"),
     *columns("int32", "1", "tick", "row"),
     Column("mirrored", "bool", "1"),
     Column("seam", "float32", "median step of the film"),
     Column("value_s", "float32", "s", nullable=True),
+    *columns("float32", "s", *(f"{term}_s" for term in TERMS), nullable=True),
     Column("fails", "string", "1"),
     Column("taken", "bool", "1"),
 )
-"""What was weighed at a tick: rows of the film that could have been shown, mirrored or not,
-what the best way from there costs (empty: there is none, or it was passed over for better ones),
-and its verdict by Fig. 19, of `VERDICTS`."""
+"""What was weighed at a tick: rows of the film that could have been shown, mirrored or not; what
+the best way from there costs (empty: there is none, or it was passed over for better ones), in all
+but for what is left to chance, and term by term; and its verdict, of `VERDICTS`."""
 
 
 class Goal(NamedTuple):

@@ -21,7 +21,7 @@ from finloop.live.choice import Choice, Errand, Order
 from finloop.live.tank import LiveTank
 from finloop.plan.graph import MotionGraph
 from finloop.plan.plan import Options
-from finloop.plan.planner import Player
+from finloop.plan.planner import Planner
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
 
@@ -219,13 +219,12 @@ class View:
     def _way(self, choice: Choice, way: int) -> dict[str, Any]:
         fish, options = choice.state.fish, choice.stretch.options
         assert options is not None
-        row, terms, cost = int(options.rows[way]), options.terms[way], float(options.value[way])
-        value = round(cost, 2) if math.isfinite(cost) else None
+        row, cost = int(options.rows[way]), float(options.value[way])
+        ends = not math.isfinite(cost)
         return {
             "row": row % self._film(choice).filmed, "seam": round(float(options.seams[way]), 2),
-            "terms": [round(float(term), 2) for term in terms],
-            "swim": None if value is None else round(cost - float(sum(terms)), 2),
-            "value": value, "fails": VERDICTS[options.verdict[way]],
+            "terms": [None if ends else round(float(term), 2) for term in options.terms[way]],
+            "value": None if ends else round(cost, 2), "fails": VERDICTS[options.verdict[way]],
             "taken": way == options.taken,
             "path": self._path(self._film(choice), fish.x, fish.y, row, float(options.rots[way])),
         }  # fmt: skip
@@ -233,7 +232,7 @@ class View:
     def _film(self, choice: Choice) -> MotionGraph:
         """The film through which ways were weighed."""
         player = self.tank.players[choice.mode]
-        assert isinstance(player, Player)
+        assert isinstance(player, Planner)
         return player.waters.film
 
     def _path(self, film: MotionGraph, x: float, y: float, row: int, rot: float) -> list[list[int]]:

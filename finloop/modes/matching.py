@@ -36,12 +36,10 @@ from finloop.edit.stretch import Swim
 from finloop.features.table import delta_of
 from finloop.forecast.sampling import Sampler
 from finloop.plan.cost import Rarity
-from finloop.plan.film_swimmer import FilmSwimmer
-from finloop.plan.forecast_swimmer import ForecastSwimmer
 from finloop.plan.graph import endless, film, neighbour_jumps
-from finloop.plan.planner import Player
-from finloop.plan.policies import Policy
+from finloop.plan.planner import Planner
 from finloop.plan.settings import AllSettings
+from finloop.plan.sources import FilmSource, PredictionSource
 from finloop.plan.world import FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
@@ -87,7 +85,7 @@ class MatchingAnimator:
     has none.
     """
 
-    player: Player
+    player: Planner
     pictures: Pictures
     step: float
     reach_px: float
@@ -106,7 +104,7 @@ class MatchingAnimator:
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
         """Return the edit list of an animation with another seed, to random goals."""
         p = replace(self.waters.settings, seed=seed, seconds=seconds)
-        player = replace(self.player, waters=replace(self.waters, settings=p))
+        player = replace(self.player, world=replace(self.waters, settings=p))
         count = p.trial_goals * p.fish
         goals = random_goals(player.waters, count, np.random.default_rng(seed))
         near = [goal._replace(radius_px=self.waters.touch_px) for goal in goals]
@@ -238,9 +236,12 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
     water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
     brisk = learn_brisk(features, rate_hz, delta, p)
     waters = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
-    swimmer = ForecastSwimmer(waters, swum, rarity) if foretells and swum is not None else None
-    policy = Policy(FilmSwimmer(waters), swimmer, plays, made.sprite_rows)
-    player = Player(policy, waters, cast, how, made.shoaling)
+    weights, reach = waters.cost_weights, waters.reach
+    by_film = FilmSource(waters, weights, reach) if plays else None
+    predicted = None
+    if foretells and swum is not None:
+        predicted = PredictionSource(waters, weights, reach, swum, rarity)
+    player = Planner(waters, by_film, predicted, cast, how, made.shoaling, made.sprite_rows)
     paths = tuple(
         None if line is None else lay(line, water, motion, made.mm_per_px) for line in made.lines
     )

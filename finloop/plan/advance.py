@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.company import clear_ahead
-from finloop.animate.kinematics import ahead, bearing, rotate, touches, towards_by
+from finloop.animate.kinematics import ahead, rotate, touches
 from finloop.animate.route import (
     Route,
     asked_at,
@@ -16,15 +16,14 @@ from finloop.animate.route import (
 )
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
-from finloop.loops.positions import next_end
 from finloop.plan.cost import (
-    CostWeights,
     Steering,
     tick_cost,
 )
 from finloop.plan.graph import MotionGraph
-from finloop.plan.space import SearchGraph
-from finloop.plan.walls import fits, moved_off
+from finloop.plan.objectives import is_done
+from finloop.plan.search_graph import SearchGraph
+from finloop.plan.walls import fits
 
 _ONWARD = 0.1  # body lengths; a place ahead that is nearer is steered to as if it were so far
 
@@ -77,141 +76,117 @@ def shifted(route: Route, at, speed: float, when, steering: Steering):  # type: 
 
 
 @kernel
-def steered(way: Floats, speed: Floats, numbers: Ints, begins, route: Route, by):  # type: ignore[no-untyped-def]
-    """Steer a way (m + 1, 3), x, y, heading, the fish's own place first, for t ≤ m ticks.
+def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # type: ignore[no-untyped-def]
+    """Move a fish along a way (m + 1, 3), x, y, heading, its own place first, for t ≤ m ticks.
 
-    It ends with the path, on the tick that comes to its end.
+    On a path it is steered, and stops with the path; else it stops when it touches its goal, or the
+    point on the way there for which it heads.
 
     speed (m,): body lengths/s; numbers (t,): of the pictures; begins: how far along the path, and
-    at which tick; by: `Bounds`, `Steering`.
+    at which tick; towards: objective, goal; by: `Bounds`, and (t,) whether it can go on from each
+    picture.
 
     Returns
     -------
-    The way as it is swum (n, 3), up to where the path ends, or it leaves the tank; its corrections
-    (n, 2): degrees, px; how far along the path it ends.
+    The way as it is swum (n, 3), up to where it is done, or leaves the tank; its corrections
+    (n, 2): degrees, px; how far along the path it ends; whether the last place touches the goal.
     """
-    ticks = numbers.size
-    out, used = np.empty((ticks, 3)), np.empty((ticks, 2))
-    (along, tick), (bounds, steering) = begins, by
-    x, y, rot, good = way[0, 0], way[0, 1], 0.0, ticks
+    objective, goal = towards
+    ticks, route, steering = numbers.size, objective.route, objective.steering
+    out, used = np.empty((ticks, 3)), np.zeros((ticks, 2))
+    (along, tick), (bounds, goes_on) = begins, by
+    x, y, rot, good, touched = way[0, 0], way[0, 1], 0.0, ticks, False
     for t in range(ticks):
-        reach = min(steering.reach, len(way) - 1 - t)
-        leads = rotate(way[t + reach, 0] - way[t, 0], way[t + reach, 1] - way[t, 1], rot)
-        most = most_turn(speed[t], steering)
-        turn = turn_to(route, (x, y, along), leads, reach, most, steering)
+        turn, shift = 0.0, 0.0
+        if route.x.size:
+            reach = min(steering.reach, len(way) - 1 - t)
+            leads = rotate(way[t + reach, 0] - way[t, 0], way[t + reach, 1] - way[t, 1], rot)
+            most = most_turn(speed[t], steering)
+            turn = turn_to(route, (x, y, along), leads, reach, most, steering)
         dx, dy = rotate(way[t + 1, 0] - way[t, 0], way[t + 1, 1] - way[t, 1], rot + turn)
-        new_x, new_y, on, _, _, shift = shifted(
-            route, (x + dx, y + dy, along), speed[t], (tick + t + 1, 1), steering
-        )
-        heading = way[t + 1, 2] + rot + turn
+        new_x, new_y, on, heading = x + dx, y + dy, along, way[t + 1, 2] + rot + turn
+        if route.x.size:
+            new_x, new_y, on, _, _, shift = shifted(
+                route, (new_x, new_y, along), speed[t], (tick + t + 1, 1), steering
+            )
         if not fits(bounds, numbers[t], new_x, new_y, heading):
             good = t
             break
         x, y, along, rot = new_x, new_y, on, rot + turn
         out[t, 0], out[t, 1], out[t, 2] = x, y, heading
         used[t, 0], used[t, 1] = turn, shift
-        if done(route, along, tick + t + 1):
+        if route.x.size:
+            ends = done(route, along, tick + t + 1)
+        else:
+            touched = not goal.free and goes_on[t] and touches(x, y, heading, goal)
+            ends = touched or (not goal.free and touches(x, y, heading, objective.aim))
+        if ends:
             good = t + 1
             break
-    return out[:good], used[:good], along
-
-
-@leaf_kernel
-def play_leg(space, way, most, here, aim, rules):  # type: ignore[no-untyped-def]
-    """Play forward to the first loop end after a stride, or to the aim, for `most` ticks at most.
-
-    `way` is moved on. Returns whether it leads on, and whether it touches the aim. It leads on
-    nowhere where the film ends, leaves the tank or meets another fish.
-    """
-    rows, tick, begun = space.film.rows, here.tick + way.ticks, way.row
-    x, y, row = way.x, way.y, way.row
-    cos, sin = np.cos(np.radians(way.rot)), np.sin(np.radians(way.rot))
-    t, touched = np.int64(0), False
-    while t < most:
-        at = rows[row]
-        if not at.more:
-            # The last picture of a track may still be exchanged for another.
-            row = row if at.end >= 0 and t > 0 else np.int64(-1)
-            break
-        x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
-        t, row = t + 1, row + 1
-        at = rows[row]
-        heading = at.heading + way.rot
-        free = fits(space.bounds, row, x, y, heading)
-        if not (free and clear_ahead(here.company, row, x, y, heading, tick + t)):
-            row = np.int64(-1)
-            break
-        # A fish that has reached its goal must be able to swim on.
-        touched = not aim.free and touches(x, y, heading, aim)
-        touched = touched and at.more and rows[row + 1].endless
-        if touched or (t >= rules.stride and at.end >= 0):
-            break
-    first = way.ticks == 0
-    way.x, way.y, way.row, way.ticks, way.since = x, y, row, way.ticks + t, way.since + t
-    if row < 0 or not rows[row].endless:
-        return False, False
-    way.cost += here.slow * (rows[row].slow - rows[begun].slow)
-    if first:  # the next legs are decided anew
-        way.cost += rows[row].dear - rows[begun].dear
-    return True, touched
+    return out[:good], used[:good], along, touched
 
 
 @finite_leaf
-def _stride(space, route, way, ticks, here, by):  # type: ignore[no-untyped-def]
-    """Swim so many ticks in one step: whether they can be swum. by: rules, steering.
+def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-untyped-def]
+    """Swim so many ticks in one step, steered along a path: whether they can be swum.
 
     `way` is moved on.
     """
-    rows, row, steering = space.film.rows, way.row, by[1]
-    at, after, lead = rows[row], rows[row + ticks], space.leads[row]
-    angle = np.radians(way.rot)
-    cos, sin = np.cos(angle), np.sin(angle)
-    leads = lead.dx * cos + lead.dy * sin, lead.dy * cos - lead.dx * sin
-    speed, tick = (at.speed + after.speed) / 2, here.tick + way.ticks + ticks
-    most = most_turn(speed, steering)
-    turn = turn_to(route, (way.x, way.y, way.along), leads, lead.ticks, most, steering)
+    rows, row, route, steering = graph.film.rows, way.row, objective.route, objective.steering
+    at, after, tick = rows[row], rows[row + ticks], start.tick + way.ticks + ticks
+    turn, cost, along = 0.0, 0.0, way.along
+    speed = (at.speed + after.speed) / 2
+    if route.x.size:
+        lead = graph.leads[row]
+        leads = rotate(lead.dx, lead.dy, way.rot)
+        most = most_turn(speed, steering)
+        turn = turn_to(route, (way.x, way.y, along), leads, lead.ticks, most, steering)
     dx, dy = rotate(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
-    begun = way.x + dx, way.y + dy, way.along
-    x, y, along, fx, fy, shift = shifted(route, begun, speed, (tick, ticks), steering)
-    rot = way.rot + turn * ticks
+    x, y, rot = way.x + dx, way.y + dy, way.rot + turn * ticks
     heading = after.heading + rot
-    if not fits(space.bounds, row + ticks, x, y, heading):
+    if route.x.size:
+        x, y, along, fx, fy, shift = shifted(route, (x, y, along), speed, (tick, ticks), steering)
+        used = turn / steering.turn, shift / max(steering.shift * speed * ticks, 1e-9)
+        cost = tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering) * ticks
+    if not fits(graph.bounds, row + ticks, x, y, heading):
         return False
-    if not clear_ahead(here.company, row + ticks, x, y, heading, tick):
+    if not clear_ahead(start.company, row + ticks, x, y, heading, tick):
         return False
-    used = turn / steering.turn, shift / max(steering.shift * speed * ticks, 1e-9)
-    cost = tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering)
-    way.x, way.y, way.along, way.rot, way.cost = x, y, along, rot, way.cost + cost * ticks
-    way.row, way.since, way.ticks = row + ticks, way.since + ticks, way.ticks + ticks
+    way.x, way.y, way.along, way.rot, way.path = x, y, along, rot, way.path + cost
+    way.row, way.ticks = row + ticks, way.ticks + ticks
     return True
 
 
 @leaf_kernel
-def swim_leg(space, route, way, most, here, by):  # type: ignore[no-untyped-def]
-    """Swim a leg along a path, so many ticks at most: whether it leads on. by: rules, steering.
+def swim_leg(graph, way, most, start, objective, weights):  # type: ignore[no-untyped-def]
+    """Swim to the first loop end after a stride, so many ticks at most.
 
-    `way` is moved on.
+    `way` is moved on. Returns whether it leads on, and whether the objective is done.
     """
-    rows, left = space.film.rows, min(space.leg[way.row], most)
+    rows, begun, left, ends = graph.film.rows, way.row, min(graph.leg[way.row], most), False
     if left == 0:
-        return False
-    while left > 0:
-        ticks = min(by[0].stride, left)
-        if not _stride(space, route, way, ticks, here, by):
-            return False
+        return False, False
+    while left > 0 and not ends:
+        ticks = min(weights.stride, left)
+        if not _stride(graph, way, ticks, start, objective, weights):
+            return False, False
         left -= ticks
-    return rows[way.row].endless
+        ends = is_done(graph, way, objective)
+    way.rarity += rows[way.row].dear - rows[begun].dear
+    if not objective.route.x.size:
+        way.lag += start.lag * (rows[way.row].slow - rows[begun].slow)
+    return rows[way.row].endless, ends
 
 
 @kernel
-def onward(space: SearchGraph, begins: Floats, row: int, rot: float, ticks: int) -> Floats:
+def onward(graph: SearchGraph, begins: Floats, row: int, rot: float, ticks: int) -> Floats:
     """A way (k, 3) whose last place shows a row, and on by the film: (k + m, 3), m ≤ ticks."""
-    k, more = len(begins), min(ticks, space.run[row])
+    k, more = len(begins), min(ticks, graph.run[row])
     way = np.empty((k + more, 3))
     for i in range(k):  # `way[:k] = begins` takes six seconds to compile
         for c in range(3):
             way[i, c] = begins[i, c]
-    rows = space.film.rows
+    rows = graph.film.rows
     for t in range(1, more + 1):
         dx, dy = rotate(rows[row + t].x - rows[row].x, rows[row + t].y - rows[row].y, rot)
         way[k + t - 1, 0], way[k + t - 1, 1] = begins[k - 1, 0] + dx, begins[k - 1, 1] + dy
@@ -224,40 +199,6 @@ def arrival(film: MotionGraph, x: float, y: float, row: int, rot: float) -> tupl
     """Where a fish at x, y that shows a row is at the next tick."""
     dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
     return x + dx, y + dy
-
-
-@kernel
-def play(  # type: ignore[no-untyped-def]
-    film: MotionGraph, start: tuple[float, float, float], row: int, towards, rules: CostWeights
-):
-    """Play from a row to the next loop end after a stride, or to a touch.
-
-    start: x, y, and by how much the row is turned; towards: the goal, and the aim on the way there.
-
-    Returns
-    -------
-    way (n, 3) : x, y, heading of each row that is shown; whether the last one touches the goal; px
-    on the screen (dx, dy) that the film leads to by its next loop end (Fig. 11).
-    """
-    (x, y, rot), (goal, aim) = start, towards
-    stop = next_end(film.rows["more"], film.rows["end"], row, rules.stride)
-    leads = rotate(film.rows[stop].x - film.rows[row].x, film.rows[stop].y - film.rows[row].y, rot)
-    out = np.empty((rules.horizon, 3))
-    n = 0
-    while True:
-        at, next_row = film.rows[row], film.rows[row + 1]
-        heading = at.heading + rot
-        out[n, 0], out[n, 1], out[n, 2] = x, y, heading
-        n += 1
-        goes_on = at.more and next_row.endless and not goal.free
-        touched = goes_on and touches(x, y, heading, goal)
-        # The way was looked at no farther than the aim, and the horizon.
-        stops = touched or (goes_on and touches(x, y, heading, aim)) or n >= rules.horizon
-        stops = stops or (n >= rules.stride and next_row.end >= 0) or not next_row.more
-        if stops:
-            return out[:n], touched, leads
-        dx, dy = rotate(at.dx, at.dy, rot)
-        x, y, row = x + dx, y + dy, row + 1
 
 
 class Pace(NamedTuple):
@@ -278,42 +219,12 @@ def moved(place, state, pace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def held(bounds, states, row, start, towards, most_deg):  # type: ignore[no-untyped-def]
-    """The way (n, 3) of states (n, d) after a row, along a wall; the tick of the touch, n for none.
-
-    Every tick turns towards the aim, by `most_deg` at most; no tick turns faster for it than that,
-    or than the state itself. start: x, y, heading; towards: goal, aim, `Pace`.
-    """
-    goal, aim, pace = towards
-    n = len(states)
-    way = np.empty((n, 3))
-    x, y, heading, reached = start[0], start[1], start[2], n
-    for t in range(n):
-        to_x, to_y, turned = moved((x, y, heading), states[t], pace)
-        error = bearing(x, y, aim.x, aim.y) - heading
-        heading += towards_by(turned - heading, error, most_deg)
-        x, y, _ = moved_off(bounds, row + 1 + t, to_x, to_y, heading)
-        way[t, 0], way[t, 1], way[t, 2] = x, y, heading
-        if reached == n and not goal.free and touches(x, y, heading, goal):
-            reached = t
-    return way, reached
-
-
-@kernel
-def course(bounds, states, row, start, goal, pace):  # type: ignore[no-untyped-def]
-    """The way (n, 3) of states (n, d) from `start`; how many ticks of it fit; the touch, n.
-
-    Angles in degrees; row: the one that is followed.
-    """
-    n = len(states)
-    way = np.empty((n, 3))
-    place, good, reached = (start[0], start[1], start[2]), n, n
-    for t in range(n):
+def predicted_way(states, start, pace):  # type: ignore[no-untyped-def]
+    """Return the way (n + 1, 3) of states (n, d) from a place x, y, heading, which is its first."""
+    way = np.empty((len(states) + 1, 3))
+    place = start[0], start[1], start[2]
+    way[0, 0], way[0, 1], way[0, 2] = place
+    for t in range(len(states)):
         place = moved(place, states[t], pace)
-        way[t, 0], way[t, 1], way[t, 2] = place
-        fit = fits(bounds, row + 1 + t, place[0], place[1], place[2])
-        if good == n and not fit:
-            good = t
-        if reached == n and not goal.free and touches(place[0], place[1], place[2], goal):
-            reached = t
-    return way, good, reached
+        way[t + 1, 0], way[t + 1, 1], way[t + 1, 2] = place
+    return way

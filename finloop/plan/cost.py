@@ -7,77 +7,52 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.memory import Repeat, last_on_screen
 from finloop.animate.route import Route, asked_at, heading_at, place
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import finite_leaf, for_kernels, kernel_part, leaf_kernel
+from finloop.base.kernel import finite_leaf, for_kernels
 from finloop.edit.movement import Movement
+from finloop.edit.schema import TERMS
 from finloop.plan.graph import MotionGraph, lags, mean_step_px
+
+SEAM, SPEED, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
+"""Numbers of the terms, `finloop.edit.schema.TERMS`."""
 
 
 class CostWeights(NamedTuple):
-    """How ways are followed and compared, times in ticks.
+    """How ways are followed, and what they cost, times in ticks.
 
-    pace [px/tick], turning [°/tick]: of a brisk fish; horizon: ways are followed so far; stride:
-    loop ends sooner than this are passed by; stay: least time between two jumps; beam: ways
-    followed at once; seam, jerk, again: ticks that a jump costs for a seam of one median step, for
-    a change of speed by one body length/s, for a row just seen; memory: until a row is forgotten;
-    room: px that a brisk fish needs ahead of it to turn aside; aside: ticks that it takes to turn
-    back.
+    pace [px/tick], turning [°/tick]: of a brisk fish; stride: a way is looked at after so many
+    ticks, and may jump; beam: ways followed at once; seam, speed, repeat: ticks that a jump costs
+    for a seam of one median step, for a change of speed by one body length/s, for a row just seen;
+    memory: until a row is forgotten.
     """
 
     pace: float
     turning: float
-    horizon: int
     stride: int
-    stay: int
     beam: int
     seam: float
-    jerk: float
-    again: float
+    speed: float
+    repeat: float
     memory: float
-    room: float = np.inf
-    aside: float = 0.0
 
 
 @for_kernels
-def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
-    """Ticks that jumps cost: for the seam, the change of speed, for what was on screen just now.
+def jump_cost(seam, faster, weights):  # type: ignore[no-untyped-def]
+    """Return the ticks that jumps cost for the seam, and for the change of speed.
 
-    Numbers or arrays. seam in median steps, faster in body lengths/s; the row that is jumped to was
-    on screen `ago` ticks before.
+    Numbers or arrays. seam in median steps, faster in body lengths/s.
     """
-    again = again_cost(ago, rules.again, rules.memory)
-    return rules.seam * seam, rules.jerk * np.abs(faster), again
-
-
-@leaf_kernel
-def longer_rest(own: int, other: int) -> int:
-    """Ticks that a jump costs by which it makes a rest longer: so many.
-
-    own, other: for how long the animal rests if the film plays on, and after the jump. Jumps within
-    rests are seen least. Were they free, fish would rest far longer than the film's animal.
-    """
-    return max(other - own, 0) if own > 0 else 0
+    return weights.seam * seam, weights.speed * np.abs(faster)
 
 
 @for_kernels
-def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
-    """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
+def repeat_cost(ago, weights):  # type: ignore[no-untyped-def]
+    """Return the ticks that it costs to show what was on screen `ago` ticks before.
 
-    again: ticks that it costs at once; it costs less and less till `memory` ticks are over.
+    Numbers or arrays. It costs less and less till the memory is over.
     """
-    return again * np.maximum(0.0, 1.0 - ago / memory)
-
-
-@kernel_part
-def times(repeat: Repeat, recent: Ints, row: int, stay: int) -> float:
-    """How many times as much a row costs again that goes on with a repeat; else 1.
-
-    recent: stretches that were on screen; stay: ticks of a repeat after which it is twice as much.
-    """
-    goes_on = repeat.ticks > 0 and last_on_screen(recent, row, row) == repeat.tick + 1
-    return 1.0 + repeat.ticks / stay if goes_on else 1.0
+    return weights.repeat * np.maximum(0.0, 1.0 - ago / weights.memory)
 
 
 _SOON = 3  # ticks in which an offset dies away fastest

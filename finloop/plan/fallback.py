@@ -1,18 +1,21 @@
-"""Keeping clear of walls and of the other fish: what a fish does whose way is not free."""
+"""What a fish does that has no way on, or whose way is not free: stay, turn, make way.
 
-from collections.abc import Iterator
+The ladder, from the first to the last: swim what of a stretch is free; stay and turn on the spot;
+drift away from who is in the way, or more and more aside; stay with the same picture.
+"""
+
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from finloop.animate.company import lasting_ticks
-from finloop.animate.kinematics import Target, bearing, wrap
+from finloop.animate.kinematics import Target, bearing, towards_by, wrap
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
-from finloop.edit.schema import FORECAST, SPOT, WAITING
+from finloop.edit.schema import FILM, FORECAST, FRAME, SPOT, WAITING
 from finloop.edit.stretch import Decision, Stretch
-from finloop.plan.film_swimmer import FilmSwimmer
-from finloop.plan.policies import Policy
+from finloop.plan.search import film_candidates
 from finloop.plan.walls import kept_inside
 from finloop.plan.world import FilmWorld
 
@@ -21,17 +24,44 @@ _ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one afte
 _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 
 
-class Avoidance:
-    """Keeps fish clear of the walls and of each other. policy: of the mode."""
+class Fallback:
+    """What fish do that have no way. leave: how one would swim to a place."""
 
-    def __init__(self, policy: Policy, waters: FilmWorld) -> None:
-        self._policy, self._waters = policy, waters
-        self._film = FilmSwimmer(waters)
-        motion = waters.motion
-        self._drift_px = _DRIFT * motion.body_length_px / motion.delta  # in a tick
+    def __init__(
+        self, world: FilmWorld, leave: Callable[[Fish, Target, np.random.Generator], Stretch]
+    ) -> None:
+        self._world, self._leave = world, leave
+        self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta  # in a tick
 
-    def kept_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
-        """What of a stretch stays inside, and meets no other fish, now or where it ends.
+    def stay(self, fish: Fish, aim: Target, turns: bool = True) -> Stretch:
+        """Return a stride on the spot while the film goes on. turns: whether towards the aim."""
+        film, most_deg = self._world.film, self._world.brisk.turn_deg
+        last, begin, rot = len(film.more) - 1, fish.row, fish.rot
+        if film.more[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
+            begin = int(rows[0])
+        if film.body:
+            rot = float(wrap(film.heading[min(fish.row + 1, last)] + rot - film.heading[begin]))
+        rows = np.arange(begin, begin + self._world.cost_weights.stride)
+        next_row = np.minimum(rows[:-1] + 1, last)
+        goes_on = film.more[next_row] & film.endless[np.minimum(next_row + 1, last)]
+        rows = rows[: 1 + int(np.argmin(np.append(goes_on, False)))]
+        filmed = film.heading[rows] + rot
+        way = np.empty((len(rows), 3))
+        way[:, 0], way[:, 1] = fish.x, fish.y
+        there = bearing(fish.x, fish.y, aim.x, aim.y)
+        before = heading = fish.heading
+        for k, own in enumerate(filmed):
+            if turns:
+                heading += towards_by(wrap(own - before), there - heading, most_deg)
+            way[k, 2], before = heading, own
+        rots = way[:, 2] - film.heading[rows]
+        state = FORECAST if fish.state == FORECAST else FILM
+        return Stretch(
+            state, way, rows, begin != fish.row + 1, aim, False, Decision(SPOT), FRAME, rots
+        )  # fmt: skip
+
+    def keep_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
+        """Return what of a stretch stays inside, and meets no other fish, now or where it ends.
 
         Else what can be done: at a wall the fish stays; one that is blocked by another, or turns on
         the spot beside it, makes way.
@@ -52,10 +82,14 @@ class Avoidance:
                 return other.cut(ticks)
         return way.cut(1)
 
+    def ticks(self, fish: Fish, stretch: Stretch) -> int:
+        """Return how many ticks of a stretch are clear of all, so that the fish can stay then."""
+        return lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
+
     def _inside(self, stretch: Stretch) -> Stretch | None:
         """As much of a stretch as stays inside, moved off the walls; None if nothing of it does."""
-        most, numbers = self._film.rules.pace, stretch.pictures.astype(np.int64)
-        way = kept_inside(self._waters.bounds, numbers, stretch.way, most)
+        most, numbers = self._world.cost_weights.pace, stretch.pictures.astype(np.int64)
+        way = kept_inside(self._world.bounds, numbers, stretch.way, most)
         if np.array_equal(way, stretch.way):
             return stretch
         return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
@@ -65,7 +99,7 @@ class Avoidance:
 
         In a corner where it cannot, it drifts towards open water.
         """
-        open_water = Target(*self._waters.tank.into(fish.x, fish.y), 0.0, 0.0)
+        open_water = Target(*self._world.tank.into(fish.x, fish.y), 0.0, 0.0)
         ways = self._staying(fish, aim)
         for stays in ways:
             turns = (stays.way[:, 2] != fish.heading).any()
@@ -73,10 +107,6 @@ class Avoidance:
             if (inside := self._inside(replace(stays, way=way))) is not None:
                 return inside
         return ways[-1]
-
-    def ticks(self, fish: Fish, stretch: Stretch) -> int:
-        """How many ticks of a stretch can be swum, clear of all, so that the fish can stay then."""
-        return lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
 
     def _making_way(
         self, fish: Fish, x: float, y: float, rng: np.random.Generator
@@ -87,7 +117,7 @@ class Avoidance:
         there, not turning, with the same picture; stays with the same picture.
         """
         away = self._beyond(fish, x, y, 0.0)
-        leaves = self._policy.next(fish, away, rng)
+        leaves = self._leave(fish, away, rng)
         # Who is blocked all round may swim, too, and gain nothing: a drift is quicker.
         gains = np.hypot(*(leaves.way[:, :2] - (x, y)).T) - np.hypot(fish.x - x, fish.y - y)
         ticks = self.ticks(fish, leaves)
@@ -102,30 +132,26 @@ class Avoidance:
 
     def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
         """A place to make way to for a fish at x, y: away from it, or so much aside of that."""
-        far = _AWAY * self._waters.motion.body_length_px
+        far = _AWAY * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
-        return Target(*self._waters.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
+        return Target(*self._world.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
 
     def _staying(self, fish: Fish, away: Target) -> list[Stretch]:
         """What a fish can show in its place: turning, not turning, the same picture."""
-        stays = self._film.stay(fish, away, turns=False)
-        rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
+        stays = self.stay(fish, away, turns=False)
+        rot = stays.way[:, 2] - self._world.film.heading[fish.row]
         same = np.full(len(rot), fish.row)
         frozen = replace(stays, number=same, rot=rot, new=False)
-        turned = self._turned(frozen, away)
-        ways = [self._film.stay(fish, away), stays, turned, frozen]
-        if fish.state == FORECAST:
-            return [replace(one, state=FORECAST) for one in ways]
-        return ways
+        return [self.stay(fish, away), stays, self._turned(frozen, away), frozen]
 
     def _turned(self, frozen: Stretch, aim: Target) -> Stretch:
         """The same picture in its place, turned towards an aim tick by tick."""
         (x, y, heading), ticks = frozen.way[0], np.arange(1, len(frozen.way) + 1)
         error = float(wrap(bearing(x, y, aim.x, aim.y) - heading))
         # So slowly that its ends swim no faster than a brisk fish does.
-        slowly = np.degrees(self._film.rules.pace / self._waters.motion.body_length_px)
-        most = min(self._waters.brisk.turn_deg, slowly) * ticks
+        slowly = np.degrees(self._world.cost_weights.pace / self._world.motion.body_length_px)
+        most = min(self._world.brisk.turn_deg, slowly) * ticks
         turn = np.sign(error) * np.minimum(most, abs(error))
         way = frozen.way + np.outer(turn, (0.0, 0.0, 1.0))
         rot = None if frozen.rot is None else frozen.rot + turn

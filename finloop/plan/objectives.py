@@ -4,15 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.kinematics import Target, bearing, wrap
+from finloop.animate.kinematics import Target, touches
 from finloop.animate.route import NO_ROUTE, Route, asked_at, place
 from finloop.animate.rule import Rule
 from finloop.animate.state import Effort, Fish
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
 from finloop.edit.schema import Goal
-from finloop.plan.cost import NO_STEERING, CostWeights, Steering, near
-from finloop.plan.walls import beyond
+from finloop.plan.cost import NO_STEERING, Steering, near
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import Self, shoaling_place
 
@@ -35,22 +34,58 @@ def along_path(route: Route, steering: Steering) -> Objective:
     return Objective(Target(0.0, 0.0, 0.0, 0.0, True), route, steering)
 
 
+# --- two questions of the search: is it done, and about what is still to come?
+
+
 @leaf_kernel
-def remaining(x: float, y: float, heading: float, aim: Target, rules: CostWeights):  # type: ignore[no-untyped-def]
-    """About how many ticks it is to a point: way / pace + turn / turning; 0 for who wanders."""
-    if aim.free:
+def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
+    """Return whether a way has come to its aim, and can go on from there, or to a path's end."""
+    if objective.route.x.size:
+        return at_path_end(objective.route, way.along)
+    rows = graph.film.rows
+    at, heading = rows[way.row], rows[way.row].heading + way.rot
+    if objective.aim.free or not touches(way.x, way.y, heading, objective.aim):
+        return False
+    return at.more and rows[way.row + 1].endless
+
+
+@leaf_kernel
+def estimate_cost_to_come(lead, way, turned, objective, by):  # type: ignore[no-untyped-def]
+    """Return about what is still to come, in ticks, if a row is played on from where a way is.
+
+    lead: of the row; turned: cosine and sine of the heading; by: weights; where the fish is asked
+    to be.
+    """
+    if objective.route.x.size:
+        soon = by[1], objective.steering
+        return estimate_path_cost(lead, way, turned, objective.route, soon)
+    if objective.aim.free:
         return 0.0
-    far = np.hypot(aim.x - x, aim.y - y)
-    error = abs(wrap(bearing(x, y, aim.x, aim.y) - heading))
-    return far / rules.pace + error / rules.turning
+    return estimate_ticks_to(way.x, way.y, turned, objective.aim, by[0])
 
 
 @leaf_kernel
-def estimate_ticks_to_aim(space, way, aim, rules):  # type: ignore[no-untyped-def]
-    """Return about how many ticks a way still takes to the aim, and to turn from a wall ahead."""
-    heading = space.film.rows[way.row].heading + way.rot
-    aside = rules.aside * beyond(space.bounds, way.x, way.y, heading, rules.room)
-    return remaining(way.x, way.y, heading, aim, rules) + aside
+def estimate_ticks_to(x, y, turned, aim, weights):  # type: ignore[no-untyped-def]
+    """Return about how many ticks it is to a point: way / pace + turn / turning."""
+    dx, dy = aim.x - x, y - aim.y
+    far = np.hypot(dx, dy)
+    ahead = (dx * turned[0] + dy * turned[1]) / max(far, 1e-9)
+    error = np.degrees(np.arccos(min(max(ahead, -1.0), 1.0)))
+    return far / weights.pace + error / weights.turning
+
+
+@leaf_kernel
+def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def]
+    """Return what the ticks of a way cost.
+
+    To a goal each costs one. On a path without times each costs as much as the fish lags, less what
+    it has come on; on one with times being late has its own price.
+    """
+    if not objective.route.x.size:
+        return float(way.ticks)
+    if objective.route.when.size:
+        return 0.0
+    return start.lag * (way.ticks - (way.along - start.along) / weights.pace)
 
 
 @finite_leaf
@@ -85,7 +120,7 @@ def direction(at, way):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def estimate_next_cost(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
+def estimate_path_cost(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
     """About what the next ticks cost, in ticks, if a row is played on from where a way has come to.
 
     By the places that it leads to, less what can be corrected on the way there: by Simpson's rule.

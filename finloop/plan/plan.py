@@ -4,29 +4,25 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.kinematics import wrap
-from finloop.animate.memory import Repeat, remembered, repeated
-from finloop.animate.state import Fish, Run
+from finloop.animate.state import Run
 from finloop.base.arrays import Floats, Ints
-from finloop.edit.schema import SPOT, WAITING
-from finloop.edit.stretch import Stretch
-from finloop.features.table import wrap_deg
-from finloop.plan.graph import MotionGraph
-from finloop.plan.search import Outcomes, Ways, verdicts
-from finloop.plan.world import FilmWorld
+from finloop.edit.schema import CONSIDERED, TERMS, VERDICTS
+from finloop.edit.stretch import Decision, Swim
+from finloop.plan.cost import CHANCE
+from finloop.plan.search import Candidates, Outcomes
 
 
 @dataclass(frozen=True)
 class Options:
     """Rows (k,) that could be shown next, and the verdict on each.
 
-    rots: by how much they would be turned; seams: distances in median steps; terms (k, 3): seconds
-    that showing them costs at once, for the seam, for the change of speed, for what was on screen
-    just now; value: seconds to the goal that the best way from there takes, with these and its
-    further jumps, infinite where there is none; ticks: how long it stays in the tank; verdict:
-    number in `VERDICTS`; taken: which one was, −1 for none.
+    rots: by how much they would be turned; seams: distances in median steps; terms (k, t): seconds
+    that the best way from there costs, of `TERMS`, nothing where there is none; value: their sum
+    but for what is left to chance, infinite where there is none; ticks: how long it stays in the
+    tank; verdict: number in `VERDICTS`; taken: which one was, −1 for none.
     """
 
     rows: Ints
@@ -38,36 +34,49 @@ class Options:
     verdict: NDArray[np.int8]
     taken: int = -1
 
+    def count_into(self, decision: Decision) -> Decision:
+        """Return a decision with how many ways were weighed, and how many fail which test."""
+        counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
+        _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
+        return decision._replace(
+            ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading
+        )
+
 
 class Plan(NamedTuple):
-    """The way that is taken of some (k,) that could be.
+    """The way that is taken of some (k,) that could be, by one way to move (state).
 
-    value: what it costs, in ticks; terms (k, 3): what each costs at once, in ticks; rows, ticks
-    (l,): with which its legs begin, and how long they are.
+    taken: number of its candidate; rows, ticks (l,): with which its legs begin, and how long they
+    are.
     """
 
-    value: float
-    ways: Ways
-    taken: int
-    terms: Floats
+    state: int
+    candidates: Candidates
     found: Outcomes
+    taken: int
     rows: Ints
     ticks: Ints
 
+    @property
+    def value(self) -> float:
+        """What it costs, in ticks, but for what is left to chance; infinite where it ends."""
+        return float(self.found.value[self.taken] - self.found.terms[self.taken, CHANCE])
+
     def options(self, rate_hz: float) -> Options:
-        """What was weighed."""
+        """Return what was weighed."""
+        made, found = self.candidates, self.found
+        value = (found.value - found.terms[:, CHANCE]) / rate_hz
         return Options(
-            self.ways.rows, self.ways.rots, self.ways.seams, self.terms / rate_hz,
-            self.found.value / rate_hz, self.found.ticks, verdicts(self.found),
-            self.taken,
+            made.rows, made.rots, made.seams, found.terms / rate_hz, value, found.ticks,
+            found.verdicts, self.taken,
         )  # fmt: skip
 
-    def runs(self, swum: int) -> tuple[Run, ...]:
-        """The runs of its first ticks, about so many; of one that comes to an end the first leg's.
+    def runs(self, most: int) -> tuple[Run, ...]:
+        """Return the runs of its first ticks, about `most`; where it ends those of its first leg.
 
         Legs that go on by the film are one run.
         """
-        whole = np.cumsum(self.ticks) <= swum if np.isfinite(self.value) else np.zeros(1, bool)
+        whole = np.cumsum(self.ticks) <= most if np.isfinite(self.value) else np.zeros(1, bool)
         count = max(1, np.count_nonzero(whole))
         rows, ticks = self.rows[:count], self.ticks[:count]
         new = np.append(True, rows[1:] != rows[:-1] + ticks[:-1])
@@ -75,45 +84,30 @@ class Plan(NamedTuple):
         return tuple(map(Run, rows[new].tolist(), total.tolist()))
 
 
-def seam_to(film: MotionGraph, fish: Fish, row: int) -> tuple[float, float]:
-    """The seam, in median steps, and the turn, degrees, of a row that a fish shows next."""
-    own = fish.row + 1
-    if row == own:
-        return 0.0, fish.rot
-    end = film.rows["end"][own]
-    jumps = slice(film.start[end], film.start[end + 1])
-    seam = float(film.seam[jumps][film.to[jumps] == row][0])
-    turned = film.rows["heading"][own] + fish.rot - film.rows["heading"][row]
-    return seam, float(wrap_deg(turned)) if film.body else fish.rot
+def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
+    """Return what was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
+
+    filmed: rows of the film, after which its mirror images are counted; fish: its number.
+    """
+    begins = np.cumsum([0] + [len(s.way) for s in swum.stretches])
+    parts = [_weighed(tick, o, filmed) for tick, o in zip(
+        begins, (s.options for s in swum.stretches), strict=False
+    ) if tick < ticks and o is not None]  # fmt: skip
+    none = pd.DataFrame({name: [] for name in CONSIDERED.names[1:]})
+    table = pd.concat(parts, ignore_index=True) if parts else none
+    table.insert(0, "fish", fish)
+    return table
 
 
-def after(fish: Fish, stretch: Stretch, waters: FilmWorld) -> Fish:
-    """The fish at the end of a stretch of film."""
-    ticks, number = len(stretch.way), int(stretch.number[-1])
-    x, y, heading = map(float, stretch.way[-1])
-    film = waters.film
-    assert stretch.rot is not None
-    return Fish(
-        x, y, float(wrap(heading)),
-        speed=0.0 if stretch.decision.reason in (SPOT, WAITING) else float(film.speed[number]),
-        state=stretch.state, sprite=-1, phase=fish.phase, area=float(film.area[number]),
-        tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
-        since=ticks - 1 if stretch.new else fish.since + ticks,
-        waits=fish.waits + ticks if stretch.waits else 0,
-        recent=_remembered(fish, stretch, waters), repeat=_repeated(fish, stretch),
-        past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
-        lag=waters.tempo.after(fish.lag, stretch.way, (fish.x, fish.y)),
-    )  # fmt: skip
-
-
-def _remembered(fish: Fish, stretch: Stretch, waters: FilmWorld) -> Ints:
-    """The film that was on screen within the memory, with that of a stretch."""
-    since = fish.tick - waters.settings.memory * waters.motion.delta
-    first, last = stretch.number[[0, -1]].tolist()
-    return remembered(fish.recent, first, last, fish.tick, since)
-
-
-def _repeated(fish: Fish, stretch: Stretch) -> Repeat:
-    """The repeat after a stretch."""
-    first, last = stretch.number[[0, -1]].tolist()
-    return repeated(fish.repeat, fish.recent, first, last)
+def _weighed(tick: int, options: Options, filmed: int) -> pd.DataFrame:
+    """Return what was weighed at a tick, a row each."""
+    ends = np.isinf(options.value)
+    terms = {
+        f"{name}_s": np.where(ends, np.nan, options.terms[:, k]) for k, name in enumerate(TERMS)
+    }
+    return pd.DataFrame({
+        "tick": tick, "row": options.rows % filmed, "mirrored": options.rows >= filmed,
+        "seam": options.seams, "value_s": np.where(ends, np.nan, options.value),
+        **terms, "fails": [VERDICTS[verdict] for verdict in options.verdict],
+        "taken": np.arange(len(options.rows)) == options.taken,
+    })  # fmt: skip

@@ -1,55 +1,87 @@
-"""Who swims in mode `matching`, and the next stretch: to a goal, along a path, or anywhere."""
+"""The planner of mode `matching`: a fish and what it is sent for in, the next stretch out.
+
+Ways are weighed by one search (`finloop.plan.search`): through the film where a way of it leads on,
+else as the forecast predicts. The first part of the best is swum, a stride of it beside other fish.
+Where no way leads on, `finloop.plan.fallback` says what the fish does.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 
 from finloop.animate.cast import Cast
 from finloop.animate.company import ALONE, Company, can_stay, company_of, near_first
-from finloop.animate.kinematics import Target
+from finloop.animate.kinematics import Target, aim_in, touches, wrap
+from finloop.animate.memory import remembered
 from finloop.animate.places import somewhere
-from finloop.animate.route import Route
+from finloop.animate.route import Route, foot, least_along, place
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
-from finloop.animate.state import Effort, Progress, State
-from finloop.base.arrays import Floats
+from finloop.animate.state import Effort, Fish, Progress, Run, State
+from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import Sources
 from finloop.edit.joins import Joins
-from finloop.edit.schema import CONSIDERED, FRAME, TURN, VERDICTS, Goal
-from finloop.edit.stretch import Stretch, Swim
-from finloop.plan.fallback import Avoidance
-from finloop.plan.follower import Follower
-from finloop.plan.objectives import effort, wish
-from finloop.plan.plan import after
-from finloop.plan.policies import Policy
+from finloop.edit.schema import (
+    FILM,
+    FORETOLD,
+    FRAME,
+    JUMP,
+    NO_WAY,
+    PLAY,
+    SPOT,
+    TERMS,
+    WAITING,
+    Goal,
+)
+from finloop.edit.stretch import Decision, Stretch
+from finloop.features.table import wrap_deg
+from finloop.loops.positions import quadrant
+from finloop.plan.advance import advance
+from finloop.plan.cost import CHANCE, CostWeights, Steering
+from finloop.plan.fallback import Fallback
+from finloop.plan.objectives import Objective, along_path, effort, to_goal, wish
+from finloop.plan.plan import Plan
+from finloop.plan.search import Candidates, SearchStart, search
+from finloop.plan.sources import Source
 from finloop.plan.walls import fits
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import Shoaling
 
 _PLACES = 200  # a place clear of the other fish is drawn so often
+_ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, True)  # the task of a fish that goes where the film goes
+_WIDER = 8  # times as many ways are followed where, of those that were, none leads on
+_STARTS = 300  # rows that a path is begun from are drawn from so many
 
 
 @dataclass(frozen=True)
-class Player:
-    """Whoever swims. policy: what may be shown next; joins: how pictures follow on others.
+class Planner:
+    """Moves fish in mode `matching`. film, prediction: the ways to move, one of them at least.
 
-    shoaling: how fish swim by zones; None where nothing was learnt of it.
+    joins: how pictures follow on others; shoaling: how fish swim by zones, None where nothing was
+    learnt of it; sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes
+    on.
     """
 
-    policy: Policy
-    waters: FilmWorld
+    world: FilmWorld
+    film: Source | None
+    prediction: Source | None
     cast: Cast
     joins: Joins
-    shoaling: Shoaling | None = None
+    shoaling: Shoaling | None
+    sprite_rows: Ints
 
     most_fish = None
+
+    @property
+    def waters(self) -> FilmWorld:
+        """The world, as other players call it."""
+        return self.world
 
     @cached_property
     def sources(self) -> Sources:
         """What its edit lists can show."""
-        film, motion = self.waters.film, self.waters.motion
+        film, motion = self.world.film, self.world.motion
         own = slice(0, film.filmed)
         return Sources(
             motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
@@ -57,21 +89,23 @@ class Player:
             ("matching", "matching"),
         )  # fmt: skip
 
+    # --- where a fish begins, and whom it knows
+
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
     ) -> State:
-        """A fish somewhere in the tank, clear of the walls and of the others.
+        """Return a fish somewhere in the tank, clear of the walls and of the others.
 
         Or at the beginning of a path, whoever else is there. NoRoom where, of many places drawn,
         none is clear.
         """
         if route is not None:
-            return State(self.follower.begin(route, rng), np.zeros(2))
+            return State(self._begin_path(route, rng), np.zeros(2))
         for _ in range(_PLACES):
-            fish = self.policy.begin(rng)
-            place = np.array([fish.x, fish.y, fish.heading])
-            fits_in = fits(self.waters.bounds, fish.picture, *place)
-            if fits_in and can_stay(company, fish.picture, place, fish.tick):
+            fish = self._begin_anywhere(rng)
+            there = np.array([fish.x, fish.y, fish.heading])
+            fits_in = fits(self.world.bounds, fish.picture, *there)
+            if fits_in and can_stay(company, fish.picture, there, fish.tick):
                 return State(fish, np.zeros(2))
         others = company.places.shape[1]
         raise NoRoom(
@@ -80,115 +114,371 @@ class Player:
             "take fewer fish, or let them overlap (matching.overlap=true)",
         )
 
+    def _begin_anywhere(self, rng: np.random.Generator) -> Fish:
+        """Return a fish somewhere in the tank, at a row from which it need never stop."""
+        source = self._first_source
+        x, y = self.world.tank.random_point(rng)
+        row = int(rng.choice(_lasting_rows(source)))
+        rot = float(rng.uniform(-180, 180)) if source.graph.film.body else 0.0
+        heading = float(wrap(source.graph.film.heading[row] + rot))
+        return Fish(x, y, heading, 0.0, source.state, -1, row=row, rot=rot)
+
+    def _begin_path(self, route: Route, rng: np.random.Generator) -> Fish:
+        """Return a fish at the beginning of a path, in the row from which it follows it best."""
+        source = self._first_source
+        graph, rows = source.graph, source.graph.film.rows
+        lasting = _lasting_rows(source)
+        some = np.sort(rng.choice(lasting, min(_STARTS, len(lasting)), replace=False))
+        x, y = map(float, place(route, 0.0))
+        ticks = graph.leads["ticks"][some]
+        dx, dy = (rows[axis][some + ticks] - rows[axis][some] for axis in "xy")
+        ahead = place(route, self.world.motion.body_length_px)
+        towards = np.arctan2(y - ahead[1], ahead[0] - x)
+        rots = np.asarray(wrap_deg(np.degrees(towards - np.arctan2(-dy, dx))), float)
+        if not graph.film.body:
+            rots = np.zeros_like(rots)
+        n = len(some)
+        made = Candidates(some, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS))))
+        lag = self.world.tempo.price_along(0.0, self.world.settings.path_pace)
+        start = SearchStart(x, y, route.begins - 1, 0.0, np.zeros((0, 3), np.int64), lag=lag)
+        plan = self._search(source, (made, start), along_path(route, self.steering))
+        best = plan.taken if plan else 0
+        row, rot = int(some[best]), float(rots[best])
+        heading = float(wrap_deg(rows["heading"][row] + rot))
+        return Fish(x, y, heading, 0.0, source.state, -1, row=row, rot=rot)
+
+    @property
+    def _first_source(self) -> Source:
+        source = self.film or self.prediction
+        assert source is not None
+        return source
+
     def company(self, others: Floats, start: int) -> Company:
-        """What a fish that decides at a tick knows of the others (n, m, 4), of `Plans.others`."""
-        p = self.waters.settings
+        """Return what a fish that decides at a tick knows of the others (n, m, 4)."""
+        p = self.world.settings
         if p.overlap or not others.shape[1]:
             return ALONE
-        return company_of(others, start, self.cast.discs, self.waters.ticks(p.give_way))
+        return company_of(others, start, self.cast.discs, self.world.ticks(p.give_way))
 
     def among(self, state: State, others: Floats) -> State:
-        """A state that decides among others (n, m, 4), of `Plans.others`.
+        """Return a state that decides among others (n, m, 4), of `Plans.others`.
 
         It looks for those alone that it can come near.
         """
         fish = state.fish
         company = self.company(others, fish.tick)
         if company.near:
-            company = near_first(company, fish.x, fish.y, self.waters.farthest)
+            company = near_first(company, fish.x, fish.y, self.world.farthest)
         return state._replace(fish=replace(fish, company=company))
 
-    @cached_property
-    def _avoidance(self) -> Avoidance:
-        return Avoidance(self.policy, self.waters)
-
-    @cached_property
-    def follower(self) -> Follower:
-        """Whoever follows paths as this player swims."""
-        return Follower(self.policy, self.waters)
+    # --- what comes next
 
     def step(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """The next stretch to the goal, along a path, by a rule, or anywhere, and the state then.
+        """Return the next stretch to a goal, along a path, by a rule or anywhere, and the state.
 
         The same state, goal and generator state give the same stretch. Nothing else is changed.
         """
-        waters, place, left = self.waters, state.place, 0
-        fish = state.fish
+        fish = state.fish if state.fish.row >= 0 else self._from_sprite(state.fish)
+        state = state._replace(fish=fish)
         if isinstance(goal, Route):
-            whole, path = self.follower.next(fish, state.path, goal, rng)
-            stretch = self._avoidance.kept_clear(fish, whole, rng)
-            # How far along a path a shorter one leads the next step finds from where it was.
-            path = path if stretch is whole else Progress(state.path.along)
-            return stretch, State(after(fish, stretch, waters), place, path=path)
-        wished, free, tried = False, False, Effort()
-        if isinstance(goal, Goal):
-            tried = effort(state.effort, fish, goal, waters, rng)
-            x, y = tried.detour if fish.tick < tried.until else tried.goal
-        else:
-            place, left, wished = self._target(state, goal, rng)
-            x, y = place
-            free = not wished and waters.settings.wander == "film"
-        spot = Target(float(x), float(y), waters.touch_px, waters.head_px, free)
-        film = self.policy.film
-        if fish.tick < tried.until and film.faces_wall(fish):
-            stretch = film.stay(fish, spot)
-        else:
-            stretch = self.policy.next(fish, spot, rng)
-        stretch = self._avoidance.kept_clear(fish, stretch, rng)
+            return self._follow(state, goal, rng)
+        aimed, spot = self._aim(state, goal, rng)
+        objective = to_goal(self._in_sight(fish, spot))
+        task = _ANYWHERE if spot.free else spot
+        stretch, path = self._move(fish, aimed.path, objective, task, rng)
+        whole = stretch
+        stretch = self._fallback.keep_clear(fish, stretch, rng)
+        if stretch is not whole:
+            path = Progress()
+        tried = aimed.effort
         if fish.tick < tried.until and stretch.touched:  # it was the place of a detour
             stretch, tried = replace(stretch, touched=False), tried._replace(until=fish.tick)
         keeps = not isinstance(goal, Goal) and not stretch.touched
-        turns = stretch.state == TURN and not wished
-        left = max(0, left - len(stretch.way) * (not turns)) if keeps else 0
-        return stretch, State(after(fish, stretch, waters), place, left, wished, tried)
+        left = max(0, aimed.left - len(stretch.way)) if keeps else 0
+        after = aimed._replace(fish=self._after(fish, stretch), left=left, effort=tried, path=path)
+        return stretch, after
 
-    def _target(
+    def _aim(
+        self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
+    ) -> tuple[State, Target]:
+        """Return where a fish swims that follows no path, and the state that remembers it."""
+        world, free = self.world, False
+        if isinstance(goal, Goal):
+            tried = effort(state.effort, state.fish, goal, world, rng)
+            x, y = tried.detour if state.fish.tick < tried.until else tried.goal
+            state = state._replace(left=0, wished=False, effort=tried)
+        else:
+            spot, left, wished = self._place_to_go(state, goal, rng)
+            x, y = map(float, spot)
+            free = not wished and world.settings.wander == "film"
+            state = state._replace(place=spot, left=left, wished=wished, effort=Effort())
+        return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
+
+    def _place_to_go(
         self, state: State, rule: Rule | None, rng: np.random.Generator
     ) -> tuple[Floats, int, bool]:
-        """A place (2,) px that is no goal, for how many ticks, and whether a rule wishes it."""
+        """Return a place (2,) px that is no goal, for how many ticks, and whether by a rule."""
         if state.left > 0 and state.wished and rule is not None and rule.leader is None:
             return state.place, state.left, True
-        wished = None if rule is None else wish(rule, state.fish, self.waters, rng)
+        wished = None if rule is None else wish(rule, state.fish, self.world, rng)
         if wished is not None:
             return *wished, True
         if state.left > 0 and not state.wished:
             return state.place, state.left, False
-        return *somewhere(self.waters, state.fish, rng), False
+        return *somewhere(self.world, state.fish, rng), False
+
+    def _in_sight(self, fish: Fish, goal: Target) -> Target:
+        """Return the point to head for: the goal, or what is in sight of the way to it."""
+        tank = self.world.tank
+        aim = aim_in(tank, (fish.x, fish.y), goal, self.world.touch_px)
+        return goal if aim[:2] == tank.into(goal.x, goal.y) else aim
+
+    def _follow(
+        self, state: State, route: Route, rng: np.random.Generator
+    ) -> tuple[Stretch, State]:
+        """Return the next stretch along a path, and the state then."""
+        fish, path = state.fish, state.path
+        since = least_along(route, path.along, fish.tick)
+        path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
+        objective = along_path(route, self.steering)
+        whole, on = self._move(fish, path, objective, route, rng)
+        stretch = self._fallback.keep_clear(fish, whole, rng)
+        # How far along a path a shorter one leads the next step finds from where it was.
+        on = on if stretch is whole else Progress(state.path.along)
+        return replace(stretch, touched=False), state._replace(
+            fish=self._after(fish, stretch), path=on
+        )
+
+    def _move(
+        self, fish: Fish, path: Progress, objective: Objective, task: Route | Target,
+        rng: np.random.Generator,
+    ) -> tuple[Stretch, Progress]:  # fmt: skip
+        """Return what is shown next, and what is planned then. task: what plans are made for."""
+        if path.runs and _same(path.task, task) and not fish.company.near:
+            stretch, on = self._swim_run(fish, path, objective, None)
+            if len(stretch.way):
+                return stretch, on
+        plans = self._plans(fish, path.along, objective, rng)
+        near, stride = fish.company.near, self._weights.stride
+        for plan in plans:
+            runs = plan.runs(stride if near else self._commit(objective))
+            planned = Progress(path.along, task, runs, plan.state)
+            stretch, on = self._swim_run(fish, planned, objective, plan)
+            if len(stretch.way):
+                return stretch, on
+        aim = self._point_ahead(objective, path.along)
+        options = plans[0].options(self.world.motion.rate_hz) if plans else None
+        stretch = self._fallback.stay(fish, aim)
+        goal = task if isinstance(task, Target) else _ANYWHERE
+        if not goal.free and touches(*stretch.way[0], goal):  # it rests on its goal
+            stretch = replace(stretch.cut(1), touched=True)
+        if options is not None:
+            options = replace(options, taken=-1)
+            stretch = replace(
+                stretch, options=options, decision=options.count_into(stretch.decision)
+            )
+        return stretch, Progress(path.along)
+
+    def _plans(
+        self, fish: Fish, along: float, objective: Objective, rng: np.random.Generator
+    ) -> list[Plan]:
+        """Return the best plan by the film, and by the forecast where it is looked at, best first.
+
+        The forecast is looked at where the film has no way on, or leaves the path.
+        """
+        plans = [self._weigh(self.film, fish, along, objective, rng)] if self.film else []
+        film = plans[0] if plans else None
+        if film is None or self._gives_up(film, fish, objective):
+            plans.append(self._weigh(self.prediction, fish, along, objective, rng))
+        found = [one for one in plans if one is not None]
+        # To leave the film costs as much as a seam of one natural step.
+        leaves = self._weights.seam
+        return sorted(
+            found,
+            key=lambda one: (one.value + leaves * (one.state != FILM), -one.found.ticks.max()),
+        )
+
+    def _gives_up(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
+        """Return whether a plan has no way on, or costs as much as to stand still off the path."""
+        route, p = objective.route, self.world.settings
+        if not len(route.x):
+            return not np.isfinite(plan.value)
+        beside = p.path_left**2
+        price = p.path_across * beside
+        price += p.path_late * beside if route.timed else self._lag(fish, objective)
+        return plan.value > price * float(plan.ticks.sum())
+
+    def _weigh(
+        self, source: Source | None, fish: Fish, along: float, objective: Objective,
+        rng: np.random.Generator,
+    ) -> Plan | None:  # fmt: skip
+        """Return the best plan by a way to move; None where no row could be shown."""
+        made = source and source.candidates(fish, self._lag(fish, objective), along)
+        if not (source and made):
+            return None
+        if not len(objective.route.x):
+            noise = self.world.settings.free * self.world.motion.delta
+            made[0].terms[:, CHANCE] = rng.exponential(noise, len(made[0].rows))
+        return self._search(source, made, objective)
+
+    def _search(
+        self, source: Source, made: tuple[Candidates, SearchStart], objective: Objective
+    ) -> Plan | None:
+        """Return the plan of the cheapest of some candidates, the longest where all end."""
+        (candidates, start), weights = made, self._weights
+        swum = weights.stride if start.company.near else self._commit(objective)
+        horizon = swum + self.world.ticks(self.world.settings.look_ahead)
+        found, rows = search(source.graph, candidates, start, objective, weights, horizon)
+        if found.over.any() and not np.isfinite(found.value).any():
+            # The cheapest ways are much alike, and may all run into one wall.
+            wide = weights._replace(beam=_WIDER * weights.beam)
+            found, rows = search(source.graph, candidates, start, objective, wide, horizon)
+        if not len(rows):
+            return None
+        taken = int(np.flatnonzero(candidates.rows == rows[0])[0])
+        ends = np.minimum(np.cumsum(source.graph.leg[rows]), horizon)
+        return Plan(source.state, candidates, found, taken, rows, np.diff(ends, prepend=0))
+
+    def _swim_run(
+        self, fish: Fish, path: Progress, objective: Objective, plan: Plan | None
+    ) -> tuple[Stretch, Progress]:
+        """Return the next run of what is planned, and the rest; beside others a stride of it.
+
+        plan: what it was chosen by, None where it was chosen before.
+        """
+        run, *later = path.runs
+        stride, rate = self._weights.stride, self.world.motion.rate_hz
+        if fish.company.near and run.ticks > stride:
+            later.insert(0, Run(run.row + stride, run.ticks - stride))
+            run = Run(run.row, stride)
+        source = self.film if path.motion == FILM else self.prediction
+        assert source is not None
+        passage, film = source.passage(fish, run), self.world.film
+        goal = path.task if isinstance(path.task, Target) else _ANYWHERE
+        goes_on = source.graph.film.plays(passage.numbers)
+        way, used, along, touched = advance(
+            passage.way, np.ascontiguousarray(passage.speed, float),
+            passage.numbers.astype(np.int64), (path.along, fish.tick), (objective, goal),
+            (self.world.bounds, goes_on),
+        )  # fmt: skip
+        numbers = passage.numbers[: len(way)]
+        decision, options = Decision(PLAY), None
+        if path.motion != FILM:
+            decision = Decision(FORETOLD)
+        elif passage.jumps:
+            decision = Decision(JUMP, seam=passage.seam)
+        if len(way) and not len(objective.route.x):
+            dx, dy = way[-1, :2] - (fish.x, fish.y)
+            decision = decision._replace(quadrant=int(quadrant(dx, -dy)))
+        if plan is not None:
+            options = plan.options(rate)
+            value_s = plan.value / rate if np.isfinite(plan.value) else np.nan
+            decision = options.count_into(decision._replace(value_s=value_s))
+            if path.motion != FILM and fish.state == FILM:
+                decision = decision._replace(exit=NO_WAY)
+        stretch = Stretch(
+            source.state, way, numbers, passage.jumps,
+            self._point_ahead(objective, along), touched, decision, FRAME,
+            wrap_deg(way[:, 2] - film.heading[numbers]),
+            past=None if passage.past is None else passage.past[: len(passage.past)
+                - len(passage.numbers) + len(way)],
+            steer=used if len(objective.route.x) else None, options=options,
+        )  # fmt: skip
+        runs = tuple(later) if len(way) == run.ticks and not touched else ()
+        return stretch, path._replace(along=along, runs=runs)
+
+    def _point_ahead(self, objective: Objective, along: float) -> Target:
+        """Return the point that a fish heads for: its aim, or a body length ahead on its path."""
+        if not len(objective.route.x):
+            return objective.aim
+        x, y = map(float, place(objective.route, along + self.world.motion.body_length_px))
+        return Target(x, y, self.world.touch_px, self.world.head_px)
+
+    def _lag(self, fish: Fish, objective: Objective) -> float:
+        """Return the ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
+        tempo, p = self.world.tempo, self.world.settings
+        if len(objective.route.x):
+            return tempo.price_along(fish.lag, p.path_pace)
+        price = tempo.price(fish.lag, p.tempo)
+        return price if objective.aim.free else max(price, 0.0)
+
+    # --- what plans are made of
+
+    @property
+    def _weights(self) -> CostWeights:
+        return self.world.cost_weights
+
+    def _commit(self, objective: Objective) -> int:
+        """Return the ticks of a plan that are swum before others are looked at."""
+        p, stride = self.world.settings, self._weights.stride
+        time = p.path_commit if len(objective.route.x) else p.commit
+        return int(stride * max(1, self.world.ticks(time) // stride))
+
+    @cached_property
+    def steering(self) -> Steering:
+        """How a fish is steered along a path."""
+        return self.world.steering
+
+    @cached_property
+    def _fallback(self) -> Fallback:
+        return Fallback(self.world, self._leave)
+
+    def _leave(self, fish: Fish, away: Target, rng: np.random.Generator) -> Stretch:
+        """Return how a fish would swim to a place."""
+        return self._move(fish, Progress(), to_goal(self._in_sight(fish, away)), away, rng)[0]
+
+    def _from_sprite(self, fish: Fish) -> Fish:
+        """Return a fish that a sprite shows as one of the film's row behind it."""
+        row = int(self.sprite_rows[fish.sprite])
+        rot = float(wrap(fish.heading - self.world.film.heading[row]))
+        return replace(fish, state=FILM, sprite=-1, row=row, rot=rot)
+
+    def _after(self, fish: Fish, stretch: Stretch) -> Fish:
+        """Return the fish at the end of a stretch."""
+        world, ticks, number = self.world, len(stretch.way), int(stretch.number[-1])
+        x, y, heading = map(float, stretch.way[-1])
+        stays = stretch.decision.reason in (SPOT, WAITING)
+        first, last = stretch.number[[0, -1]].tolist()
+        forgets = fish.tick - world.settings.memory * world.motion.delta
+        assert stretch.rot is not None
+        return Fish(
+            x, y, float(wrap(heading)), speed=0.0 if stays else float(world.film.speed[number]),
+            state=stretch.state, sprite=-1, phase=fish.phase, area=float(world.film.area[number]),
+            tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
+            recent=remembered(fish.recent, first, last, fish.tick, forgets),
+            past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
+            lag=world.tempo.after(fish.lag, stretch.way, (fish.x, fish.y)),
+        )  # fmt: skip
+
+    # --- what stretches and pictures are asked
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
-        """Whether a stretch from a state meets no other fish, now or where it ends."""
-        return self._avoidance.ticks(state.fish, stretch) == len(stretch.way)
+        """Return whether a stretch from a state meets no other fish, now or where it ends."""
+        return self._fallback.ticks(state.fish, stretch) == len(stretch.way)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
-        """A stretch that began in a state, stopped after some ticks, and the state then."""
+        """Return a stretch that began in a state, stopped after some ticks, and the state then."""
         short = stretch.cut(ticks)
         # How far along a path it is then the next step finds from where it was.
         path = Progress(state.path.along)
-        return short, state._replace(fish=after(state.fish, short, self.waters), path=path)
+        return short, state._replace(fish=self._after(state.fish, short), path=path)
 
     def hull(self, kind: str, source: int) -> Floats:
-        """The outline of a frame or sprite."""
+        """Return the outline of a frame or sprite."""
         if kind == FRAME:
             return self.cast.frame_hulls[source : source + 1][0].astype(float)
         return self.cast.sprite_hulls[source]
 
 
-def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
-    """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
+def _same(one: object, other: object) -> bool:
+    """Return whether two tasks are one: the same path, or the same place to go to."""
+    places = isinstance(one, Target) and isinstance(other, Target)
+    return one is other or (places and one == other)
 
-    filmed: rows of the film, after which its mirror images are counted; fish: its number.
-    """
-    begins = np.cumsum([0] + [len(s.way) for s in swum.stretches])
-    rows = [
-        (tick, row % filmed, row >= filmed, seam, value, VERDICTS[verdict], i == o.taken)
-        for tick, o in zip(begins, (s.options for s in swum.stretches), strict=False)
-        if tick < ticks and o is not None
-        for i, (row, seam, value, verdict) in enumerate(
-            zip(o.rows, o.seams, o.value, o.verdict, strict=True)
-        )
-    ]
-    table = pd.DataFrame(rows, columns=CONSIDERED.names[1:])
-    table.insert(0, "fish", fish)
-    return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
+
+def _lasting_rows(source: Source) -> Ints:
+    """Return the rows from which the film plays on, and need never stop."""
+    rows = source.graph.film.rows
+    return np.flatnonzero(rows["more"][:-1] & rows["endless"][:-1] & rows["endless"][1:])

@@ -37,12 +37,10 @@ class Settings:
     # of the time for which the film shows no step from picture to picture as large, on average,
     # that showing one costs
     rare: NotNegative
-    chance: Positive  # Δ; a way that takes so much longer is taken a third as often
-    follow_most: Positive  # Δ; a row of the film is followed so long at most
     # who has no goal goes where the film goes, if it stays in the tank, or to random places
     wander: Literal["film", "places"]
-    stay: Positive  # Δ between two jumps, at least
-    look_ahead: Positive  # Δ; ways through the film are followed so far ahead
+    look_ahead: Positive  # Δ; ways are followed so far beyond what is swum of them
+    commit: Positive  # Δ of a way that are swum before others are looked at, if no fish is near
     stride: Positive  # Δ; loop ends nearer to the last decision are passed by
     beam: Count  # ways that are followed at once
     seam: NotNegative  # Δ; so long a detour equals a seam of one natural step ...
@@ -64,11 +62,7 @@ class Settings:
     # corrections: of the spread (SD) of the film's turns over Δ, and of the speed, at most
     path_share: Share
     path_reach: Positive  # Δ; steering looks so far ahead
-    path_ahead: Positive  # Δ; ways are followed along the path so far beyond what is swum of them
-    path_plan: Positive  # Δ of a way that are swum before others are looked at, if no fish is near
-    path_stride: Positive  # Δ; jumps nearer to the last one that was looked at are passed by
-    path_beam: Count  # ways that are followed at once
-    path_again: NotNegative  # in place of `again`: along a path there is less to choose from
+    path_commit: Positive  # in place of `commit`: along a path there is less to choose from
     # What a tick costs, in ticks, as a seam does:
     path_across: NotNegative  # a body length beside the path
     path_late: NotNegative  # a body length from the place that is asked for at that time
@@ -77,8 +71,6 @@ class Settings:
     # on the spot, on a path without times, for who lags by as much as is usual (`Tempo`)
     path_pace: NotNegative
     path_left: Positive  # body lengths beside the path, where the fish has left it
-    # of the goal's radius; so near to the place in the tank nearest to a goal, head for the goal
-    arrived: NotNegative
 
 
 @dataclass(frozen=True)

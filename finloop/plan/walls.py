@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from finloop.animate.arena import Tank
 from finloop.animate.company import NO_DISCS, Discs, turned
-from finloop.animate.kinematics import ahead
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
@@ -110,16 +109,6 @@ def moved_off(bounds: Bounds, picture: int, x: float, y: float, heading: float):
         if fits(bounds, picture, x, y, heading):
             return x, y, True
     return x, y, False
-
-
-@leaf_kernel
-def beyond(bounds: Bounds, x: float, y: float, heading: float, room: float) -> float:
-    """The share of `room` px ahead of a place that is behind a wall; 0 along a wall.
-
-    About: that of a wall that is met at right angles.
-    """
-    ahead_x, ahead_y = ahead(x, y, heading, room, 0.0)
-    return min(max(-_depth(bounds, ahead_x, ahead_y) / room, 0.0), 1.0)
 
 
 @kernel

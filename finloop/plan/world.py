@@ -8,13 +8,11 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.company import NO_DISCS, Discs
-from finloop.animate.kinematics import Target
 from finloop.animate.motion import courses
-from finloop.animate.state import Fish
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg
-from finloop.plan.cost import CostWeights, Tempo
+from finloop.plan.cost import CostWeights, Steering, Tempo
 from finloop.plan.graph import MotionGraph, farthest, runs
 from finloop.plan.settings import AllSettings
 from finloop.plan.walls import Bounds, bounds_of
@@ -28,6 +26,13 @@ class Brisk(NamedTuple):
 
     turn_deg: float
     fastest: float
+
+
+class Spread(NamedTuple):
+    """How much the film's fish differ: turn_deg: of the turn over Δ; speed: body lengths/s."""
+
+    turn_deg: float
+    speed: float
 
 
 @dataclass(frozen=True)
@@ -67,26 +72,42 @@ class FilmWorld(World):
         """How fast the film's fish swim."""
         return Tempo.of(self.film, self.ticks(self.settings.memory), self.motion.delta)
 
-    def price_of_rest(self, fish: "Fish", aim: Target) -> float:
-        """Ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
-        price = self.tempo.price(fish.lag, self.settings.tempo)
-        return price if aim.free else max(price, 0.0)
-
-    def cost_weights(self, ahead: float, stride: float, beam: int, again: float) -> CostWeights:
-        """How ways are followed and compared; ahead, stride, again: times in Δ."""
+    @cached_property
+    def cost_weights(self) -> CostWeights:
+        """How ways are followed, and what they cost."""
         motion, p = self.motion, self.settings
         swims, delta = self.film.speed[self.film.more], motion.delta
         brisk = brisk_of(swims, p) if len(swims) else 1.0
-        pace = brisk * motion.body_length_px / motion.rate_hz
-        turning = float(np.median(motion.turns.angle_deg / motion.turns.ticks))
         return CostWeights(
-            pace=pace, turning=turning,
-            horizon=max(2, self.ticks(ahead)), stride=max(1, self.ticks(stride)),
-            stay=max(1, self.ticks(p.stay)), beam=beam, seam=p.seam * delta,
-            jerk=p.jerk * delta**2 / motion.rate_hz, again=again * delta,
+            pace=brisk * motion.body_length_px / motion.rate_hz,
+            turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
+            stride=max(1, self.ticks(p.stride)), beam=p.beam, seam=p.seam * delta,
+            speed=p.jerk * delta**2 / motion.rate_hz, repeat=p.again * delta,
             memory=p.memory * delta,
-            room=pace / np.radians(turning) + motion.body_length_px / 2, aside=180 / turning,
         )  # fmt: skip
+
+    @cached_property
+    def spread(self) -> Spread:
+        """How much the film's fish differ."""
+        return spread(self.film, self.motion.delta)
+
+    @cached_property
+    def steering(self) -> Steering:
+        """How a fish is steered along a path."""
+        motion, p = self.motion, self.settings
+        return Steering(
+            turn=max(p.path_share * self.spread.turn_deg / motion.delta, 1e-6),
+            shift=p.path_share * motion.body_length_px / motion.rate_hz,
+            brisk=self.cost_weights.pace * motion.rate_hz / motion.body_length_px,
+            reach=self.reach, length_px=motion.body_length_px,
+            across=p.path_across, late=p.path_late,
+            heading=p.path_heading, effort=p.path_effort,
+        )  # fmt: skip
+
+    @property
+    def reach(self) -> int:
+        """Ticks that a fish which follows a path looks ahead, to steer."""
+        return max(2, self.ticks(self.settings.path_reach))
 
     @property
     def duration(self) -> int:
@@ -116,13 +137,6 @@ def brisk_of(sizes: Floats, settings: AllSettings) -> float:
     """
     quantile, quickest = np.quantile(sizes, (settings.brisk, _QUICKEST))
     return float(max(quantile, settings.brisk_least * quickest, 1e-6))
-
-
-class Spread(NamedTuple):
-    """How much the film's fish differ: turn_deg: of the turn over Δ; speed: body lengths/s."""
-
-    turn_deg: float
-    speed: float
 
 
 def spread(film: MotionGraph, delta: int) -> Spread:

@@ -16,7 +16,7 @@ from finloop.given_path import given_lines
 from finloop.io.table import save_table
 from finloop.modes.matching import NO_SPRITES, MatchingAnimator, Material, matching_animator
 from finloop.plan import path_measures
-from finloop.plan.planner import considered
+from finloop.plan.plan import considered
 from finloop.plan.settings import merge_settings
 from finloop.project import Project
 from stages.animation import animate
@@ -51,7 +51,7 @@ def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[Followed]:
     if not any(plans.paths):
         return every
     most = path_measures.limits(waters.film, waters)
-    spread = plans.player.follower.spread
+    spread = plans.waters.spread
     for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
         if path is not None:
             table = path_measures.swum_path("matching", swim, path, waters.duration, waters)

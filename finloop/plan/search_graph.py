@@ -1,0 +1,85 @@
+"""What a search goes through: the motion graph, its jumps by cost, and the walls of the tank."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Ints
+from finloop.base.axes import ahead_left
+from finloop.base.kernel import kernel
+from finloop.plan.cost import CostWeights, jump_cost
+from finloop.plan.graph import MotionGraph, runs
+from finloop.plan.walls import Bounds
+
+JUMP = np.dtype([("cost", "f8"), ("seam", "f8"), ("speed", "f8"), ("to", "i8")])
+"""A jump: ticks that it costs, for its seam and for the change of speed, but for what was on screen
+just now; the row that it leads to."""
+LEAD = np.dtype(
+    [
+        ("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("far", "f8"),
+        ("half_ahead", "f8"), ("half_left", "f8"), ("half_far", "f8"), ("ticks", "i8"),
+    ]
+)  # fmt: skip
+"""Where the film leads to from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead
+and to the left, px as the crow flies; and in half as many ticks."""
+
+
+class SearchGraph(NamedTuple):
+    """What is searched: the film, and what keeps a fish inside the tank.
+
+    jumps (e,): those of the film, of dtype `JUMP`, at each loop end the cheapest first; run (n,):
+    ticks that the film goes on from each row; leg (n,): ticks to the first loop end after a stride,
+    or to where the film ends; leads (n,): of dtype `LEAD`.
+    """
+
+    film: MotionGraph
+    jumps: NDArray[np.void]
+    bounds: Bounds
+    run: Ints
+    leg: Ints
+    leads: NDArray[np.void]
+
+
+def search_graph(
+    film: MotionGraph, bounds: Bounds, weights: CostWeights, reach: int
+) -> SearchGraph:
+    """Return what a search goes through; reach: ticks to which the leads of the rows are."""
+    jumps = np.zeros(len(film.to), JUMP)
+    _cheapest_first(film, weights, jumps)
+    rows = film.rows
+    here, run = np.arange(len(rows)), runs(rows["more"])
+    ends = np.append(np.flatnonzero(rows["end"] >= 0), 2 * len(rows))
+    leg = np.minimum(run, ends[np.searchsorted(ends, here + weights.stride)] - here)
+    leads = np.zeros(len(rows), LEAD)
+    leads["ticks"] = np.minimum(run, reach)
+    for part, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):
+        offset = np.column_stack([rows[axis][here + ticks] - rows[axis] for axis in "xy"])
+        leads[part + "ahead"], leads[part + "left"] = ahead_left(
+            offset, np.radians(rows["heading"])
+        ).T
+        leads[part + "far"] = np.hypot(*offset.T)
+        if not part:
+            leads["dx"], leads["dy"] = offset.T
+    return SearchGraph(film, jumps, bounds, run, leg, leads)
+
+
+@kernel
+def _cheapest_first(film, weights, jumps):  # type: ignore[no-untyped-def]
+    """Write the jumps (e,) of a film, at each loop end in the order of their costs.
+
+    Few are at one end: each is moved forward past those that cost more.
+    """
+    for row in range(len(film.rows)):
+        at = film.rows[row]
+        if at.end < 0:
+            continue
+        first = film.start[at.end]
+        for e in range(first, film.start[at.end + 1]):
+            to, place = film.to[e], e
+            seam, speed = jump_cost(film.seam[e], film.rows[to].speed - at.speed, weights)
+            while place > first and jumps[place - 1].cost > seam + speed:
+                jumps[place] = jumps[place - 1]
+                place -= 1
+            jump = jumps[place]
+            jump.cost, jump.seam, jump.speed, jump.to = seam + speed, seam, speed, to

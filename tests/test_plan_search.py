@@ -1,0 +1,452 @@
+"""The search of mode `matching`: against every way there is, as laws, and what it keeps."""
+
+import numpy as np
+import pytest
+from toy_film import (
+    ARENA,
+    DELTA,
+    HEAD,
+    LENGTH,
+    RATE,
+    SPEED,
+    STEP,
+    TOUCH,
+    film_of,
+    loops,
+    matching_of,
+    open_tank,
+    random_film,
+    rich_film,
+    swum,
+    table_of,
+    waters_of,
+)
+
+from finloop.animate.arena import Tank, inside, tank
+from finloop.animate.kinematics import Target, bearing, touches
+from finloop.animate.memory import NEVER, last_on_screen
+from finloop.animate.paths import lay
+from finloop.animate.state import State
+from finloop.base.line import PX, Line
+from finloop.distance.picture import BODY, FILM
+from finloop.edit.schema import TERMS, Goal
+from finloop.features.table import wrap_deg
+from finloop.plan.cost import CHANCE, LAG, RARITY, REPEAT, SEAM, CostWeights, jump_cost, repeat_cost
+from finloop.plan.cost import SPEED as FASTER
+from finloop.plan.objectives import along_path, estimate_ticks_to, to_goal
+from finloop.plan.search import (
+    BRANCH,
+    RUN,
+    Branch,
+    Candidates,
+    SearchStart,
+    film_candidates,
+    keep,
+    search,
+    tick_row_shown,
+)
+from finloop.plan.search_graph import search_graph
+from finloop.plan.walls import bounds_of
+
+WEIGHTS = CostWeights(3.0, 5.0, 4, 24, 6.0, 7.0, 20.0, 300.0)
+"""Of a fish that does 3 px and 5° a tick."""
+NOTHING = np.zeros((0, 3), np.int64)
+TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
+
+
+def spot(x, y):
+    return Target(float(x), float(y), TOUCH, HEAD)
+
+
+def candidates_of(rows, rots, terms=None):
+    """Candidates that are no jumps; terms (k, t) of what each costs."""
+    n = len(rows)
+    terms = np.zeros((n, len(TERMS))) if terms is None else terms
+    return Candidates(np.asarray(rows), rots, np.zeros(n), np.zeros(n, bool), terms)
+
+
+# --- against a slow search
+
+
+def slow_leg(reel, legal, place, rot, row, left, stride, aim):
+    """A leg in strides: the place, the row (−1: no farther), its ticks, whether it touches."""
+    angle, t = np.radians(rot), 0
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    stop, to_end = row, 0
+    while reel.more[stop] and not (to_end >= stride and reel.end[stop] >= 0):
+        stop, to_end = stop + 1, to_end + 1
+    left = min(left, to_end)
+    if left == 0:
+        return place, -1, 0, False
+    while left > 0:
+        ticks = min(stride, left)
+        for _ in range(ticks):
+            place, row = place + turn @ (reel.dx[row], reel.dy[row]), row + 1
+        t, left = t + ticks, left - ticks
+        if not inside(legal, *place):
+            return place, -1, t - ticks, False
+        goes_on = reel.more[row] and reel.endless[row + 1]
+        if goes_on and touches(*place, reel.heading[row] + rot, aim):
+            return place, row, t, True
+    return place, row, t, False
+
+
+def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
+    """Every way there is, one after the other: the value of the best, and ticks."""
+    found, longest = [], 0
+
+    def repeat(row, t, shown):
+        last = row + weights.stride - 1
+        tick = max(last_on_screen(start.recent, row, last), shown.get(last, NEVER))
+        return 20 * max(0, 1 - (start.tick + t - tick) / 300)
+
+    def follow(place, rot, row, t, cost, shown):
+        nonlocal longest
+        first, before = row, t
+        place, row, ticks, touched = slow_leg(
+            reel, legal, place, rot, row, horizon - t, weights.stride, aim
+        )
+        t += ticks
+        longest = max(longest, t)
+        if row < 0:
+            return
+        shown = shown | {first + k: start.tick + before + k for k in range(ticks)}
+        cost += reel.dear[row] - reel.dear[first]
+        if not reel.endless[row]:
+            return
+        heading = reel.heading[row] + rot
+        if touched:
+            found.append((t + cost, t))
+        elif t >= horizon:
+            off = abs(wrap_deg(bearing(*place, aim.x, aim.y) - heading))
+            found.append((t + cost + np.hypot(*(place - aim[:2])) / 3 + off / 5, t))
+        elif reel.more[row] and reel.endless[row + 1]:
+            follow(place, rot, row, t, cost + repeat(row, t, shown), shown)
+            if reel.end[row] < 0:
+                return
+            for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
+                other = reel.to[e]
+                price = 6 * reel.seam[e] + 7 * abs(reel.speed[other] - reel.speed[row])
+                price += repeat(other, t, shown)
+                turned = heading - reel.heading[other] if reel.body else rot
+                follow(place, turned, other, t, cost + price, shown)
+        elif reel.end[row] >= 0:
+            for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
+                other = reel.to[e]
+                price = 6 * reel.seam[e] + 7 * abs(reel.speed[other] - reel.speed[row])
+                price += repeat(other, t, shown)
+                turned = heading - reel.heading[other] if reel.body else rot
+                follow(place, turned, other, t, cost + price, shown)
+
+    place = np.array([start.x, start.y])
+    if reel.endless[row] and inside(legal, *place):
+        follow(place, rot, row, 0, 0.0, {})
+    return min(found) if found else (np.inf, longest)
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
+    rng = np.random.default_rng(2)
+    ends = dict.fromkeys(("none", "some"), 0)
+    for _ in range(25):
+        table, pairs, barred = random_film(rng)
+        reel = film_of(table, pairs, pose, barred=barred)
+        n = len(table)
+        legal = np.zeros((90, 90), bool)
+        legal[5 : int(rng.integers(40, 85)), 5:85] = True
+        rows = np.flatnonzero(reel.more)
+        rots, every = rng.uniform(-180, 180, len(rows)), np.arange(n)
+        recent = np.stack([every, every, rng.integers(-500, 500, n)], 1)
+        start = SearchStart(rng.uniform(20, 40), rng.uniform(20, 40), 500, SPEED, recent)
+        aim = spot(*rng.uniform(-40, 130, 2))
+        horizon, stride = (int(rng.integers(2, top)) for top in (20, 4))
+        weights = WEIGHTS._replace(stride=stride, beam=50_000)
+        graph = search_graph(
+            reel, bounds_of(Tank(legal, legal, np.zeros((2, 90, 90), np.int32))), weights, 5
+        )
+        terms = np.zeros((len(rows), len(TERMS)))
+        terms[:, CHANCE] = rng.uniform(0, 9, len(rows))
+        made = candidates_of(rows, rots, terms)
+        found, _ = search(graph, made, start, to_goal(aim), weights, horizon)
+        assert not found.over.any()
+        for i, row in enumerate(rows):
+            value, ticks = slow_search(reel, legal, start, rots[i], row, aim, weights, horizon)
+            assert found.value[i] - terms[i, CHANCE] == pytest.approx(value, abs=1e-6)
+            if np.isfinite(value):
+                assert found.terms[i].sum() == pytest.approx(found.value[i])
+                assert found.ticks[i] == ticks
+            ends["some" if np.isfinite(value) else "none"] += 1
+    assert min(ends.values()) > 10
+
+
+# --- laws
+
+
+def wanderer(reel, room, rows, rots, aim, beam=24, place=(400.0, 300.0), horizon=40):
+    graph = search_graph(reel, bounds_of(room), WEIGHTS, 5)
+    start = SearchStart(*place, 0, SPEED, NOTHING)
+    made = candidates_of(rows, rots)
+    return search(graph, made, start, to_goal(aim), WEIGHTS._replace(beam=beam), horizon)
+
+
+def test_more_beam_is_never_worse_and_a_narrow_one_says_what_it_gave_up():
+    rng, given_up, reel = np.random.default_rng(3), 0, rich_film()
+    for _ in range(20):
+        rows = rng.choice(np.flatnonzero(reel.endless & reel.more), 12)
+        rots, aim = rng.uniform(-180, 180, 12), spot(*rng.uniform(100, 500, 2))
+        narrow, wide = (
+            wanderer(reel, open_tank(), rows, rots, aim, beam, horizon=16)[0]
+            for beam in (4, 100_000)
+        )
+        assert (narrow.value >= wide.value - 1e-9).all() and not wide.over.any()
+        assert narrow.value.min() < np.inf
+        assert not (narrow.over & np.isfinite(narrow.value)).any()
+        given_up += narrow.over.sum()
+    assert given_up
+
+
+def room_of(arena):
+    return tank(arena, 0.6 * LENGTH)
+
+
+def test_turning_the_tank_turns_the_plan():
+    """A quarter turn, of the tank, the fish and its aim: the same rows at the same cost."""
+    rng, reel = np.random.default_rng(5), rich_film()
+    arena = np.zeros((601, 601), bool)
+    arena[20:580, 60:400] = True
+    turned = np.rot90(arena)  # anticlockwise as seen
+    for _ in range(10):
+        rows = rng.choice(np.flatnonzero(reel.endless & reel.more), 8)
+        rots, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
+        aim_x, aim_y = rng.uniform(100, 380, 2).round()
+        one, here = wanderer(reel, room_of(arena), rows, rots, spot(aim_x, aim_y), 500, (x, y))
+        other, there = wanderer(
+            reel, room_of(turned), rows, rots + 90, spot(aim_y, 600 - aim_x), 500, (y, 600 - x)
+        )
+        assert one.value == pytest.approx(other.value, abs=1e-6)
+        assert here.tolist() == there.tolist()
+
+
+def test_a_mirrored_tank_gives_the_mirrored_plan():
+    """Film, tank and fish upside down: the same rows at the same cost."""
+    rng = np.random.default_rng(6)
+    parts = swum([4.0] * 200), swum([-3.0] * 200, 30.0), swum([0.0] * 200, 200.0)
+    pairs = loops(*((int(a), int(b)) for a, b in rng.integers(5, 595, (60, 2)) if abs(a - b) > 20))
+    table, other_table = table_of(*parts), table_of(*parts)
+    other_table["y_px"] = 600 - other_table["y_px"]
+    other_table["heading_deg"] = wrap_deg(-other_table["heading_deg"].to_numpy(float))
+    reel, flipped = film_of(table, pairs), film_of(other_table, pairs)
+    arena = np.zeros((601, 801), bool)
+    arena[20:400, 60:700] = True
+    for _ in range(10):
+        rows = rng.choice(np.flatnonzero(reel.endless & reel.more), 8)
+        rots, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
+        aim_x, aim_y = rng.uniform(100, 380, 2).round()
+        one, here = wanderer(reel, room_of(arena), rows, rots, spot(aim_x, aim_y), 500, (x, y))
+        other, there = wanderer(
+            flipped, room_of(arena[::-1].copy()), rows, -rots, spot(aim_x, 600 - aim_y), 500,
+            (x, 600 - y),
+        )  # fmt: skip
+        assert one.value == pytest.approx(other.value, abs=1e-6)
+        assert here.tolist() == there.tolist()
+
+
+def test_jumps_are_kept_the_cheapest_first():
+    reel = rich_film()
+    graph = search_graph(reel, bounds_of(open_tank()), WEIGHTS, 5)
+    for row in np.flatnonzero(reel.end >= 0):
+        first, last = reel.start[reel.end[row] : reel.end[row] + 2]
+        faster = reel.speed[reel.to[first:last]] - reel.speed[row]
+        seam, speed = jump_cost(reel.seam[first:last], faster, WEIGHTS)
+        wanted = sorted(zip(seam + speed, reel.to[first:last], strict=True))
+        jumps = graph.jumps[first:last]
+        assert (np.diff(jumps["cost"]) >= 0).all()
+        assert sorted(zip(jumps["cost"], jumps["to"], strict=True)) == wanted
+
+
+def test_a_jump_costs_its_seam_and_its_change_of_speed_and_film_just_seen_less_and_less():
+    assert jump_cost(0.5, -2.0, WEIGHTS) == pytest.approx((3, 14))
+    assert jump_cost(0.0, 0.0, WEIGHTS) == (0, 0)
+    assert repeat_cost(np.array([0.0, 75.0, 300.0, 1e9]), WEIGHTS) == pytest.approx([20, 15, 0, 0])
+
+
+def test_what_is_to_come_is_the_way_and_the_turn():
+    weights = WEIGHTS._replace(pace=5.0, turning=4.0)
+    ticks = estimate_ticks_to(100.0, 100.0, (1.0, 0.0), spot(130, 60), weights)
+    assert ticks == pytest.approx(10 + np.degrees(np.arctan2(40, 30)) / 4)
+
+
+def test_where_no_way_leads_on_more_are_followed():
+    """In a narrow tank a beam of two often finds none; the planner looks again, farther round."""
+    arena = np.zeros((300, 300), bool)
+    arena[20:280, 20:280] = True
+    world = waters_of(room_=room_of(arena), beam=2)
+    planner, rng, ends, alone = matching_of(world), np.random.default_rng(6), 0, 0
+    for _ in range(60):
+        state = planner.begin(rng)
+        fish = state.fish
+        if not world.film.more[fish.row]:
+            continue
+        made, start = planner.film.candidates(fish, 0.0, 0.0)
+        aim = spot(*world.tank.random_point(rng))
+        found, _ = search(planner.film.graph, made, start, to_goal(aim), world.cost_weights, 90)
+        alone += np.isinf(found.value).all()
+        stretch, _ = planner.step(state, Goal("A", aim.x, aim.y), rng)
+        ends += stretch.options is None or np.isinf(stretch.options.value).all()
+    assert alone > 5 and ends < alone
+
+
+@pytest.mark.parametrize("term", [SEAM, FASTER, REPEAT, RARITY, LAG])
+def test_a_term_that_is_switched_off_costs_nothing(term):
+    off = {SEAM: "seam", FASTER: "jerk", REPEAT: "again", RARITY: "rare", LAG: "tempo"}[term]
+    planner, rng = matching_of(waters_of(**{off: 0.0})), np.random.default_rng(0)
+    state, steps = planner.begin(rng), 0
+    while steps < 20:
+        stretch, state = planner.step(state, Goal("A", 600.0, 100.0), rng)
+        if stretch.options is not None:
+            steps += 1
+            assert (stretch.options.terms[:, term] == 0).all()
+    assert ARENA[int(state.fish.y), int(state.fish.x)]
+
+
+# --- what is kept of it
+
+
+@pytest.mark.parametrize("most", [1, 2, 7, 64])
+def test_the_best_branches_are_kept_and_who_lost_one_is_known(most):
+    rng = np.random.default_rng(most)
+    totals = np.round(rng.normal(size=200), 1)  # some alike
+    branches, over, n = np.zeros(most, BRANCH), np.zeros(len(totals), bool), 0
+    for k, total in enumerate(totals):
+        n = keep(branches, n, Branch(total, k, 2 * k, k, 0.5), over)
+        assert n == min(k + 1, most)
+        assert (np.diff(branches["total"][:n]) >= 0).all()
+    assert branches["total"].tolist() == sorted(totals)[:most]
+    assert sorted([*branches["first"], *np.flatnonzero(over)]) == list(range(len(totals)))
+    assert (branches["way"] == 2 * branches["first"]).all()
+
+
+def test_what_a_way_has_shown_is_found_in_all_of_its_runs():
+    runs = np.array([(100, 3, -1), (40, 13, 0), (104, 33, 1)], RUN)
+    # Rows 100-109 from tick 3 on, 40-59 from tick 13, and from tick 33 on 104 …
+    for row, tick in ((100, 3), (103, 6), (59, 32), (104, 33), (108, 37), (60, NEVER), (39, NEVER)):
+        assert tick_row_shown(runs, 2, row, 38) == tick
+    assert tick_row_shown(runs, 2, 109, 38) == 12  # the last run has not come so far
+    assert tick_row_shown(runs, 0, 40, 13) == NEVER
+
+
+# --- along a path
+
+
+def laid(line, world):
+    return lay(line, world.tank, world.motion, None).route
+
+
+def followed(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
+    """The graph, what becomes of the ways on from a row along a path, the rows of the best."""
+    graph, film = matching_of(world).film.graph, world.film
+    made = film_candidates(film, row, rot)
+    start = SearchStart(*place, 1, 2.0, NOTHING)
+    weights = world.cost_weights._replace(beam=beam, repeat=0.0)
+    return graph, *search(graph, made, start, along_path(route, world.steering), weights, 40)
+
+
+def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
+    world, values = waters_of(), []
+    route = laid(EIGHT, world)
+    for beam in (1, 3, 10, 100_000):
+        _, found, _ = followed(world, route, beam)
+        values.append(found.value.min())
+    assert not found.over.any() and np.isfinite(values[-1])
+    assert min(values) >= values[-1] - 1e-9 and values[0] > values[-1]
+
+
+def test_the_best_way_is_the_film_s_between_jumps_that_the_film_has():
+    world = waters_of()
+    graph, _, rows = followed(world, laid(EIGHT, world), 100)
+    ends, legs = rows + np.minimum(graph.leg[rows], 40), graph.leg[rows]
+    assert legs.sum() >= 40
+    film = world.film
+    for end, begins in zip(ends[:-1], rows[1:], strict=True):
+        to = film.to[film.start[film.end[end]] : film.start[film.end[end] + 1]]
+        assert begins == end or begins in to
+
+
+def test_the_way_that_turns_as_the_path_does_is_taken():
+    """A straight film, whose fish may jump to one that turns left, or to one that turns right."""
+    for side in (1, -1):
+        table = table_of(swum([0.0] * 60), swum([4.0] * 90), swum([-4.0] * 90))
+        world = waters_of(film_of(table, loops((20, 66), (20, 157), (70, 140), (162, 230))))
+        radius = STEP / np.radians(4.0)
+        bend = np.linspace(0, np.pi, 90)
+        x = np.append(200.0, 300 + radius * np.sin(bend))
+        y = np.append(300.0, 300 - side * radius * (1 - np.cos(bend)))
+        route = laid(Line("bend", x, y, PX), world)
+        _, _, rows = followed(world, route, 100, row=5, place=(300.0 - 15 * STEP, 300.0))
+        taken = rows[(rows > 60) & (rows != 5)]
+        assert len(taken) and ((taken < 151) == (side > 0)).all()
+
+
+def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
+    table = table_of(*(swum([rate] * 13, 40.0 * rate) for rate in (0.0, 3.0, -3.0, 6.0, -6.0)))
+    rng = np.random.default_rng(0)
+    ends = np.concatenate([14 * k + np.array([2, 9, 13]) for k in range(5)])
+    pairs = {(a, b) for a in ends for b in rng.choice(ends, 6) if abs(int(a) - b) > 13}
+    world = waters_of(film_of(table, loops(*sorted(pairs))), stride=2.0)
+    planner, route = matching_of(world), laid(EIGHT, world)
+    rng = np.random.default_rng(1)
+    state = planner.begin(rng, route)
+    for _ in range(60):
+        stretch, state = planner.step(state, route, rng)
+        assert 0 < len(stretch.way) <= 14 and (np.diff(stretch.number) == 1).all()
+
+
+def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_every_stride():
+    world = waters_of()
+    planner, route, rng = matching_of(world), laid(EIGHT, world), np.random.default_rng(0)
+    state, ticks, searches, stretches = planner.begin(rng, route), 0, 0, 0
+    while ticks < 300:
+        stretch, state = planner.step(state, route, rng)
+        ticks, stretches = ticks + len(stretch.way), stretches + 1
+        searches += stretch.options is not None
+    assert searches < stretches / 2
+    assert searches <= 1 + 300 / (world.ticks(world.settings.path_commit) / 2)
+    while not state.path.runs:
+        _, state = planner.step(state, route, rng)
+    assert planner.step(state, route, rng)[0].options is None
+    other = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
+    beside = planner.among(state, other[:, None])
+    assert beside.fish.company.near == 1
+    stretch, then = planner.step(beside, route, rng)
+    assert stretch.options is not None
+    assert sum(run.ticks for run in then.path.runs) <= 2 * world.cost_weights.stride
+    assert len(stretch.way) <= world.cost_weights.stride
+
+
+def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
+    world = waters_of()
+    planner, rng = matching_of(world), np.random.default_rng(0)
+    route = laid(EIGHT, world)
+    state = planner.begin(rng, route)
+    while not state.path.runs:
+        stretch, then = planner.step(state, route, rng)
+        before, state = state, then
+    assert planner.step(state, route, rng)[0].options is None
+    other = laid(EIGHT._replace(y=EIGHT.y + 40), world)
+    assert planner.step(state, other, rng)[0].options is not None
+    assert planner.step(state, Goal("A", 100.0, 100.0), rng)[0].options is not None
+    _, cut = planner.cut(before, stretch, 1)
+    assert cut.path.runs == ()
+
+
+def test_nothing_is_swum_that_was_not_looked_at():
+    for commit, ahead in ((1.0, 0.2), (4.0, 0.2), (8.0, 3.0)):
+        world = waters_of(commit=commit, look_ahead=ahead)
+        planner, rng = matching_of(world), np.random.default_rng(1)
+        state = State(planner.begin(rng).fish, np.zeros(2))
+        for _ in range(40):
+            stretch, state = planner.step(state, Goal("A", 700.0, 100.0), rng)
+            planned = len(stretch.way) + sum(run.ticks for run in state.path.runs)
+            assert planned <= max(commit + ahead, 2) * DELTA + world.cost_weights.stride
+            assert stretch.way.shape[0] < 10 * RATE
