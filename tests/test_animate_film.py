@@ -455,7 +455,7 @@ def test_ways_that_cost_about_the_same_are_all_taken():
     for wide, taken in ((1e-6, 1), (1e3, 3)):
         loose = replace(
             player,
-            world=replace(player.world, settings=replace(player.world.settings, free=wide)),
+            world=replace(player.world, settings=replace(player.world.settings, choice_noise=wide)),
         )
         for goal in aims:
             rows = {

@@ -284,7 +284,7 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
 
 
 def test_who_wanders_takes_the_film_as_it_comes(rng):
-    planner = matching_of(waters_of(free=5e-6, wander="film"))
+    planner = matching_of(waters_of(choice_noise=5e-6, wander="film"))
     state = planner.begin(rng)
     stretch, _ = planner.step(state, None, rng)
     value = stretch.options.value[stretch.options.taken] * planner.world.motion.rate_hz

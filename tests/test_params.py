@@ -19,7 +19,7 @@ from pydantic import Field
 
 import stages.stamps
 from finloop.base.errors import FinloopError
-from finloop.base.settings import GONE, GROUPS, check, settings, values_of, variants
+from finloop.base.settings import CONF, GONE, GROUPS, check, settings, values_of, variants
 from finloop.edit.modes import MODES
 from finloop.io.parameters import refusal
 from stages import settings as door
@@ -239,6 +239,29 @@ def test_every_parameter_says_its_unit_and_meaning_beside_or_above(word, option)
             if field and (field[2] or above.startswith("    # ")):
                 told.add(field[1])
     assert told == {field.name for field in fields(VARIANTS[word][option])}
+
+
+def test_conf_says_of_matching_what_its_dataclass_says():
+    """The same words beside every value; only where lines break differs."""
+
+    def said(lines, value):
+        told, comment = {}, []
+        for line in lines:
+            text = line.strip()
+            if text.startswith("#"):
+                comment.append(text[1:].strip())
+            elif field := re.match(value, text):
+                told[field[1]] = " ".join([*comment, *([field[2]] if field[2] else [])])
+                comment = []
+        return told
+
+    source = inspect.getsource(VARIANTS["matching"]["default"]).splitlines()[2:]
+    conf = (CONF / "matching/default.yaml").read_text(encoding="utf-8").split("_self_")[1]
+    declared = said(source, r"(\w+): .+?(?:  # (.+))?$")
+    assert said(conf.splitlines(), r"(\w+):( )?").keys() == declared.keys()
+    given = said(conf.splitlines(), r"(\w+): ()")
+    assert {name: text.strip() for name, text in given.items()} == declared
+    assert len(declared) <= 35
 
 
 def test_a_library_gets_its_parameters_without_hydra_and_params_yaml(tmp_path, monkeypatch):

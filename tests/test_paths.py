@@ -358,7 +358,7 @@ def test_a_line_of_what_is_infinite_is_none():
 
 def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals():
     """Without a path nothing of it counts."""
-    changed = {"path_share": 0.9, "path_commit": 3.0, "path_across": 0.0}
+    changed = {"path_correction": 0.9, "path_commit": 3.0, "path_offset_cost": 0.0}
     one, other = (matching_of(w) for w in (waters_of(), waters_of(**changed)))
     swims = [swim(p, [], 200, np.random.default_rng(1)) for p in (one, other)]
     assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))

@@ -299,7 +299,13 @@ def test_where_no_way_leads_on_more_are_followed():
 
 @pytest.mark.parametrize("term", [SEAM, FASTER, REPEAT, RARITY, LAG])
 def test_a_term_that_is_switched_off_costs_nothing(term):
-    off = {SEAM: "seam", FASTER: "jerk", REPEAT: "again", RARITY: "rare", LAG: "tempo"}[term]
+    off = {
+        SEAM: "seam_cost",
+        FASTER: "speed_change_cost",
+        REPEAT: "repeat_cost",
+        RARITY: "rarity_weight",
+        LAG: "lag_cost",
+    }[term]
     planner, rng = matching_of(waters_of(**{off: 0.0})), np.random.default_rng(0)
     state, steps = planner.begin(rng), 0
     while steps < 20:

@@ -306,7 +306,7 @@ def waters_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
     return FilmWorld(
         open_tank() if room_ is None else room_, lesson() if taught is None else taught,
         TOUCH, HEAD, rich_film() if film_ is None else film_, brisk(),
-        planning(**({"wander": "places", "free": 0.75} | changes)),
+        planning(**({"wander": "places", "choice_noise": 0.75} | changes)),
     )  # fmt: skip
 
 

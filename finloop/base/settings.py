@@ -57,6 +57,33 @@ GONE = {
     "sprites": _PAPER,
     "jumps": _PAPER,
     "from": "it is matching.uses now",
+    **dict.fromkeys(("stay", "chance", "follow_most", "arrived"), "matching does without it"),
+    **{
+        old: f"it is matching.{new} now"
+        for old, new in (
+            ("rare", "rarity_weight"),
+            ("again", "repeat_cost"),
+            ("free", "choice_noise"),
+            ("brisk", "typical_speed_quantile"),
+            ("brisk_least", "typical_speed_least"),
+            ("memory", "repeat_memory"),
+            ("seam", "seam_cost"),
+            ("jerk", "speed_change_cost"),
+            ("tempo", "lag_cost"),
+            ("path_share", "path_correction"),
+            ("path_reach", "path_steer_ahead"),
+            ("path_effort", "path_correction_cost"),
+            ("path_pace", "path_lag_cost"),
+            ("path_across", "path_offset_cost"),
+            ("path_late", "path_late_cost"),
+            ("path_heading", "path_heading_cost"),
+            ("path_beam", "beam"),
+            ("path_stride", "stride"),
+            ("path_again", "repeat_cost"),
+            ("path_plan", "path_commit"),
+            ("path_ahead", "look_ahead"),
+        )
+    },
 }
 """Parameters that these groups no longer have under any name, and what stands in their place."""
 RENAMED = {"nn": "network"}

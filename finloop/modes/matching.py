@@ -219,7 +219,7 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
     seen = np.full(len(features), np.nan)
     seen[mapped(features, made.steps)] = made.steps["as_filmed"]
     rarity = Rarity.of(
-        bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rare
+        bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rarity_weight
     )
     jumps = neighbour_jumps(made.jumps, len(features))
     way = film(features, jumps, motion, BODY, barred, rarity.dear, how.rests)

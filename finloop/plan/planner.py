@@ -139,7 +139,7 @@ class Planner:
             rots = np.zeros_like(rots)
         n = len(some)
         made = Candidates(some, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS))))
-        lag = self.world.tempo.price_along(0.0, self.world.settings.path_pace)
+        lag = self.world.tempo.price_along(0.0, self.world.settings.path_lag_cost)
         start = SearchStart(x, y, route.begins - 1, 0.0, np.zeros((0, 3), np.int64), lag=lag)
         plan = self._search(source, (made, start), along_path(route, self.steering))
         best = plan.taken if plan else 0
@@ -306,8 +306,8 @@ class Planner:
         if not len(route.x):
             return not np.isfinite(plan.value)
         beside = p.path_left**2
-        price = p.path_across * beside
-        price += p.path_late * beside if route.timed else self._lag(fish, objective)
+        price = p.path_offset_cost * beside
+        price += p.path_late_cost * beside if route.timed else self._lag(fish, objective)
         return plan.value > price * float(plan.ticks.sum())
 
     def _weigh(
@@ -319,7 +319,7 @@ class Planner:
         if not (source and made):
             return None
         if not len(objective.route.x):
-            noise = self.world.settings.free * self.world.motion.delta
+            noise = self.world.settings.choice_noise * self.world.motion.delta
             made[0].terms[:, CHANCE] = rng.exponential(noise, len(made[0].rows))
         return self._search(source, made, objective)
 
@@ -400,8 +400,8 @@ class Planner:
         """Return the ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
         tempo, p = self.world.tempo, self.world.settings
         if len(objective.route.x):
-            return tempo.price_along(fish.lag, p.path_pace)
-        price = tempo.price(fish.lag, p.tempo)
+            return tempo.price_along(fish.lag, p.path_lag_cost)
+        price = tempo.price(fish.lag, p.lag_cost)
         return price if objective.aim.free else max(price, 0.0)
 
     # --- what plans are made of
@@ -441,7 +441,7 @@ class Planner:
         x, y, heading = map(float, stretch.way[-1])
         stays = stretch.decision.reason in (SPOT, WAITING)
         first, last = stretch.number[[0, -1]].tolist()
-        forgets = fish.tick - world.settings.memory * world.motion.delta
+        forgets = fish.tick - world.settings.repeat_memory * world.motion.delta
         assert stretch.rot is not None
         return Fish(
             x, y, float(wrap(heading)), speed=0.0 if stays else float(world.film.speed[number]),

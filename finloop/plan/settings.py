@@ -1,4 +1,4 @@
-"""Parameters of mode `matching`: what is shown, how ways are weighed, several fish, paths."""
+"""Parameters of mode `matching`: what is shown, what a way costs, several fish, paths."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal
@@ -15,62 +15,68 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Settings:
     """What the planner of `matching` may use, and what it weighs."""
 
-    # film: frames and their mirror images, played on and joined where they are alike; forecast:
-    # frames in the poses that the forecast predicts
+    # Motion that may be shown. film: frames and their mirror images, played on, or joined where
+    # they are alike; forecast: film frames in the poses that the forecast predicts.
     uses: Annotated[tuple[Literal["film", "forecast"], ...], Field(min_length=1)]
-    # how one picture follows another: the pose goes on and the difference dies away, the pictures
-    # are cross-faded as they are, or neither
+    # How one picture follows another. inertial: the pose goes on and the difference fades; fade:
+    # the pictures are cross-faded; cut: neither.
     join: Literal["inertial", "fade", "cut"]
-    # fish; goals are dealt: A to the first, B to the second …; whoever has none left wanders
+    # Number of fish, 1-64. Goals are dealt in turn: A to the first, B to the second …
     fish: Annotated[int, Field(ge=1, le=64)]
-    overlap: bool  # whether they may swim through each other
-    # zones: they swim in company, by the zones of `calibrate`, in place of goals
+    overlap: bool  # Whether fish may swim through each other.
+    # What fish do in place of goals. zones: they keep together by the zones of stage `calibrate`.
     rule: Literal["none", "zones"]
-    # who swims after whom, in place of goals: pairs [follower, leader], fish numbered from 1
+    # Who swims after whom, in place of goals: pairs [follower, leader]; fish count from 1.
     follow: list[list[int]]
-    # Δ after the end of another's plan; for so long a search takes it that this one stays there
+    # Δ. How long a search takes it that another fish stays where its plan ends.
     give_way: NotNegative
-    # quantile of its speeds and turn rates at which a fish is brisk: so fast it is expected to swim
-    # what remains of a way, and so fast it turns at most on the spot where there is no way
-    brisk: Share
-    brisk_least: Share  # of the film's highest; who rests for most of the film is brisk at this
-    # of the time for which the film shows no step from picture to picture as large, on average,
-    # that showing one costs
-    rare: NotNegative
-    # who has no goal goes where the film goes, if it stays in the tank, or to random places
+    # What a fish without a goal does. film: it goes where the film goes; places: it swims to
+    # random points.
     wander: Literal["film", "places"]
-    look_ahead: Positive  # Δ; ways are followed so far beyond what is swum of them
-    commit: Positive  # Δ of a way that are swum before others are looked at, if no fish is near
-    stride: Positive  # Δ; loop ends nearer to the last decision are passed by
-    beam: Count  # ways that are followed at once
-    seam: NotNegative  # Δ; so long a detour equals a seam of one natural step ...
-    jerk: NotNegative  # ... a change of speed by one body length in a Δ ...
-    again: NotNegative  # ... frames that were on screen just now
-    # price of a tick on the spot, in ticks, for who wanders and lags behind the film as usual
-    tempo: NotNegative
-    memory: Positive  # Δ; what was on screen so long ago costs nothing any more
-    patience: Positive  # Δ; a fish that has come no nearer to its goal for so long makes a detour
-    free: Positive  # Δ; ways whose cost differs by about so much are equally good
-    # where a fish swims in place of goals: a CSV, Parquet or SVG file, or a track of the film,
-    # `track:8`; null = to goals; a list: the path of each fish, the first ones, or null
+    # Quantile, 0-1, of the film's speeds and turn rates that is typical of a lively fish: so fast
+    # it is expected to come to its goal, and so fast it turns on the spot where it has no way on.
+    typical_speed_quantile: Share
+    # Share, 0-1, of the film's highest speed that the typical one is at least, for animals that
+    # rest for most of the film.
+    typical_speed_least: Share
+    stride: Positive  # Δ. Length of the steps of a search; after each a fish may jump.
+    commit: Positive  # Δ. How much of a plan is swum before the fish looks again.
+    look_ahead: Positive  # Δ. How far a search looks beyond what is swum.
+    beam: Count  # How many ways a search follows at once.
+    seam_cost: NotNegative  # Δ a natural step of discontinuity between two pictures.
+    speed_change_cost: NotNegative  # Δ a change of speed of one body length in a Δ.
+    repeat_cost: NotNegative  # Δ for showing film that was on screen just now.
+    repeat_memory: Positive  # Δ after which film that was on screen costs nothing any more.
+    # Weight of rarity. A step that the film shows once in n frames costs weight × n ticks.
+    rarity_weight: NotNegative
+    # Ticks that a tick on the spot costs a fish that lags behind the film's mean speed as far as
+    # the film's own fish usually do.
+    lag_cost: NotNegative
+    # Δ. Spread of the random cost of each choice: ways that cost about the same are all taken.
+    choice_noise: Positive
+    patience: Positive  # Δ without coming nearer to its goal, after which a fish makes a detour.
+    # Where fish swim in place of goals: a CSV, Parquet or SVG file, or a track of the film, as
+    # track:8; null: nowhere; a list: one for each fish, the first ones, or null.
     path: str | list[str | None] | None
-    # the unit of x and y in a file whose columns do not say it: shares of the tank's width and
-    # height (of an SVG its own), from the upper left; px of the clip; or mm, by clip.mm_per_px
+    # Unit of x and y in a file that does not say it. tank: shares of the tank's width and height
+    # (of an SVG its own), from the upper left; px of the clip; mm, by clip.mm_per_px.
     path_in: Literal["tank", "px", "mm"]
-    path_times: bool  # whether it is swum at the times that it gives, else at the fish's own pace
-    path_film: bool  # of a track of the film: whether its own frames may be shown
-    # corrections: of the spread (SD) of the film's turns over Δ, and of the speed, at most
-    path_share: Share
-    path_reach: Positive  # Δ; steering looks so far ahead
-    path_commit: Positive  # in place of `commit`: along a path there is less to choose from
-    # What a tick costs, in ticks, as a seam does:
-    path_across: NotNegative  # a body length beside the path
-    path_late: NotNegative  # a body length from the place that is asked for at that time
-    path_heading: NotNegative  # at right angles to the heading that is asked for
-    path_effort: NotNegative  # corrected as much as may be
-    # on the spot, on a path without times, for who lags by as much as is usual (`Tempo`)
-    path_pace: NotNegative
-    path_left: Positive  # body lengths beside the path, where the fish has left it
+    path_times: bool  # Whether the fish keeps to the times of the file, else to its own pace.
+    path_film: bool  # Of a track of the film: whether its own frames may be shown.
+    # Most correction, 0-1, as a share of the spread (SD) of the film's turns over Δ, and of its
+    # speed.
+    path_correction: Share
+    path_steer_ahead: Positive  # Δ. How far ahead steering looks.
+    path_commit: Positive  # Δ. In place of `commit`, where no other fish is near.
+    path_offset_cost: NotNegative  # Ticks a tick, one body length beside the path.
+    path_late_cost: NotNegative  # Ticks a tick, one body length from where it should be by now.
+    path_heading_cost: NotNegative  # Ticks a tick, at right angles to the heading asked for.
+    path_correction_cost: NotNegative  # Ticks a tick, corrected as much as may be.
+    # Ticks a tick on the spot, on a path without times, for a fish that lags as far as usual.
+    path_lag_cost: NotNegative
+    # Body lengths beside the path at which the fish has left it: the report lists where, and
+    # predictions are looked at.
+    path_left: Positive
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ class FilmWorld(World):
     @cached_property
     def tempo(self) -> Tempo:
         """How fast the film's fish swim."""
-        return Tempo.of(self.film, self.ticks(self.settings.memory), self.motion.delta)
+        return Tempo.of(self.film, self.ticks(self.settings.repeat_memory), self.motion.delta)
 
     @cached_property
     def cost_weights(self) -> CostWeights:
@@ -81,9 +81,9 @@ class FilmWorld(World):
         return CostWeights(
             pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
-            stride=max(1, self.ticks(p.stride)), beam=p.beam, seam=p.seam * delta,
-            speed=p.jerk * delta**2 / motion.rate_hz, repeat=p.again * delta,
-            memory=p.memory * delta,
+            stride=max(1, self.ticks(p.stride)), beam=p.beam, seam=p.seam_cost * delta,
+            speed=p.speed_change_cost * delta**2 / motion.rate_hz, repeat=p.repeat_cost * delta,
+            memory=p.repeat_memory * delta,
         )  # fmt: skip
 
     @cached_property
@@ -96,18 +96,18 @@ class FilmWorld(World):
         """How a fish is steered along a path."""
         motion, p = self.motion, self.settings
         return Steering(
-            turn=max(p.path_share * self.spread.turn_deg / motion.delta, 1e-6),
-            shift=p.path_share * motion.body_length_px / motion.rate_hz,
+            turn=max(p.path_correction * self.spread.turn_deg / motion.delta, 1e-6),
+            shift=p.path_correction * motion.body_length_px / motion.rate_hz,
             brisk=self.cost_weights.pace * motion.rate_hz / motion.body_length_px,
             reach=self.reach, length_px=motion.body_length_px,
-            across=p.path_across, late=p.path_late,
-            heading=p.path_heading, effort=p.path_effort,
+            across=p.path_offset_cost, late=p.path_late_cost,
+            heading=p.path_heading_cost, effort=p.path_correction_cost,
         )  # fmt: skip
 
     @property
     def reach(self) -> int:
         """Ticks that a fish which follows a path looks ahead, to steer."""
-        return max(2, self.ticks(self.settings.path_reach))
+        return max(2, self.ticks(self.settings.path_steer_ahead))
 
     @property
     def duration(self) -> int:
@@ -135,8 +135,8 @@ def brisk_of(sizes: Floats, settings: AllSettings) -> float:
 
     A quantile; of a fish that rests for most of the film a share of the quickest.
     """
-    quantile, quickest = np.quantile(sizes, (settings.brisk, _QUICKEST))
-    return float(max(quantile, settings.brisk_least * quickest, 1e-6))
+    quantile, quickest = np.quantile(sizes, (settings.typical_speed_quantile, _QUICKEST))
+    return float(max(quantile, settings.typical_speed_least * quickest, 1e-6))
 
 
 def spread(film: MotionGraph, delta: int) -> Spread:
