@@ -28,6 +28,7 @@ from docs.draw.film import (
 from docs.draw.flow import save_flow
 from docs.draw.guides import draw_guides
 from docs.draw.pipeline import run
+from docs.draw.search import search_picture
 from finloop.edit.modes import MODES
 
 PICTURES = ROOT / "docs/pictures"
@@ -123,6 +124,7 @@ def draw_all(folder: Path) -> None:
     save_film(PICTURES / "goals.webp", story(folder))
     tank = frames(folder / "data/tank/tank.mp4", *TANK_S)
     save_film(PICTURES / "tank.webp", (sized(one, TANK_PX) for one in tank))
+    save_still(PICTURES / "planner.webp", search_picture(folder))
     draw_drawings()
     save_still(PICTURES / "live.webp", live_tank(folder, SENT))
     save_still(PICTURES / "report.webp", sized(report(folder), REPORT_PX))

@@ -1,0 +1,160 @@
+"""What each part of the planner of mode `matching` is for: one after the other is taken out.
+
+`python -m benchmarks.ablation [--seeds 10] FOLDER …` takes working copies in which the pipeline was
+run, of a film each (none: the one that it is called in), and writes benchmarks/ablation.csv: goals
+met and the time to one, seams, steps, rests on the spot, repeats and motion beside the film's, and
+how nearly two paths are followed, with the standard deviations over the seeds. What differs from
+the whole planner by more than twice the standard error of the difference is named.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import argparse
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from benchmarks.matching import changed, material
+from finloop.animate import measures
+from finloop.animate.paths import lay
+from finloop.animate.shoal import swim
+from finloop.base.errors import FinloopError
+from finloop.base.line import TANK, Line
+from finloop.base.parallel import Processes, ordered_map
+from finloop.edit.build import edit_lists
+from finloop.edit.schema import by_fish
+from finloop.modes.matching import MatchingAnimator, matching_animator
+from finloop.plan.path_measures import limits, of_path, swum_path, where_left
+from finloop.plan.settings import merge_settings
+from finloop.project import Project
+from stages.animation import measure_pictures
+
+PARTS: dict[str, dict[str, Any]] = {
+    "whole": {},
+    "no cost of seams": {"seam_cost": 0.0},
+    "no cost of changes of speed": {"speed_change_cost": 0.0},
+    "no cost of repeats": {"repeat_cost": 0.0},
+    "no cost of rare steps": {"rarity_weight": 0.0},
+    "no cost of lagging": {"lag_cost": 0.0, "path_lag_cost": 0.0},
+    "no random choice": {"choice_noise": 1e-6},
+    "no detours": {"patience": 1e6},
+    "no predictions": {"uses": ("film",)},
+    "predictions alone": {"uses": ("forecast",)},
+    "a plan is swum stride by stride": {"commit": 0.75, "path_commit": 0.75},
+    "a beam of 24": {"beam": 24},
+    "a look half as far ahead": {"look_ahead": 7.5},
+    "no correction on paths": {"path_correction": 0.0},
+    "no cost of correction": {"path_correction_cost": 0.0},
+}
+"""What is taken out, and the parameters that do so."""
+GOALS, SECONDS, TRIALS = 3, 60.0, 2
+MEASURES = {
+    "goals_reached_pct": "goals", "time_to_goal_median_s": "time_s", "seam_ratio_p95": "seams",
+    "steps_above_film_p995_pct": "steps_pct", "stuck_pct": "stuck_pct",
+    "longest_exact_repeat_s": "repeat_s", "shown_film_pct": "film_pct",
+    "speed_kinematic_distance_sd": "speed_sd", "turn_rate_kinematic_distance_sd": "turns_sd",
+    "frames_outside": "outside",
+}  # fmt: skip
+
+
+def shapes() -> dict[str, Line]:
+    """Return a circle at the fish's own pace, and an eight with times, in shares of the tank."""
+    turn = np.linspace(0, 2 * np.pi, 300)
+    circle = Line("circle", 0.5 + 0.3 * np.cos(turn), 0.5 + 0.25 * np.sin(turn), TANK, closed=True)
+    eight = Line(
+        "eight", 0.5 + 0.3 * np.cos(turn), 0.5 + 0.25 * np.sin(2 * turn), TANK,
+        time_s=30 * turn / turn[-1],
+    )  # fmt: skip
+    return {"circle": circle, "eight": eight}
+
+
+def measure_seed(job: tuple[str, int]) -> dict[str, float] | str:
+    """Return the measures of the film in the present folder, with one part taken out.
+
+    job: the part, and the seed. Where nothing can be played, why.
+    """
+    try:
+        return _measure_seed(*job)
+    except FinloopError as error:
+        return error.came
+
+
+def _measure_seed(part: str, seed: int) -> dict[str, float]:
+    cv2.setNumThreads(1)
+    with Project() as project:
+        usual = merge_settings(project.settings("animate"), project.settings("matching"))
+        fixed = {"path": None, "seed": seed, "seconds": SECONDS, "trial_goals": GOALS}
+        p = changed(usual, **fixed | PARTS[part])
+        plans = matching_animator(material(project, p), p)
+        film = measures.motion_of_film(project.features, plans.waters.motion)
+        steps = project.steps[["headed", "as_filmed"]].dropna()
+        trials = []
+        for number in range(TRIALS):
+            edit, goals = plans.trial(number)
+            for one, theirs in zip(by_fish(edit), goals, strict=True):
+                trials.append(measures.of_plan(one, theirs, plans.player, film))
+        sample = plans.sample(7000 + seed, SECONDS)
+        found = dict(pd.DataFrame(trials).mean())
+        found |= measures.of_plan(sample, [], plans.player, film)
+        found |= measure_pictures(sample, plans, steps, project.rate_hz)
+        made = {name: float(found.get(key, np.nan)) for key, name in MEASURES.items()}
+        return made | followed(plans, seed)
+
+
+def followed(plans: MatchingAnimator, seed: int) -> dict[str, float]:
+    """Return how far beside two paths a fish swims, RMS in body lengths."""
+    world, ticks, made = plans.waters, round(30 * plans.waters.motion.rate_hz), {}
+    for name, line in shapes().items():
+        path = lay(line, world.tank, world.motion, None)
+        swum = swim(plans.player, [], ticks, np.random.default_rng(seed), path.route)
+        edit_lists([swum], ticks, plans.player.sources)
+        table = swum_path("matching", swum, path, ticks, world)
+        left = where_left(table, path, world, limits(world.film, world))
+        numbers = of_path(table, left, path, world.spread, world)
+        made[f"{name}_lengths"] = numbers["path_across_rms_body_lengths"]
+    return made
+
+
+def film_table(film: str, seeds: int) -> pd.DataFrame:
+    """Return a row for each part that is taken out, of the film in the present folder."""
+    jobs = [(part, seed) for part in PARTS for seed in range(seeds)]
+    found = list(ordered_map(measure_seed, jobs, Processes(2)))
+    rows, whole = [], pd.DataFrame()
+    for number, part in enumerate(PARTS):
+        every = found[number * seeds : (number + 1) * seeds]
+        if refused := [one for one in every if isinstance(one, str)]:
+            rows.append({"film": film, "without": part, "changes": refused[0]})
+            continue
+        table = pd.DataFrame(every)
+        whole = table if part == "whole" else whole
+        unsure = np.sqrt((table.var() + whole.var()) / seeds).fillna(0)
+        differs = (table.mean() - whole.mean()).abs() > 2 * unsure + 1e-9
+        rows.append(
+            {"film": film, "without": part, **table.mean().round(3)}
+            | {f"{name}_sd": value for name, value in table.std().round(3).items()}
+            | {"changes": " ".join(table.columns[differs])}
+        )
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    """Write benchmarks/ablation.csv."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("folders", nargs="*", default=["."])
+    given = parser.parse_args()
+    parts = []
+    for folder in given.folders:
+        with chdir(folder):
+            parts.append(film_table(Path.cwd().name, given.seeds))
+        pd.concat(parts).to_csv(
+            Path(__file__).with_name("ablation.csv"), index=False, float_format="%.4g"
+        )
+
+
+if __name__ == "__main__":
+    main()
