@@ -28,7 +28,7 @@ from finloop.base.parallel import Processes, ordered_map
 from finloop.edit.build import edit_lists
 from finloop.edit.schema import by_fish
 from finloop.modes.matching import MatchingAnimator, matching_animator
-from finloop.plan.path_measures import limits, of_path, swum_path, where_left
+from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
 from finloop.plan.settings import merge_settings
 from finloop.project import Project
 from stages.animation import measure_pictures
@@ -114,7 +114,7 @@ def followed(plans: MatchingAnimator, seed: int) -> dict[str, float]:
         edit_lists([swum], ticks, plans.player.sources)
         table = swum_path("matching", swum, path, ticks, world)
         left = where_left(table, path, world, limits(world.film, world))
-        numbers = of_path(table, left, path, world.spread, world)
+        numbers = path_metrics(table, left, path, world.spread, world)
         made[f"{name}_lengths"] = numbers["path_across_rms_body_lengths"]
     return made
 

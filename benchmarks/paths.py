@@ -23,7 +23,7 @@ from finloop.animate.paths import lay, track_line
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
 from finloop.modes.matching import MatchingAnimator, Material, matching_animator
-from finloop.plan.path_measures import limits, of_path, swum_path, where_left
+from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
 from finloop.project import Project
 
 SECONDS, TRACK_S, TRACKS, SPLINES = 30.0, 10.0, 6, 10
@@ -131,7 +131,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     took = time.process_time() - begin
     table = swum_path(MODE, swum, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
-    numbers = of_path(table, left, path, waters.spread, waters)
+    numbers = path_metrics(table, left, path, waters.spread, waters)
     new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]
     return {

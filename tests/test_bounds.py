@@ -23,10 +23,10 @@ from finloop.animate.arena import inside, tank
 from finloop.animate.company import discs_of
 from finloop.animate.encounters import placed
 from finloop.animate.kinematics import Target
-from finloop.animate.state import Effort, Fish
+from finloop.animate.state import Fish, GoalProgress
 from finloop.edit.schema import Goal
-from finloop.plan.objectives import effort
-from finloop.plan.walls import bounds_of, fits, kept_inside, moved_off
+from finloop.plan.objectives import update_progress
+from finloop.plan.walls import bounds_of, fits, kept_inside, push_inside
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 
@@ -85,10 +85,10 @@ def test_a_fish_without_discs_fits_where_the_tank_is_roomy_alone():
 
 def test_a_place_at_a_wall_is_moved_straight_off_it():
     _, bounds, _ = pool()
-    x, y, free = moved_off(bounds, 0, 200.0, 26.0, 90.0)  # its nose is 14 px behind the wall
+    x, y, free = push_inside(bounds, 0, 200.0, 26.0, 90.0)  # its nose is 14 px behind the wall
     assert free and x == pytest.approx(200, abs=1) and 40 < y < 55
-    assert moved_off(bounds, 0, x, y, 90.0) == (x, y, True)
-    along = moved_off(bounds, 0, 200.0, 26.0, 0.0)
+    assert push_inside(bounds, 0, x, y, 90.0) == (x, y, True)
+    along = push_inside(bounds, 0, 200.0, 26.0, 0.0)
     assert along[2] and 26 <= along[1] < y - 5  # there is room along a wall
 
 
@@ -165,9 +165,9 @@ def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():
 
     def at(tick, x, before):
         fish = Fish(x, 300.0, 0.0, 1.0, 0, 0, tick=round(tick * delta))
-        return effort(before, fish, goal, waters, rng)
+        return update_progress(before, fish, goal, waters, rng)
 
-    begun = at(0, 100.0, Effort())
+    begun = at(0, 100.0, GoalProgress())
     assert begun.goal == (400.0, 300.0) and begun.far == 300 and begun.until == 0
     nearer = at(9, 200.0, begun)
     assert nearer.far == 200 and nearer.since == 9 * delta
@@ -182,9 +182,9 @@ def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():
 
 def test_a_fish_that_has_passed_its_goal_and_swims_back_makes_no_detour():
     waters = waters_of(patience=10.0)
-    goal, rng, way = Goal("A", 400.0, 300.0), np.random.default_rng(0), Effort()
+    goal, rng, way = Goal("A", 400.0, 300.0), np.random.default_rng(0), GoalProgress()
     for k, x in enumerate([100.0, 350.0, 550.0, 750.0, 650.0, 560.0]):
         tick = round(4 * k * waters.motion.delta)
-        way = effort(way, Fish(x, 300.0, 0.0, 1.0, 0, 0, tick=tick), goal, waters, rng)
+        way = update_progress(way, Fish(x, 300.0, 0.0, 1.0, 0, 0, tick=tick), goal, waters, rng)
         assert way.until == 0
     assert way.far == 160 and way.since == tick  # nearer than before, if not than at first

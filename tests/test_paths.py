@@ -29,7 +29,7 @@ from finloop.io.table import save_table
 from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
 from finloop.plan.objectives import along_path
-from finloop.plan.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
+from finloop.plan.path_measures import LEFT, SWUM, limits, path_metrics, swum_path, where_left
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
 
@@ -233,7 +233,7 @@ def followed(line, ticks=700, **changes):
     swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
     table = swum_path("matching", swum_, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
-    return swum_, table, left, of_path(table, left, path, player.world.spread, waters)
+    return swum_, table, left, path_metrics(table, left, path, player.world.spread, waters)
 
 
 def test_the_film_is_swum_along_a_path_lap_after_lap():
@@ -333,7 +333,7 @@ def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins()
     assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
     swum_ = swum_path("matching", made, path, 200, waters)
     left = where_left(swum_, path, waters, limits(waters.film, waters))
-    numbers = of_path(swum_, left, path, waters.spread, waters)
+    numbers = path_metrics(swum_, left, path, waters.spread, waters)
     assert numbers["path_swum_pct"] < 50
 
 

@@ -422,7 +422,7 @@ def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_every_stri
         _, state = planner.step(state, route, rng)
     assert planner.step(state, route, rng)[0].options is None
     other = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
-    beside = planner.among(state, other[:, None])
+    beside = planner.with_others(state, other[:, None])
     assert beside.fish.company.near == 1
     stretch, then = planner.step(beside, route, rng)
     assert stretch.options is not None

@@ -664,5 +664,5 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
         for fish in tank.fish:
             last = fish._choices[-1]
             others = fish._around(last.tick)
-            state = fish._player.among(last.state, others) if last.tick >= 0 else last.state
+            state = fish._player.with_others(last.state, others) if last.tick >= 0 else last.state
             assert fish._player.is_clear(state._replace(fish=last.state.fish), last.stretch)

@@ -35,7 +35,7 @@ def test_a_step_costs_its_share_of_the_time_that_the_film_takes_for_as_large_a_o
     assert made.price(np.array([0.5, 1, 2, 3, 4, 9])) == pytest.approx(
         [0.5, 0.5, 0.5 * 4 / 3, 2, 2, 2]
     )
-    assert made.dear[-1] == pytest.approx(0)  # on average over the film nothing
+    assert made.cumulative[-1] == pytest.approx(0)  # on average over the film nothing
 
 
 def test_where_a_step_is_not_known_the_bodys_movement_stands_in():

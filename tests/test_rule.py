@@ -17,7 +17,7 @@ from finloop.live.message import parsed
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
 from finloop.modes.matching import MatchingAnimator, by_rule
-from finloop.plan.objectives import wish
+from finloop.plan.objectives import rule_target
 from finloop.social.measures import shoal_table
 from finloop.social.zones import NO_ZONES, Zones
 
@@ -104,7 +104,7 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
         places.append(tuple(state.place))
         ticks += len(stretch.way)
     assert 2 <= len(set(places)) <= len(places)
-    assert wish(rule, state.fish, player.waters, rng)[1] == 15
+    assert rule_target(rule, state.fish, player.waters, rng)[1] == 15
     begun = state._replace(left=5)
     _, wanders = player.step(begun, None, rng)
     assert not wanders.wished and tuple(wanders.place) != tuple(begun.place)
@@ -161,7 +161,9 @@ def test_followers_keep_near_their_leader_who_swims_to_its_goals():
 def test_a_follower_swims_behind_its_leader():
     player = player_of(NEAR)
     fish = player.begin(np.random.default_rng(0)).fish
-    place, left = wish(Rule.after(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.waters, None)
+    place, left = rule_target(
+        Rule.after(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.waters, None
+    )
     assert place == pytest.approx([400, 300 + LENGTH]) and left == 0
 
 

@@ -116,7 +116,7 @@ class Swimmer:
         """Plan the next stretch, among what all fish have planned, and add it to these."""
         begins, others = self.tick, plans.others(self._number, self.tick)
         goal = self._goal() or self._rule(plans, others)
-        state = self._player.among(self._state, others)
+        state = self._player.with_others(self._state, others)
         stretch, self._state = self._player.step(state, goal, self._task.rng)
         plans.put(self._number, begins, stretch.shown)
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""

@@ -53,7 +53,7 @@ class Fish:
         return self.row if self.row >= 0 else -1 - self.sprite
 
 
-class Effort(NamedTuple):
+class GoalProgress(NamedTuple):
     """How a fish gets on with a goal.
 
     goal: x, y of it, px; far: px, how far from there it was at most since it last came nearer;
@@ -91,13 +91,13 @@ class State(NamedTuple):
     """All that the next stretch depends on, beside the goal and the random draws.
 
     place (2,): where the fish wanders to while it has no goal, for `left` ticks more; wished:
-    whether a rule has wished the place; effort: how it gets on with its goal; path: how it gets on
-    with its path, where it swims one.
+    whether a rule has wished the place; goal_progress, path: how it gets on with its goal, and with
+    what it has planned.
     """
 
     fish: Fish
     place: Floats
     left: int = 0
     wished: bool = False
-    effort: Effort = Effort()
+    goal_progress: GoalProgress = GoalProgress()
     path: Progress = Progress()

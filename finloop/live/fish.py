@@ -315,7 +315,7 @@ class LiveFish:
     def _decide(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
         """Plan the next stretch. known: of the other fish, when it was planned before."""
         if known is None:
-            state = self._player.among(self._state, self._around(self._state.fish.tick))
+            state = self._player.with_others(self._state, self._around(self._state.fish.tick))
         else:
             state = self._state._replace(fish=replace(self._state.fish, company=known))
         draws = self._rng.bit_generator.state

@@ -36,7 +36,7 @@ from finloop.edit.stretch import Swim
 from finloop.features.table import delta_of
 from finloop.forecast.sampling import Sampler
 from finloop.plan.cost import Rarity
-from finloop.plan.graph import endless, film, neighbour_jumps
+from finloop.plan.graph import film, neighbour_jumps, without_dead_ends
 from finloop.plan.planner import Planner
 from finloop.plan.settings import AllSettings
 from finloop.plan.sources import FilmSource, PredictionSource
@@ -222,8 +222,8 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rarity_weight
     )
     jumps = neighbour_jumps(made.jumps, len(features))
-    way = film(features, jumps, motion, BODY, barred, rarity.dear, how.rests)
-    swum = None if made.forecast is None else endless(made.forecast, way.more, how.rests)
+    way = film(features, jumps, motion, BODY, barred, rarity.cumulative, how.rests)
+    swum = None if made.forecast is None else without_dead_ends(made.forecast, way.more, how.rests)
     foretells = "forecast" in p.uses and swum is not None and bool(swum.usable.any())
     plays = "film" in p.uses and bool((way.endless & way.more).any())
     if not (foretells or plays):

@@ -92,7 +92,7 @@ class PaperPlayer:
         """Return that it is alone."""
         return ALONE
 
-    def among(self, state: State, others: Floats) -> State:
+    def with_others(self, state: State, others: Floats) -> State:
         """Return the state itself: other fish are not looked at."""
         return state
 

@@ -77,7 +77,9 @@ def shifted(route: Route, at, speed: float, when, steering: Steering):  # type: 
 
 @kernel
 def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # type: ignore[no-untyped-def]
-    """Move a fish along a way (m + 1, 3), x, y, heading, its own place first, for t ≤ m ticks.
+    """Return what is swum of a planned way: steered along a path, cut at its goal, end or a wall.
+
+    way (m + 1, 3): x, y, heading, the fish's own place first; t ≤ m ticks of it are swum.
 
     On a path it is steered, and stops with the path; else it stops when it touches its goal, or the
     point on the way there for which it heads.
@@ -161,7 +163,8 @@ def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-un
 def swim_leg(graph, way, most, start, objective, weights):  # type: ignore[no-untyped-def]
     """Swim to the first loop end after a stride, so many ticks at most.
 
-    `way` is moved on. Returns whether it leads on, and whether the objective is done.
+    `way` is moved on, and its rarity and lag added. Returns whether it leads on (not where a wall
+    or a fish is in the way, or the film ends), and whether the objective is done.
     """
     rows, begun, left, ends = graph.film.rows, way.row, min(graph.leg[way.row], most), False
     if left == 0:
@@ -179,8 +182,8 @@ def swim_leg(graph, way, most, start, objective, weights):  # type: ignore[no-un
 
 
 @kernel
-def onward(graph: SearchGraph, begins: Floats, row: int, rot: float, ticks: int) -> Floats:
-    """A way (k, 3) whose last place shows a row, and on by the film: (k + m, 3), m ≤ ticks."""
+def extend_by_film(graph: SearchGraph, begins: Floats, row: int, rot: float, ticks: int) -> Floats:
+    """Append the film's next places, `ticks` at most, to a way (k, 3) that ends with `row`."""
     k, more = len(begins), min(ticks, graph.run[row])
     way = np.empty((k + more, 3))
     for i in range(k):  # `way[:k] = begins` takes six seconds to compile
@@ -212,8 +215,8 @@ class Pace(NamedTuple):
 
 
 @leaf_kernel
-def moved(place, state, pace):  # type: ignore[no-untyped-def]
-    """The next place (x, y, heading) of a fish whose next state is this one."""
+def integrate_state(place, state, pace):  # type: ignore[no-untyped-def]
+    """Return the next place (x, y, heading) of a fish whose next state is this one."""
     x, y = ahead(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
     return x, y, place[2] + state[-1] * pace.turn_deg
 
@@ -225,6 +228,6 @@ def predicted_way(states, start, pace):  # type: ignore[no-untyped-def]
     place = start[0], start[1], start[2]
     way[0, 0], way[0, 1], way[0, 2] = place
     for t in range(len(states)):
-        place = moved(place, states[t], pace)
+        place = integrate_state(place, states[t], pace)
         way[t + 1, 0], way[t + 1, 1], way[t + 1, 2] = place
     return way

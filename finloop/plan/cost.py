@@ -62,9 +62,9 @@ _SOON = 3  # ticks in which an offset dies away fastest
 class Rarity:
     """What the steps to the film's rows (n,) cost.
 
-    steps (n,): from the row before, 0 where there is none; known (k,): these, rising; share: of the
-    frames for which the film lets wait for as large a one, that a step costs; pull: the largest
-    step that an offset of 1 in the codes makes in a tick while it dies away.
+    A step that the film shows once in n frames costs share × n ticks. steps (n,): from the row
+    before, 0 where there is none; known (k,): these, rising; pull: the largest step that an offset
+    of 1 in the codes makes in a tick while it dies away.
     """
 
     steps: Floats
@@ -100,7 +100,7 @@ class Rarity:
         return self.share * len(self.known) / np.maximum(len(self.known) - smaller, 1)
 
     @property
-    def dear(self) -> Floats:
+    def cumulative(self) -> Floats:
         """Ticks (n,) that showing all rows up to each costs, beyond their mean."""
         return (self._each - self._each.mean()).cumsum()
 
@@ -155,14 +155,14 @@ class Tempo(NamedTuple):
             self.keeps**n * lag + self.keeps ** np.arange(n)[::-1] @ (1 - path / self.step_px)
         )
 
-    def price(self, lag: float, share: float) -> float:
+    def rest_price(self, lag: float, share: float) -> float:
         """Ticks that a tick on the spot costs whoever lags so far; < 0: that it is worth.
 
         share: the price at the usual lag.
         """
         return share * min(max(lag / self.usual, -_MOST), _MOST)
 
-    def price_along(self, lag: float, share: float) -> float:
+    def rest_price_on_path(self, lag: float, share: float) -> float:
         """The same on a path, on which who is slow keeps nearer to it; never < 0."""
         return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)
 
@@ -200,10 +200,10 @@ def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) ->
     """
     square = steering.length_px * steering.length_px
     x, y, heading = at
-    cost = steering.across * near((foot_at[1] - x) ** 2 + (foot_at[2] - y) ** 2, square)
+    cost = steering.across * huber((foot_at[1] - x) ** 2 + (foot_at[2] - y) ** 2, square)
     if route.when.size:
         tx, ty = place(route, asked_at(route, tick))
-        cost += steering.late * near((tx - x) ** 2 + (ty - y) ** 2, square)
+        cost += steering.late * huber((tx - x) ** 2 + (ty - y) ** 2, square)
     if route.heading.size:
         off = np.radians(heading_at(route, foot_at[0]) - heading)
         cost += steering.heading * (1.0 - np.cos(off))
@@ -211,7 +211,7 @@ def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) ->
 
 
 @finite_leaf
-def near(far2: float, unit2: float) -> float:
+def huber(far2: float, unit2: float) -> float:
     """The square of a distance in units; beyond one unit it grows as the distance does."""
     share = far2 / unit2
     return share if share < 1.0 else 2.0 * np.sqrt(share) - 1.0

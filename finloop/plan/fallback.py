@@ -61,10 +61,10 @@ class Fallback:
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
-        """Return what of a stretch stays inside, and meets no other fish, now or where it ends.
+        """Cut a stretch to the ticks inside the tank and clear of others; else stay, or make way.
 
-        Else what can be done: at a wall the fish stays; one that is blocked by another, or turns on
-        the spot beside it, makes way.
+        At a wall the fish stays; one that is blocked by another, or turns on the spot beside it,
+        makes way. Where nothing is free, the last resort is one tick in place.
         """
         stretch = self._inside(stretch) or self._at_wall(fish, Target(*stretch.aim))
         company, others = fish.company, fish.company.places[0]

@@ -66,8 +66,8 @@ class MotionGraph(NamedTuple):
         goes_on[goes_on] = self.endless[rows[goes_on] + 1]
         return goes_on
 
-    def only(self, allowed: Mask) -> "MotionGraph":
-        """The film with those of its jumps (e,) that are allowed."""
+    def with_jumps(self, allowed: Mask) -> "MotionGraph":
+        """Return the film with those of its jumps (e,) that are allowed."""
         before = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
         return self._replace(start=before[self.start], to=self.to[allowed], seam=self.seam[allowed])
 
@@ -144,13 +144,13 @@ def film(
         barred = np.tile(barred, 2)
     rows["end"] = jumps.end
     made = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
-    made = made.only(~barred[jumps.to] & ~_within_rests(made, motion.delta))
+    made = made.with_jumps(~barred[jumps.to] & ~_within_rests(made, motion.delta))
     del jumps  # of a film of hours they are 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     more, end = rows["more"].copy(), rows["end"].copy()
     rows["endless"] = endless_rows(more, end, made.start, made.to)
     leads = rows["more"] & np.append(rows["endless"][1:], False)
-    return made.only(leads[made.to])
+    return made.with_jumps(leads[made.to])
 
 
 def _within_rests(film: MotionGraph, delta: int) -> Mask:
@@ -198,8 +198,11 @@ def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
     return other
 
 
-def foretold_film(film: MotionGraph, sampler: Sampler) -> MotionGraph:
-    """The film as a fish goes on in it that swims as is foretold: from row to similar row."""
+def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
+    """Return the film with jumps to the rows that the forecast holds similar, not to its own.
+
+    Its rows are the sampler's; these jumps have no seam.
+    """
     n = min(len(film.rows), len(sampler.usable))
     rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
     leads = np.diff(start) > 0
@@ -227,14 +230,13 @@ def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:
     return np.hypot(*(place[b] - place[a]).T) / np.maximum(b - a, 1)
 
 
-def endless(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
-    """A sampler of those rows of `animate.MotionGraph` from which a fish can swim for ever.
+def without_dead_ends(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
+    """Restrict a sampler to the rows from which a fish can swim for ever.
 
-    more: which of them the film goes on from; rests: at which of the film's own it rests. Without
-    the film's mirror images, where it has none, and without rows that must not be shown. Of the
-    rest: the largest set of rows that lead to each other, and all that lead there; not those that
-    only lead to an end of the film, or round and round in a few frames. So the last row of a
-    stretch, which cannot be followed, has neighbours.
+    They are the largest strongly connected part of the graph, and all rows that lead there; not
+    those that only lead to an end of the film, or round and round in a few frames. more (m,): which
+    of the rows of a `MotionGraph` the film goes on from; rests (n,): at which of the film's own it
+    rests. Rows that must not be shown, and mirror images where there are none, are left out.
     """
     n, m = len(more), len(sampler.usable)
     shown = np.zeros(m + 1, bool)
@@ -243,23 +245,23 @@ def endless(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
     order = np.argsort(part, kind="stable")
     leads = np.append(leading(shown, sampler.start, sampler.to, (part, order)), False) & shown
     usable = leads[:-1] & leads[1:]
-    start, to = kept(leads, usable, sampler.start, sampler.to)
+    start, to = filter_edges(leads, usable, sampler.start, sampler.to)
     still = np.resize(rests, m)  # those of mirror images follow
     return sampler._replace(usable=usable, start=start, to=to, rests=still)
 
 
-def kept(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:
-    """The graph of the edges from rows that lead on, `leads`, to usable rows."""
+def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:
+    """Return the edges that lead from rows of `leads` to usable rows, as start and to."""
     count = np.zeros(len(start), np.int64)
-    _kept(leads, usable, (start, to), count[1:], to[:0])
+    _filter_edges(leads, usable, (start, to), count[1:], to[:0])
     count = np.cumsum(count)
     made = np.empty(count[-1], to.dtype)
-    _kept(leads, usable, (start, to), np.empty(len(usable), np.int64), made)
+    _filter_edges(leads, usable, (start, to), np.empty(len(usable), np.int64), made)
     return count, made
 
 
 @kernel
-def _kept(leads, usable, graph, count, made):  # type: ignore[no-untyped-def]
+def _filter_edges(leads, usable, graph, count, made):  # type: ignore[no-untyped-def]
     """The edges that are kept: how many of each row into `count`, their ends into `made`.
 
     As far as `made` has room.

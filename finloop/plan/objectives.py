@@ -7,11 +7,11 @@ import numpy as np
 from finloop.animate.kinematics import Target, touches
 from finloop.animate.route import NO_ROUTE, Route, asked_at, place
 from finloop.animate.rule import Rule
-from finloop.animate.state import Effort, Fish
+from finloop.animate.state import Fish, GoalProgress
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
 from finloop.edit.schema import Goal
-from finloop.plan.cost import NO_STEERING, Steering, near
+from finloop.plan.cost import NO_STEERING, Steering, huber
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import Self, shoaling_place
 
@@ -135,7 +135,7 @@ def estimate_path_cost(lead, way, turned, route, by):  # type: ignore[no-untyped
 
 @finite_leaf
 def _off(way, lead, turned, route, by):  # type: ignore[no-untyped-def]
-    """How far off the path a lead comes, less what can be corrected, as `near` counts it.
+    """How far off the path a lead comes, less what can be corrected, as `huber` counts it.
 
     lead: px ahead, to the left, as the crow flies, and ticks.
     """
@@ -146,13 +146,15 @@ def _off(way, lead, turned, route, by):  # type: ignore[no-untyped-def]
     else:
         to_x, to_y = place(route, way.along + far)
     off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2) - far * np.radians(steering.turn) * ticks / 2
-    return near(max(off, 0.0) ** 2, steering.length_px**2)
+    return huber(max(off, 0.0) ** 2, steering.length_px**2)
 
 
-def wish(
+def rule_target(
     rule: Rule, fish: Fish, waters: FilmWorld, rng: np.random.Generator
 ) -> tuple[Floats, int] | None:
-    """The place (2,), px, that a fish swims to by a rule, and for how many ticks it holds.
+    """Return the place (2,), px, that a fish swims to by a rule, and for how many ticks.
+
+    After a leader it is a body length behind it, for this decision alone.
 
     None where the rule wishes nothing.
     """
@@ -172,13 +174,13 @@ def wish(
 _NEARER = 0.25  # body lengths; by less a fish comes no nearer
 
 
-def effort(
-    before: Effort, fish: Fish, goal: Goal, waters: FilmWorld, rng: np.random.Generator
-) -> Effort:
-    """How a fish gets on now; a detour is begun where it came no nearer for `matching.patience`."""
+def update_progress(
+    before: GoalProgress, fish: Fish, goal: Goal, waters: FilmWorld, rng: np.random.Generator
+) -> GoalProgress:
+    """Return how a fish gets on with its goal; begin a detour after `matching.patience` in vain."""
     far = float(np.hypot(goal.x_px - fish.x, goal.y_px - fish.y))
     if before.goal != (goal.x_px, goal.y_px):
-        return Effort((goal.x_px, goal.y_px), far, fish.tick)
+        return GoalProgress((goal.x_px, goal.y_px), far, fish.tick)
     if fish.tick < before.until:
         return before
     if before.until > before.since:  # a detour is over

@@ -78,7 +78,7 @@ def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) 
     })  # fmt: skip
 
 
-def of_path(
+def path_metrics(
     swum: pd.DataFrame, left: pd.DataFrame, path: Path, spread: Spread, waters: FilmWorld
 ) -> dict[str, float]:
     """The measures of a path that was swum: errors in body lengths, corrections in per cent.

@@ -18,7 +18,7 @@ from finloop.animate.places import somewhere
 from finloop.animate.route import Route, foot, least_along, place
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
-from finloop.animate.state import Effort, Fish, Progress, Run, State
+from finloop.animate.state import Fish, GoalProgress, Progress, Run, State
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import Sources
 from finloop.edit.joins import Joins
@@ -40,7 +40,7 @@ from finloop.loops.positions import quadrant
 from finloop.plan.advance import advance
 from finloop.plan.cost import CHANCE, CostWeights, Steering
 from finloop.plan.fallback import Fallback
-from finloop.plan.objectives import Objective, along_path, effort, to_goal, wish
+from finloop.plan.objectives import Objective, along_path, rule_target, to_goal, update_progress
 from finloop.plan.plan import Plan
 from finloop.plan.search import Candidates, SearchStart, search
 from finloop.plan.sources import Source
@@ -139,7 +139,7 @@ class Planner:
             rots = np.zeros_like(rots)
         n = len(some)
         made = Candidates(some, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS))))
-        lag = self.world.tempo.price_along(0.0, self.world.settings.path_lag_cost)
+        lag = self.world.tempo.rest_price_on_path(0.0, self.world.settings.path_lag_cost)
         start = SearchStart(x, y, route.begins - 1, 0.0, np.zeros((0, 3), np.int64), lag=lag)
         plan = self._search(source, (made, start), along_path(route, self.steering))
         best = plan.taken if plan else 0
@@ -160,11 +160,8 @@ class Planner:
             return ALONE
         return company_of(others, start, self.cast.discs, self.world.ticks(p.give_way))
 
-    def among(self, state: State, others: Floats) -> State:
-        """Return a state that decides among others (n, m, 4), of `Plans.others`.
-
-        It looks for those alone that it can come near.
-        """
+    def with_others(self, state: State, others: Floats) -> State:
+        """Return the state with the other fish (n, m, 4), of `Plans.others`, that it can meet."""
         fish = state.fish
         company = self.company(others, fish.tick)
         if company.near:
@@ -185,19 +182,21 @@ class Planner:
         if isinstance(goal, Route):
             return self._follow(state, goal, rng)
         aimed, spot = self._aim(state, goal, rng)
-        objective = to_goal(self._in_sight(fish, spot))
+        objective = to_goal(self._next_waypoint(fish, spot))
         task = _ANYWHERE if spot.free else spot
         stretch, path = self._move(fish, aimed.path, objective, task, rng)
         whole = stretch
         stretch = self._fallback.keep_clear(fish, stretch, rng)
         if stretch is not whole:
             path = Progress()
-        tried = aimed.effort
+        tried = aimed.goal_progress
         if fish.tick < tried.until and stretch.touched:  # it was the place of a detour
             stretch, tried = replace(stretch, touched=False), tried._replace(until=fish.tick)
         keeps = not isinstance(goal, Goal) and not stretch.touched
         left = max(0, aimed.left - len(stretch.way)) if keeps else 0
-        after = aimed._replace(fish=self._after(fish, stretch), left=left, effort=tried, path=path)
+        after = aimed._replace(
+            fish=self._after(fish, stretch), left=left, goal_progress=tried, path=path
+        )
         return stretch, after
 
     def _aim(
@@ -206,14 +205,16 @@ class Planner:
         """Return where a fish swims that follows no path, and the state that remembers it."""
         world, free = self.world, False
         if isinstance(goal, Goal):
-            tried = effort(state.effort, state.fish, goal, world, rng)
+            tried = update_progress(state.goal_progress, state.fish, goal, world, rng)
             x, y = tried.detour if state.fish.tick < tried.until else tried.goal
-            state = state._replace(left=0, wished=False, effort=tried)
+            state = state._replace(left=0, wished=False, goal_progress=tried)
         else:
             spot, left, wished = self._place_to_go(state, goal, rng)
             x, y = map(float, spot)
             free = not wished and world.settings.wander == "film"
-            state = state._replace(place=spot, left=left, wished=wished, effort=Effort())
+            state = state._replace(
+                place=spot, left=left, wished=wished, goal_progress=GoalProgress()
+            )
         return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
 
     def _place_to_go(
@@ -222,15 +223,15 @@ class Planner:
         """Return a place (2,) px that is no goal, for how many ticks, and whether by a rule."""
         if state.left > 0 and state.wished and rule is not None and rule.leader is None:
             return state.place, state.left, True
-        wished = None if rule is None else wish(rule, state.fish, self.world, rng)
+        wished = None if rule is None else rule_target(rule, state.fish, self.world, rng)
         if wished is not None:
             return *wished, True
         if state.left > 0 and not state.wished:
             return state.place, state.left, False
         return *somewhere(self.world, state.fish, rng), False
 
-    def _in_sight(self, fish: Fish, goal: Target) -> Target:
-        """Return the point to head for: the goal, or what is in sight of the way to it."""
+    def _next_waypoint(self, fish: Fish, goal: Target) -> Target:
+        """Return the point to head for: the goal, or the farthest in sight on the way there."""
         tank = self.world.tank
         aim = aim_in(tank, (fish.x, fish.y), goal, self.world.touch_px)
         return goal if aim[:2] == tank.into(goal.x, goal.y) else aim
@@ -290,7 +291,7 @@ class Planner:
         """
         plans = [self._weigh(self.film, fish, along, objective, rng)] if self.film else []
         film = plans[0] if plans else None
-        if film is None or self._gives_up(film, fish, objective):
+        if film is None or self._needs_prediction(film, fish, objective):
             plans.append(self._weigh(self.prediction, fish, along, objective, rng))
         found = [one for one in plans if one is not None]
         # To leave the film costs as much as a seam of one natural step.
@@ -300,8 +301,8 @@ class Planner:
             key=lambda one: (one.value + leaves * (one.state != FILM), -one.found.ticks.max()),
         )
 
-    def _gives_up(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
-        """Return whether a plan has no way on, or costs as much as to stand still off the path."""
+    def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
+        """Return whether to look at predictions: a plan ends, or costs as much as no path."""
         route, p = objective.route, self.world.settings
         if not len(route.x):
             return not np.isfinite(plan.value)
@@ -400,8 +401,8 @@ class Planner:
         """Return the ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
         tempo, p = self.world.tempo, self.world.settings
         if len(objective.route.x):
-            return tempo.price_along(fish.lag, p.path_lag_cost)
-        price = tempo.price(fish.lag, p.lag_cost)
+            return tempo.rest_price_on_path(fish.lag, p.path_lag_cost)
+        price = tempo.rest_price(fish.lag, p.lag_cost)
         return price if objective.aim.free else max(price, 0.0)
 
     # --- what plans are made of
@@ -427,7 +428,7 @@ class Planner:
 
     def _leave(self, fish: Fish, away: Target, rng: np.random.Generator) -> Stretch:
         """Return how a fish would swim to a place."""
-        return self._move(fish, Progress(), to_goal(self._in_sight(fish, away)), away, rng)[0]
+        return self._move(fish, Progress(), to_goal(self._next_waypoint(fish, away)), away, rng)[0]
 
     def _from_sprite(self, fish: Fish) -> Fish:
         """Return a fish that a sprite shows as one of the film's row behind it."""

@@ -185,7 +185,7 @@ def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
 def add_costs(
     film: MotionGraph, made: Candidates, start: SearchStart, weights: CostWeights
 ) -> None:
-    """Add what showing each candidate costs at once.
+    """Add to the terms of each candidate what its jump costs, and what it repeats.
 
     Playing on costs nothing but its repetition: it, or what follows within a stride, was on screen
     just now.
@@ -230,7 +230,7 @@ def search(
         beam, n = start_next_leg(graph, beam, m, leg, start.tick), m  # type: ignore[arg-type]
     for c in range(found.over.size):
         found.over[c] = found.over[c] and found.value[c] == np.inf
-    return found, rows_of(beam, best)
+    return found, backtrack_rows(beam, best)
 
 
 @kernel_part
@@ -414,7 +414,7 @@ def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
 
 @kernel_part
 def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # type: ignore[no-untyped-def]
-    """Return the beam in which the n best branches are the ways.
+    """Make the n best branches the ways of the next leg; return the beam, its buffers swapped.
 
     leg: number of the leg that they begin; tick: at which the search began.
     """
@@ -435,8 +435,8 @@ def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # t
 
 
 @kernel_part
-def rows_of(beam: Beam, best: Best) -> Ints:
-    """The rows (l,) with which a way begins its legs."""
+def backtrack_rows(beam: Beam, best: Best) -> Ints:
+    """Return the rows (l,) with which a way began its legs, from the last leg back to the first."""
     rows, way = np.empty(best.legs, np.int64), best.way
     for leg in range(best.legs - 1, -1, -1):
         rows[leg] = beam.rows[leg, way]

@@ -16,9 +16,9 @@ from finloop.edit.schema import FILM, FORECAST, TERMS
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, at_row, follow, ways
-from finloop.plan.advance import Pace, arrival, onward, predicted_way
+from finloop.plan.advance import Pace, arrival, extend_by_film, predicted_way
 from finloop.plan.cost import RARITY, CostWeights, Rarity
-from finloop.plan.graph import MotionGraph, foretold_film
+from finloop.plan.graph import MotionGraph, prediction_graph
 from finloop.plan.search import Candidates, SearchStart, add_costs, film_candidates
 from finloop.plan.search_graph import SearchGraph, search_graph
 from finloop.plan.world import FilmWorld
@@ -98,14 +98,14 @@ class FilmSource:
             [fish.x, fish.y, fish.heading],
             [*arrival(film, fish.x, fish.y, fish.row, fish.rot), film.rows["heading"][row] + rot],
         ])  # fmt: skip
-        way = onward(self.graph, begins, row, rot, run.ticks - 1 + self._reach)
+        way = extend_by_film(self.graph, begins, row, rot, run.ticks - 1 + self._reach)
         ticks = min(run.ticks, len(way) - 1)
         speed = np.append(film.speed[fish.row], film.speed[row : row + len(way) - 2])
         return Passage(way, speed, np.arange(row, row + ticks), seam, row != fish.row + 1)
 
 
 class PredictionSource:
-    """Frames in the poses that the forecast predicts. sampler: of `recurrent_sampler`."""
+    """Frames in the poses that the forecast predicts. sampler: of `without_dead_ends`."""
 
     state = FORECAST
 
@@ -125,7 +125,7 @@ class PredictionSource:
     @cached_property
     def graph(self) -> SearchGraph:
         """The film's rows, with jumps to similar rows."""
-        film = foretold_film(self._world.film, self.sampler)
+        film = prediction_graph(self._world.film, self.sampler)
         return search_graph(film, self._world.bounds, self._weights, self._reach)
 
     def candidates(
@@ -157,7 +157,7 @@ class PredictionSource:
         begins = predicted_way(states, np.array([fish.x, fish.y, fish.heading]), self._pace)
         last = row + len(states)
         rot = float(begins[-1, 2] - film.rows["heading"][last])
-        way = onward(self.graph, begins, last, rot, self._reach)
+        way = extend_by_film(self.graph, begins, last, rot, self._reach)
         speed = film.speed[row : row + len(way) - 1]
         numbers = row + 1 + np.arange(len(states))
         shown = np.concatenate([past[::-1], states])

@@ -87,7 +87,7 @@ def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bo
 
 
 @leaf_kernel
-def moved_off(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
+def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """The place (x, y) nearest to one, about, at which a picture fits, and whether it does.
 
     Without discs the nearest roomy pixel.
@@ -122,7 +122,7 @@ def kept_inside(bounds: Bounds, numbers: Ints, way: Floats, most: float) -> Floa
     aside_x = aside_y = 0.0
     for t in range(len(way)):
         x, y = way[t, 0] + aside_x, way[t, 1] + aside_y
-        to_x, to_y, free = moved_off(bounds, numbers[t], x, y, way[t, 2])
+        to_x, to_y, free = push_inside(bounds, numbers[t], x, y, way[t, 2])
         if not free or np.hypot(to_x - x, to_y - y) > most:
             return out[:t]
         aside_x, aside_y = to_x - way[t, 0], to_y - way[t, 1]

@@ -77,7 +77,7 @@ class FilmWorld(World):
         """How ways are followed, and what they cost."""
         motion, p = self.motion, self.settings
         swims, delta = self.film.speed[self.film.more], motion.delta
-        brisk = brisk_of(swims, p) if len(swims) else 1.0
+        brisk = brisk_rate(swims, p) if len(swims) else 1.0
         return CostWeights(
             pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
@@ -125,12 +125,12 @@ def learn_brisk(features: pd.DataFrame, rate_hz: float, delta: int, p: AllSettin
     turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in every]
     speeds = np.concatenate([c.speed for c in every])
     return Brisk(
-        brisk_of(np.concatenate(turned), p),
+        brisk_rate(np.concatenate(turned), p),
         float(np.quantile(speeds, _FASTEST)),
     )
 
 
-def brisk_of(sizes: Floats, settings: AllSettings) -> float:
+def brisk_rate(sizes: Floats, settings: AllSettings) -> float:
     """The speed, or turn rate, of a brisk fish among those (n,) of a film.
 
     A quantile; of a fish that rests for most of the film a share of the quickest.

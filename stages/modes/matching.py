@@ -56,7 +56,7 @@ def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[Followed]:
         if path is not None:
             table = path_measures.swum_path("matching", swim, path, waters.duration, waters)
             left = path_measures.where_left(table, path, waters, most)
-            numbers = path_measures.of_path(table, left, path, spread, waters)
+            numbers = path_measures.path_metrics(table, left, path, spread, waters)
             every.append(Followed(table.assign(fish=fish), left.assign(fish=fish), numbers))
     return every
 
