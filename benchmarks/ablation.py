@@ -36,7 +36,6 @@ from stages.animation import measure_pictures
 PARTS: dict[str, dict[str, Any]] = {
     "whole": {},
     "no cost of seams": {"seam_cost": 0.0},
-    "no cost of changes of speed": {"speed_change_cost": 0.0},
     "no cost of repeats": {"repeat_cost": 0.0},
     "no cost of rare steps": {"rarity_weight": 0.0},
     "no cost of lagging": {"lag_cost": 0.0, "path_lag_cost": 0.0},

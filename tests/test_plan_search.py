@@ -8,7 +8,6 @@ from toy_film import (
     HEAD,
     LENGTH,
     RATE,
-    SPEED,
     STEP,
     TOUCH,
     film_of,
@@ -31,8 +30,7 @@ from finloop.base.line import PX, Line
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.schema import TERMS, Goal
 from finloop.features.table import wrap_deg
-from finloop.plan.cost import CHANCE, LAG, RARITY, REPEAT, SEAM, CostWeights, jump_cost, repeat_cost
-from finloop.plan.cost import SPEED as FASTER
+from finloop.plan.cost import CHANCE, LAG, RARITY, REPEAT, SEAM, CostWeights, repeat_cost
 from finloop.plan.objectives import along_path, estimate_ticks_to, to_goal
 from finloop.plan.search import (
     BRANCH,
@@ -48,7 +46,7 @@ from finloop.plan.search import (
 from finloop.plan.search_graph import search_graph
 from finloop.plan.walls import bounds_of
 
-WEIGHTS = CostWeights(3.0, 5.0, 4, 24, 6.0, 7.0, 20.0, 300.0)
+WEIGHTS = CostWeights(3.0, 5.0, 4, 24, 6.0, 20.0, 300.0)
 """Of a fish that does 3 px and 5° a tick."""
 NOTHING = np.zeros((0, 3), np.int64)
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
@@ -127,14 +125,14 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
                 return
             for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
                 other = reel.to[e]
-                price = 6 * reel.seam[e] + 7 * abs(reel.speed[other] - reel.speed[row])
+                price = 6 * reel.seam[e]
                 price += repeat(other, t, shown)
                 turned = heading - reel.heading[other] if reel.body else rot
                 follow(place, turned, other, t, cost + price, shown)
         elif reel.end[row] >= 0:
             for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
                 other = reel.to[e]
-                price = 6 * reel.seam[e] + 7 * abs(reel.speed[other] - reel.speed[row])
+                price = 6 * reel.seam[e]
                 price += repeat(other, t, shown)
                 turned = heading - reel.heading[other] if reel.body else rot
                 follow(place, turned, other, t, cost + price, shown)
@@ -158,7 +156,7 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         rows = np.flatnonzero(reel.more)
         rots, every = rng.uniform(-180, 180, len(rows)), np.arange(n)
         recent = np.stack([every, every, rng.integers(-500, 500, n)], 1)
-        start = SearchStart(rng.uniform(20, 40), rng.uniform(20, 40), 500, SPEED, recent)
+        start = SearchStart(rng.uniform(20, 40), rng.uniform(20, 40), 500, recent)
         aim = spot(*rng.uniform(-40, 130, 2))
         horizon, stride = (int(rng.integers(2, top)) for top in (20, 4))
         weights = WEIGHTS._replace(stride=stride, beam=50_000)
@@ -185,7 +183,7 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
 
 def wanderer(reel, room, rows, rots, aim, beam=24, place=(400.0, 300.0), horizon=40):
     graph = search_graph(reel, bounds_of(room), WEIGHTS, 5)
-    start = SearchStart(*place, 0, SPEED, NOTHING)
+    start = SearchStart(*place, 0, NOTHING)
     made = candidates_of(rows, rots)
     return search(graph, made, start, to_goal(aim), WEIGHTS._replace(beam=beam), horizon)
 
@@ -257,17 +255,13 @@ def test_jumps_are_kept_the_cheapest_first():
     graph = search_graph(reel, bounds_of(open_tank()), WEIGHTS, 5)
     for row in np.flatnonzero(reel.end >= 0):
         first, last = reel.start[reel.end[row] : reel.end[row] + 2]
-        faster = reel.speed[reel.to[first:last]] - reel.speed[row]
-        seam, speed = jump_cost(reel.seam[first:last], faster, WEIGHTS)
-        wanted = sorted(zip(seam + speed, reel.to[first:last], strict=True))
+        wanted = sorted(zip(6 * reel.seam[first:last], reel.to[first:last], strict=True))
         jumps = graph.jumps[first:last]
         assert (np.diff(jumps["cost"]) >= 0).all()
         assert sorted(zip(jumps["cost"], jumps["to"], strict=True)) == wanted
 
 
-def test_a_jump_costs_its_seam_and_its_change_of_speed_and_film_just_seen_less_and_less():
-    assert jump_cost(0.5, -2.0, WEIGHTS) == pytest.approx((3, 14))
-    assert jump_cost(0.0, 0.0, WEIGHTS) == (0, 0)
+def test_film_just_seen_costs_less_and_less():
     assert repeat_cost(np.array([0.0, 75.0, 300.0, 1e9]), WEIGHTS) == pytest.approx([20, 15, 0, 0])
 
 
@@ -297,11 +291,10 @@ def test_where_no_way_leads_on_more_are_followed():
     assert alone > 5 and ends < alone
 
 
-@pytest.mark.parametrize("term", [SEAM, FASTER, REPEAT, RARITY, LAG])
+@pytest.mark.parametrize("term", [SEAM, REPEAT, RARITY, LAG])
 def test_a_term_that_is_switched_off_costs_nothing(term):
     off = {
         SEAM: "seam_cost",
-        FASTER: "speed_change_cost",
         REPEAT: "repeat_cost",
         RARITY: "rarity_weight",
         LAG: "lag_cost",
@@ -353,7 +346,7 @@ def followed(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
     """The graph, what becomes of the ways on from a row along a path, the rows of the best."""
     graph, film = matching_of(world).film.graph, world.film
     made = film_candidates(film, row, rot)
-    start = SearchStart(*place, 1, 2.0, NOTHING)
+    start = SearchStart(*place, 1, NOTHING)
     weights = world.cost_weights._replace(beam=beam, repeat=0.0)
     return graph, *search(graph, made, start, along_path(route, world.steering), weights, 40)
 

@@ -548,7 +548,7 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         page.keyboard.press("m")  # the next one
         wait("state.mode === 'matching' && state.decision && state.decision.ways.length > 1")
         cells = page.evaluate("[...document.querySelectorAll('#ways tr')].map(r => r.cells.length)")
-        assert cells and set(cells) == {13}
+        assert cells and set(cells) == {12}
         page.select_option("#count", "2")
         wait("state.fish[1]")
         for mode in PAPER:

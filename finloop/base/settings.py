@@ -57,7 +57,9 @@ GONE = {
     "sprites": _PAPER,
     "jumps": _PAPER,
     "from": "it is matching.uses now",
-    **dict.fromkeys(("stay", "chance", "follow_most", "arrived"), "matching does without it"),
+    **dict.fromkeys(
+        ("stay", "chance", "follow_most", "arrived", "jerk"), "matching does without it"
+    ),
     **{
         old: f"it is matching.{new} now"
         for old, new in (
@@ -68,7 +70,6 @@ GONE = {
             ("brisk_least", "typical_speed_least"),
             ("memory", "repeat_memory"),
             ("seam", "seam_cost"),
-            ("jerk", "speed_change_cost"),
             ("tempo", "lag_cost"),
             ("path_share", "path_correction"),
             ("path_reach", "path_steer_ahead"),

@@ -95,12 +95,12 @@ VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
 A way that meets another fish fails as one that leaves the tank."""
 
 TERMS = (
-    "seam", "speed_change", "repeat", "rarity", "lag", "path", "time", "to_come", "chance",
+    "seam", "repeat", "rarity", "lag", "path", "time", "to_come", "chance",
 )  # fmt: skip
-"""What a way costs: for the seams of its jumps; for their changes of speed; for film that was on
-screen just now; for steps that the film shows seldom; for falling behind the film's speed; for
-being beside the path, late, headed otherwise and corrected; the ticks that it takes; about what is
-still to come; and what is left to chance, so that ways that cost about the same are all taken."""
+"""What a way costs: for the seams of its jumps; for film that was on screen just now; for steps
+that the film shows seldom; for falling behind the film's speed; for being beside the path, late,
+headed otherwise and corrected; the ticks that it takes; about what is still to come; and what is
+left to chance, so that ways that cost about the same are all taken."""
 
 CONSIDERED = Schema(
     Column("fish", "int16", "1"),

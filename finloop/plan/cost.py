@@ -14,7 +14,7 @@ from finloop.edit.movement import Movement
 from finloop.edit.schema import TERMS
 from finloop.plan.graph import MotionGraph, lags, mean_step_px
 
-SEAM, SPEED, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
+SEAM, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
 """Numbers of the terms, `finloop.edit.schema.TERMS`."""
 
 
@@ -22,9 +22,8 @@ class CostWeights(NamedTuple):
     """How ways are followed, and what they cost, times in ticks.
 
     pace [px/tick], turning [°/tick]: of a brisk fish; stride: a way is looked at after so many
-    ticks, and may jump; beam: ways followed at once; seam, speed, repeat: ticks that a jump costs
-    for a seam of one median step, for a change of speed by one body length/s, for a row just seen;
-    memory: until a row is forgotten.
+    ticks, and may jump; beam: ways followed at once; seam, repeat: ticks that a jump costs for a
+    seam of one median step, and for a row just seen; memory: until a row is forgotten.
     """
 
     pace: float
@@ -32,18 +31,8 @@ class CostWeights(NamedTuple):
     stride: int
     beam: int
     seam: float
-    speed: float
     repeat: float
     memory: float
-
-
-@for_kernels
-def jump_cost(seam, faster, weights):  # type: ignore[no-untyped-def]
-    """Return the ticks that jumps cost for the seam, and for the change of speed.
-
-    Numbers or arrays. seam in median steps, faster in body lengths/s.
-    """
-    return weights.seam * seam, weights.speed * np.abs(faster)
 
 
 @for_kernels

@@ -140,7 +140,7 @@ class Planner:
         n = len(some)
         made = Candidates(some, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS))))
         lag = self.world.tempo.rest_price_on_path(0.0, self.world.settings.path_lag_cost)
-        start = SearchStart(x, y, route.begins - 1, 0.0, np.zeros((0, 3), np.int64), lag=lag)
+        start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), lag=lag)
         plan = self._search(source, (made, start), along_path(route, self.steering))
         best = plan.taken if plan else 0
         row, rot = int(some[best]), float(rots[best])

@@ -24,11 +24,9 @@ from finloop.plan.cost import (
     RARITY,
     REPEAT,
     SEAM,
-    SPEED,
     TIME,
     TO_COME,
     CostWeights,
-    jump_cost,
     repeat_cost,
 )
 from finloop.plan.graph import MotionGraph
@@ -45,7 +43,7 @@ from finloop.plan.walls import fits
 WAY = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("along", "f8"), ("total", "f8"),
-        ("seam", "f8"), ("speed", "f8"), ("repeat", "f8"), ("rarity", "f8"), ("lag", "f8"),
+        ("seam", "f8"), ("repeat", "f8"), ("rarity", "f8"), ("lag", "f8"),
         ("path", "f8"), ("time", "f8"), ("to_come", "f8"), ("chance", "f8"),
         ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("run", "i8"), ("leads", "?"),
     ],
@@ -70,14 +68,13 @@ _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 class SearchStart(NamedTuple):
     """Where and when a candidate would be shown, and what of the fish that shows it matters.
 
-    speed: in body lengths/s; recent (m, 3): what was on screen, as `Fish` keeps it; company: of
+    recent (m, 3): what was on screen, as `Fish` keeps it; company: of
     `Fish`; lag: ticks that every tick on the spot costs (`Tempo`); along: px along its path.
     """
 
     x: float
     y: float
     tick: int
-    speed: float
     recent: Ints
     company: Company = ALONE
     lag: float = 0.0
@@ -195,10 +192,7 @@ def add_costs(
         ago = float(start.tick - last_on_screen(start.recent, row, row + weights.stride - 1))
         made.terms[k, REPEAT] += repeat_cost(ago, weights)
         if made.jumps[k]:
-            faster = film.rows[row].speed - start.speed
-            seam, speed = jump_cost(made.seams[k], faster, weights)
-            made.terms[k, SEAM] += seam
-            made.terms[k, SPEED] += speed
+            made.terms[k, SEAM] += weights.seam * made.seams[k]
 
 
 @kernel
@@ -260,9 +254,8 @@ def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
             way, run = beam.ways[n], beam.runs[n]
             way.x, way.y, way.along, way.first, way.run = x, y, start.along, c, n
             way.row, way.rot, way.ticks = row, candidates.rots[c], 0
-            way.seam, way.speed, way.repeat = terms[SEAM], terms[SPEED], terms[REPEAT]
-            way.rarity, way.lag, way.path = terms[RARITY], terms[LAG], terms[PATH]
-            way.chance = terms[CHANCE]
+            way.seam, way.repeat, way.rarity = terms[SEAM], terms[REPEAT], terms[RARITY]
+            way.lag, way.path, way.chance = terms[LAG], terms[PATH], terms[CHANCE]
             run.row, run.tick, run.before = row, start.tick, -1
             beam.rows[0, n] = row
             n += 1
@@ -312,14 +305,22 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
 @leaf_kernel
 def _total(way):  # type: ignore[no-untyped-def]
     """What a way costs and is expected to cost, in ticks."""
-    jumps = way.seam + way.speed + way.repeat
-    return jumps + way.rarity + way.lag + way.path + way.time + way.to_come + way.chance
+    return (
+        way.seam
+        + way.repeat
+        + way.rarity
+        + way.lag
+        + way.path
+        + way.time
+        + way.to_come
+        + way.chance
+    )
 
 
 @leaf_kernel
 def _keep_terms(terms, way):  # type: ignore[no-untyped-def]
     """Write the terms (t,) of a way."""
-    terms[SEAM], terms[SPEED], terms[REPEAT] = way.seam, way.speed, way.repeat
+    terms[SEAM], terms[REPEAT] = way.seam, way.repeat
     terms[RARITY], terms[LAG], terms[PATH] = way.rarity, way.lag, way.path
     terms[TIME], terms[TO_COME], terms[CHANCE] = way.time, way.to_come, way.chance
 
@@ -428,7 +429,7 @@ def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # t
                 way.rot = wrap(film.rows[way.row].heading + way.rot - film.rows[jump.to].heading)
             run.row, run.tick, run.before = jump.to, tick + way.ticks, way.run
             way.row, way.run = jump.to, runs + k
-            way.seam, way.speed = way.seam + jump.seam, way.speed + jump.speed
+            way.seam += jump.cost
         way.repeat += branch.repeat
         beam.rows[leg, k], beam.parents[leg, k] = way.row, branch.way
     return Beam(beam.spare, beam.ways, beam.branches, beam.runs, beam.rows, beam.parents)

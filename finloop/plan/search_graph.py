@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Ints
 from finloop.base.axes import ahead_left
 from finloop.base.kernel import kernel
-from finloop.plan.cost import CostWeights, jump_cost
+from finloop.plan.cost import CostWeights
 from finloop.plan.graph import MotionGraph, runs
 from finloop.plan.walls import Bounds
 
-JUMP = np.dtype([("cost", "f8"), ("seam", "f8"), ("speed", "f8"), ("to", "i8")])
-"""A jump: ticks that it costs, for its seam and for the change of speed, but for what was on screen
-just now; the row that it leads to."""
+JUMP = np.dtype([("cost", "f8"), ("to", "i8")])
+"""A jump: ticks that its seam costs; the row that it leads to."""
 LEAD = np.dtype(
     [
         ("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("far", "f8"),
@@ -77,9 +76,8 @@ def _cheapest_first(film, weights, jumps):  # type: ignore[no-untyped-def]
         first = film.start[at.end]
         for e in range(first, film.start[at.end + 1]):
             to, place = film.to[e], e
-            seam, speed = jump_cost(film.seam[e], film.rows[to].speed - at.speed, weights)
-            while place > first and jumps[place - 1].cost > seam + speed:
+            cost = weights.seam * film.seam[e]
+            while place > first and jumps[place - 1].cost > cost:
                 jumps[place] = jumps[place - 1]
                 place -= 1
-            jump = jumps[place]
-            jump.cost, jump.seam, jump.speed, jump.to = seam + speed, seam, speed, to
+            jumps[place].cost, jumps[place].to = cost, to

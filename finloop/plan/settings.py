@@ -44,7 +44,6 @@ class Settings:
     look_ahead: Positive  # Δ. How far a search looks beyond what is swum.
     beam: Count  # How many ways a search follows at once.
     seam_cost: NotNegative  # Δ a natural step of discontinuity between two pictures.
-    speed_change_cost: NotNegative  # Δ a change of speed of one body length in a Δ.
     repeat_cost: NotNegative  # Δ for showing film that was on screen just now.
     repeat_memory: Positive  # Δ after which film that was on screen costs nothing any more.
     # Weight of rarity. A step that the film shows once in n frames costs weight × n ticks.

@@ -179,7 +179,7 @@ def _start(fish: Fish, place: tuple[float, float, int], lag: float, along: float
     x, y, tick = place
     company: Company = fish.company
     later = company._replace(start=company.start + 1, until=company.until + 1)
-    return SearchStart(x, y, tick, fish.speed, fish.recent, later, lag, along)
+    return SearchStart(x, y, tick, fish.recent, later, lag, along)
 
 
 def _seam_to(film: MotionGraph, fish: Fish, row: int) -> tuple[float, float]:

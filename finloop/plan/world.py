@@ -82,8 +82,7 @@ class FilmWorld(World):
             pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
             stride=max(1, self.ticks(p.stride)), beam=p.beam, seam=p.seam_cost * delta,
-            speed=p.speed_change_cost * delta**2 / motion.rate_hz, repeat=p.repeat_cost * delta,
-            memory=p.repeat_memory * delta,
+            repeat=p.repeat_cost * delta, memory=p.repeat_memory * delta,
         )  # fmt: skip
 
     @cached_property
