@@ -40,7 +40,6 @@ PARTS: dict[str, dict[str, Any]] = {
     "no cost of rare steps": {"rarity_weight": 0.0},
     "no cost of lagging": {"lag_cost": 0.0, "path_lag_cost": 0.0},
     "no random choice": {"choice_noise": 1e-6},
-    "no detours": {"patience": 1e6},
     "no predictions": {"uses": ("film",)},
     "predictions alone": {"uses": ("forecast",)},
     "a plan is swum stride by stride": {"commit": 0.75, "path_commit": 0.75},

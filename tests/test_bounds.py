@@ -23,9 +23,6 @@ from finloop.animate.arena import inside, tank
 from finloop.animate.company import discs_of
 from finloop.animate.encounters import placed
 from finloop.animate.kinematics import Target
-from finloop.animate.state import Fish, GoalProgress
-from finloop.edit.schema import Goal
-from finloop.plan.objectives import update_progress
 from finloop.plan.walls import bounds_of, fits, kept_inside, push_inside
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
@@ -156,35 +153,3 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
 def box(px):
     """A square tank."""
     return tank(np.pad(np.ones((px, px), bool), 20), 0.6 * LENGTH)
-
-
-def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():
-    waters = waters_of(patience=10.0, look_ahead=5.0)
-    goal, rng = Goal("A", 400.0, 300.0), np.random.default_rng(0)
-    delta = waters.motion.delta
-
-    def at(tick, x, before):
-        fish = Fish(x, 300.0, 0.0, 1.0, 0, 0, tick=round(tick * delta))
-        return update_progress(before, fish, goal, waters, rng)
-
-    begun = at(0, 100.0, GoalProgress())
-    assert begun.goal == (400.0, 300.0) and begun.far == 300 and begun.until == 0
-    nearer = at(9, 200.0, begun)
-    assert nearer.far == 200 and nearer.since == 9 * delta
-    assert at(18, 200.0, nearer) == nearer
-    sent = at(19, 200.0, nearer)
-    assert sent.until == 24 * delta and waters.tank.legal[tuple(map(int, sent.detour[::-1]))]
-    assert at(23, 100.0, sent) == sent
-    again = at(24, 100.0, sent)
-    assert again.until == 0 and again.far == 300 and again.since == 24 * delta
-    assert at(25, 100.0, sent._replace(goal=(0.0, 0.0))).until == 0  # another goal
-
-
-def test_a_fish_that_has_passed_its_goal_and_swims_back_makes_no_detour():
-    waters = waters_of(patience=10.0)
-    goal, rng, way = Goal("A", 400.0, 300.0), np.random.default_rng(0), GoalProgress()
-    for k, x in enumerate([100.0, 350.0, 550.0, 750.0, 650.0, 560.0]):
-        tick = round(4 * k * waters.motion.delta)
-        way = update_progress(way, Fish(x, 300.0, 0.0, 1.0, 0, 0, tick=tick), goal, waters, rng)
-        assert way.until == 0
-    assert way.far == 160 and way.since == tick  # nearer than before, if not than at first

@@ -53,20 +53,6 @@ class Fish:
         return self.row if self.row >= 0 else -1 - self.sprite
 
 
-class GoalProgress(NamedTuple):
-    """How a fish gets on with a goal.
-
-    goal: x, y of it, px; far: px, how far from there it was at most since it last came nearer;
-    since: at which tick that was; detour: x, y of where it swims instead, until that tick.
-    """
-
-    goal: tuple[float, float] = (np.nan, np.nan)
-    far: float = np.inf
-    since: int = 0
-    detour: tuple[float, float] = (np.nan, np.nan)
-    until: int = 0
-
-
 class Run(NamedTuple):
     """A run of film that is to be shown: its first row, and how many ticks of it."""
 
@@ -91,13 +77,11 @@ class State(NamedTuple):
     """All that the next stretch depends on, beside the goal and the random draws.
 
     place (2,): where the fish wanders to while it has no goal, for `left` ticks more; wished:
-    whether a rule has wished the place; goal_progress, path: how it gets on with its goal, and with
-    what it has planned.
+    whether a rule has wished the place; path: how it gets on with what it has planned.
     """
 
     fish: Fish
     place: Floats
     left: int = 0
     wished: bool = False
-    goal_progress: GoalProgress = GoalProgress()
     path: Progress = Progress()

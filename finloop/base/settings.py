@@ -58,7 +58,7 @@ GONE = {
     "jumps": _PAPER,
     "from": "it is matching.uses now",
     **dict.fromkeys(
-        ("stay", "chance", "follow_most", "arrived", "jerk"), "matching does without it"
+        ("stay", "chance", "follow_most", "arrived", "jerk", "patience"), "matching does without it"
     ),
     **{
         old: f"it is matching.{new} now"

@@ -7,10 +7,9 @@ import numpy as np
 from finloop.animate.kinematics import Target, touches
 from finloop.animate.route import NO_ROUTE, Route, asked_at, place
 from finloop.animate.rule import Rule
-from finloop.animate.state import Fish, GoalProgress
+from finloop.animate.state import Fish
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf, kernel_part, leaf_kernel
-from finloop.edit.schema import Goal
 from finloop.plan.cost import NO_STEERING, Steering, huber
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import Self, shoaling_place
@@ -169,28 +168,3 @@ def rule_target(
     own = Self(fish.x, fish.y, fish.heading, last)
     place = shoaling_place(own, rule.others, shoaling, waters.walls, rng)
     return None if place is None else (np.array(waters.tank.into(*place)), shoaling.horizon)
-
-
-_NEARER = 0.25  # body lengths; by less a fish comes no nearer
-
-
-def update_progress(
-    before: GoalProgress, fish: Fish, goal: Goal, waters: FilmWorld, rng: np.random.Generator
-) -> GoalProgress:
-    """Return how a fish gets on with its goal; begin a detour after `matching.patience` in vain."""
-    far = float(np.hypot(goal.x_px - fish.x, goal.y_px - fish.y))
-    if before.goal != (goal.x_px, goal.y_px):
-        return GoalProgress((goal.x_px, goal.y_px), far, fish.tick)
-    if fish.tick < before.until:
-        return before
-    if before.until > before.since:  # a detour is over
-        return before._replace(far=far, since=fish.tick, until=0)
-    if far < before.far - _NEARER * waters.motion.body_length_px:
-        return before._replace(far=far, since=fish.tick)
-    before = before._replace(far=max(far, before.far))
-    p = waters.settings
-    if fish.tick - before.since < waters.ticks(p.patience):
-        return before
-    return before._replace(
-        detour=waters.tank.random_point(rng), until=fish.tick + waters.ticks(p.look_ahead)
-    )

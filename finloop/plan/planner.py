@@ -18,7 +18,7 @@ from finloop.animate.places import somewhere
 from finloop.animate.route import Route, foot, least_along, place
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
-from finloop.animate.state import Fish, GoalProgress, Progress, Run, State
+from finloop.animate.state import Fish, Progress, Run, State
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import Sources
 from finloop.edit.joins import Joins
@@ -40,7 +40,7 @@ from finloop.loops.positions import quadrant
 from finloop.plan.advance import advance
 from finloop.plan.cost import CHANCE, CostWeights, Steering
 from finloop.plan.fallback import Fallback
-from finloop.plan.objectives import Objective, along_path, rule_target, to_goal, update_progress
+from finloop.plan.objectives import Objective, along_path, rule_target, to_goal
 from finloop.plan.plan import Plan
 from finloop.plan.search import Candidates, SearchStart, search
 from finloop.plan.sources import Source
@@ -189,15 +189,9 @@ class Planner:
         stretch = self._fallback.keep_clear(fish, stretch, rng)
         if stretch is not whole:
             path = Progress()
-        tried = aimed.goal_progress
-        if fish.tick < tried.until and stretch.touched:  # it was the place of a detour
-            stretch, tried = replace(stretch, touched=False), tried._replace(until=fish.tick)
         keeps = not isinstance(goal, Goal) and not stretch.touched
         left = max(0, aimed.left - len(stretch.way)) if keeps else 0
-        after = aimed._replace(
-            fish=self._after(fish, stretch), left=left, goal_progress=tried, path=path
-        )
-        return stretch, after
+        return stretch, aimed._replace(fish=self._after(fish, stretch), left=left, path=path)
 
     def _aim(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
@@ -205,16 +199,13 @@ class Planner:
         """Return where a fish swims that follows no path, and the state that remembers it."""
         world, free = self.world, False
         if isinstance(goal, Goal):
-            tried = update_progress(state.goal_progress, state.fish, goal, world, rng)
-            x, y = tried.detour if state.fish.tick < tried.until else tried.goal
-            state = state._replace(left=0, wished=False, goal_progress=tried)
+            x, y = goal.x_px, goal.y_px
+            state = state._replace(left=0, wished=False)
         else:
             spot, left, wished = self._place_to_go(state, goal, rng)
             x, y = map(float, spot)
             free = not wished and world.settings.wander == "film"
-            state = state._replace(
-                place=spot, left=left, wished=wished, goal_progress=GoalProgress()
-            )
+            state = state._replace(place=spot, left=left, wished=wished)
         return state, Target(float(x), float(y), world.touch_px, world.head_px, free)
 
     def _place_to_go(

@@ -53,7 +53,6 @@ class Settings:
     lag_cost: NotNegative
     # Δ. Spread of the random cost of each choice: ways that cost about the same are all taken.
     choice_noise: Positive
-    patience: Positive  # Δ without coming nearer to its goal, after which a fish makes a detour.
     # Where fish swim in place of goals: a CSV, Parquet or SVG file, or a track of the film, as
     # track:8; null: nowhere; a list: one for each fish, the first ones, or null.
     path: str | list[str | None] | None
