@@ -50,6 +50,7 @@ from finloop.social.rule import Shoaling
 
 _PLACES = 200  # a place clear of the other fish is drawn so often
 _ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, True)  # the task of a fish that goes where the film goes
+_FEWER = 4  # a fish that has others near it follows so many times fewer ways
 _WIDER = 8  # times as many ways are followed where, of those that were, none leads on
 _STARTS = 300  # rows that a path is begun from are drawn from so many
 
@@ -320,7 +321,9 @@ class Planner:
     ) -> Plan | None:
         """Return the plan of the cheapest of some candidates, the longest where all end."""
         (candidates, start), weights = made, self._weights
-        swum = weights.stride if start.company.near else self._commit(objective)
+        swum = self._commit(objective)
+        if start.company.near:  # it looks after every stride, and at fewer ways
+            swum, weights = weights.stride, weights._replace(beam=1 + weights.beam // _FEWER)
         horizon = swum + self.world.ticks(self.world.settings.look_ahead)
         found, rows = search(source.graph, candidates, start, objective, weights, horizon)
         if found.over.any() and not np.isfinite(found.value).any():
