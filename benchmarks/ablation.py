@@ -25,7 +25,6 @@ from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
 from finloop.base.line import TANK, Line
 from finloop.base.parallel import Processes, ordered_map
-from finloop.edit.build import edit_lists
 from finloop.edit.schema import by_fish
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
@@ -42,7 +41,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "no random choice": {"choice_noise": 1e-6},
     "no predictions": {"uses": ("film",)},
     "predictions alone": {"uses": ("forecast",)},
-    "a plan is swum stride by stride": {"commit": 0.75, "path_commit": 0.75},
+    "a new plan after every stride": {"commit": 0.75, "path_commit": 0.75},
     "a beam of 24": {"beam": 24},
     "a look half as far ahead": {"look_ahead": 7.5},
     "no correction on paths": {"path_correction": 0.0},
@@ -88,7 +87,7 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
         fixed = {"path": None, "seed": seed, "seconds": SECONDS, "trial_goals": GOALS}
         p = changed(usual, **fixed | PARTS[part])
         plans = matching_animator(material(project, p), p)
-        film = measures.motion_of_film(project.features, plans.waters.motion)
+        film = measures.motion_of_film(project.features, plans.world.motion)
         steps = project.steps[["headed", "as_filmed"]].dropna()
         trials = []
         for number in range(TRIALS):
@@ -105,14 +104,13 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
 
 def followed(plans: MatchingAnimator, seed: int) -> dict[str, float]:
     """Return how far beside two paths a fish swims, RMS in body lengths."""
-    world, ticks, made = plans.waters, round(30 * plans.waters.motion.rate_hz), {}
+    world, ticks, made = plans.world, round(30 * plans.world.motion.rate_hz), {}
     for name, line in shapes().items():
         path = lay(line, world.tank, world.motion, None)
-        swum = swim(plans.player, [], ticks, np.random.default_rng(seed), path.route)
-        edit_lists([swum], ticks, plans.player.sources)
-        table = swum_path("matching", swum, path, ticks, world)
+        made_way = swim(plans.player, [], ticks, np.random.default_rng(seed), path.route)
+        table = swum_path("matching", made_way, path, ticks, world)
         left = where_left(table, path, world, limits(world.film, world))
-        numbers = path_metrics(table, left, path, world.spread, world)
+        numbers = path_metrics(table, left, path, world)
         made[f"{name}_lengths"] = numbers["path_across_rms_body_lengths"]
     return made
 

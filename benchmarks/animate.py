@@ -52,7 +52,7 @@ def main() -> None:
 
     rows = []
     for name, fish in players.items():
-        goals = random_goals(fish.waters, 20, np.random.default_rng(0))
+        goals = random_goals(fish.world, 20, np.random.default_rng(0))
 
         def swim(fish: AnyPlayer = fish, goals: list[Goal] = goals) -> None:
             play(fish, goals, TICKS, np.random.default_rng(1))

@@ -48,7 +48,7 @@ def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, f
 
 def swum(plans: MatchingAnimator) -> dict[str, object]:
     """Return what fish do."""
-    waters, player = plans.waters, plans.player
+    waters, player = plans.world, plans.player
     length, rate = waters.motion.body_length_px, waters.motion.rate_hz
     tank, rng = LiveTank({MODE: player}, MODE, FISH, 0), np.random.default_rng(1)
     y, x = np.nonzero(waters.tank.legal)

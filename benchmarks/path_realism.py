@@ -56,7 +56,7 @@ def swum(player: Planner, ticks: int, seed: int, route: Route | None = None) -> 
 
 def routes_of(made: Material, plans: MatchingAnimator, p: AllSettings) -> dict[str, list[Swimming]]:
     """Along what fish swim, and by which players: those of a track know nothing of its film."""
-    waters = plans.waters
+    waters = plans.world
     found: dict[str, list[Swimming]] = {
         "wandering": [Swimming(plans, None)],
         "shapes, own pace": [
@@ -80,7 +80,7 @@ def routes_of(made: Material, plans: MatchingAnimator, p: AllSettings) -> dict[s
 def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, list[Work]]:
     """Return the animations that are compared, by what the fish do."""
     plans = routes["wandering"][0].plans
-    rate = plans.waters.motion.rate_hz
+    rate = plans.world.motion.rate_hz
     works: dict[str, list[Work]] = {}
     for name, ways in routes.items():
         made, left, seed = works.setdefault(f"{MODE}, {name}", []), seconds * rate, 0

@@ -33,7 +33,7 @@ WALL = 0.15  # body lengths that the paths keep from where the centre may not be
 
 def shapes(plans: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[str, Line]]:
     """Fourteen paths in the free middle of the tank, px."""
-    waters = plans.waters
+    waters = plans.world
     length = waters.motion.body_length_px
     depth = scipy.ndimage.distance_transform_edt(waters.tank.legal)
     y, x = map(float, np.unravel_index(depth.argmax(), depth.shape))
@@ -82,7 +82,7 @@ def tracks(
     made: Material, plans: MatchingAnimator, count: int = TRACKS
 ) -> Iterator[tuple[str, Line]]:
     """The longest stretches of tracks where a drawn fish may be; of these the liveliest."""
-    features, legal = made.reel.features, plans.waters.tank.legal
+    features, legal = made.reel.features, plans.world.tank.legal
     most = round(TRACK_S * made.rate_hz)
     found = []
     for number in features["track_id"].unique().tolist():
@@ -118,7 +118,7 @@ def timed(line: Line, speed_px: float) -> Line:
 
 def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[str, object]:
     """Return how a path is followed."""
-    waters = plans.waters
+    waters = plans.world
     path = lay(line, waters.tank, waters.motion, None)
     ticks = round(SECONDS * waters.motion.rate_hz)
     if path.route.timed:
@@ -131,7 +131,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     took = time.process_time() - begin
     table = swum_path(MODE, swum, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
-    numbers = path_metrics(table, left, path, waters.spread, waters)
+    numbers = path_metrics(table, left, path, waters)
     new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]
     return {
@@ -150,8 +150,8 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     with Project() as project:
         made = material(project, p)
         plans = matching_animator(made, p)
-        motion = plans.waters.motion
-        swims = plans.waters.film.speed[plans.waters.film.more]
+        motion = plans.world.motion
+        swims = plans.world.film.speed[plans.world.film.more]
         speed_px = float(np.median(swims)) * motion.body_length_px
         for name, line in shapes(plans, np.random.default_rng(0)):
             yield measure(film, name, line, plans)

@@ -34,7 +34,7 @@ def plan() -> None:
     with Project() as project:
         for mode, animator in open_modes(project).items():
             player = animator.player
-            goals = random_goals(player.waters, GOALS, np.random.default_rng(0))
+            goals = random_goals(player.world, GOALS, np.random.default_rng(0))
             play(player, goals, WARM_UP, np.random.default_rng(2))
             wall, processor = time.perf_counter(), time.process_time()
             play(player, goals, TICKS, np.random.default_rng(1))

@@ -31,7 +31,7 @@ WARM_UP = 20  # ticks, after which everything is compiled
 
 def swum(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
     """Return what fish do."""
-    waters, player = plans.waters, plans.player
+    waters, player = plans.world, plans.player
     p, rate, ticks = waters.settings, waters.motion.rate_hz, waters.duration
     goals = random_goals(waters, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
     shoal(player, tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)

@@ -85,7 +85,7 @@ def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
 
 def say_where(mode: str, animator: Animator, p: Any) -> None:
     """Tell on stderr where the fish is drawn smaller, and where the film does not show the tank."""
-    size, tank = animator.pictures.reel.size, animator.player.waters.tank
+    size, tank = animator.pictures.reel.size, animator.player.world.tank
     if size < 1 and p.size == "auto":
         print(
             f"modes-{mode}: where the fish may be it could hardly turn at its own size, so it is "
@@ -112,7 +112,7 @@ def save_animation(
     save_json(folder / "drawn.json", {"size": animator.pictures.reel.size})
     steps = project.steps[["headed", "as_filmed"]].dropna()
     player = animator.player
-    film_motion = measures.motion_of_film(project.features, player.waters.motion)
+    film_motion = measures.motion_of_film(project.features, player.world.motion)
     each = zip(by_fish(edit), animator.goals_of(goals), strict=True)
     rows = [
         measures.of_plan(one, own, player, film_motion)
@@ -159,7 +159,7 @@ def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]
         plain = replace(animator.player.joins, kind=CUT, fade=0)
         animator = replace(animator, player=replace(animator.player, joins=plain))
         player, rows = animator.player, []
-        film_motion = measures.motion_of_film(project.features, player.waters.motion)
+        film_motion = measures.motion_of_film(project.features, player.world.motion)
         for seed in seeds:
             edit, goals = animator.trial(seed)
             each = zip(by_fish(edit), goals, strict=True)

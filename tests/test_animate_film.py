@@ -298,7 +298,7 @@ def test_never_outside_the_tank():
     mode = film_player()
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        goals = random_goals(mode.waters, 3, rng)
+        goals = random_goals(mode.world, 3, rng)
         _, table = edit_of(mode, goals, 1000, seed)
         assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
         assert measures.outside(table, mode) == 0
@@ -341,7 +341,7 @@ def test_goals_are_reached():
     done = []
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        goals = random_goals(mode.waters, 3, rng)
+        goals = random_goals(mode.world, 3, rng)
         found, table = edit_of(mode, goals, 1500, seed)
         ticks = measures.reached(table, goals, TOUCH, HEAD)
         done.append(~np.isnan(ticks))
@@ -365,7 +365,7 @@ def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
     at = np.array([table["x_px"].iloc[0], table["y_px"].iloc[0]])
     assert np.hypot(*(at - goals[0][1:3])) > 250  # far away
     assert list(found.reached) == [-1] and set(table["goal"]) == {"A"}
-    measured = measures.of_goals(table, goals, mode.waters)
+    measured = measures.of_goals(table, goals, mode.world)
     assert measured == {"goals": 1.0, "goals_reached_pct": 0.0}
     assert len(table) == 800 and np.ptp(table["x_px"]) < 120
 

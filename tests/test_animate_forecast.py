@@ -63,7 +63,7 @@ def player(**film):
     """A planner that shows predictions alone."""
     world, none = waters(**film), Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
     recurrent = without_dead_ends(sample(), world.film.more, REST)
-    by_forecast = PredictionSource(world, world.cost_weights, world.reach, recurrent, none)
+    by_forecast = PredictionSource(world, recurrent, none)
     return replace(matching_of(), world=world, film=None, prediction=by_forecast)
 
 
@@ -73,14 +73,14 @@ def test_all_goals_are_reached_within_the_tank(seed):
     swum = swim(fish, GOALS, 2500, np.random.default_rng(seed))
     assert (swum.reached >= 0).all()
     way = np.concatenate([one.way for one in swum.stretches])
-    legal = fish.waters.tank.legal
+    legal = fish.world.tank.legal
     assert legal[np.rint(way[:, 1]).astype(int), np.rint(way[:, 0]).astype(int)].all()
 
 
 def test_a_goal_at_a_wall_is_reached_by_the_head():
     fish = player()
-    y, x = np.argwhere(fish.waters.tank.legal).min(0)
-    goal = Goal("A", float(x) - 0.9 * fish.waters.head_px, float(y) + 200)
+    y, x = np.argwhere(fish.world.tank.legal).min(0)
+    goal = Goal("A", float(x) - 0.9 * fish.world.head_px, float(y) + 200)
     assert (swim(fish, [goal], 1500, np.random.default_rng(0)).reached >= 0).all()
 
 
@@ -88,7 +88,7 @@ def test_what_is_shown_is_the_row_turned_to_the_fishs_heading():
     fish = player()
     for one in swim(fish, GOALS, 300, np.random.default_rng(0)).stretches:
         assert one.kind == FRAME and one.state == FORECAST
-        shown = fish.waters.film.heading[one.number] + one.rot
+        shown = fish.world.film.heading[one.number] + one.rot
         assert np.allclose(np.cos(np.radians(shown - one.way[:, 2])), 1)
         assert (np.diff(one.number) == 1).all()
 
@@ -257,13 +257,13 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     """It shows the rows that it follows, and remembers its own states."""
     one, turn = player(), np.linspace(0, 2 * np.pi, 100, endpoint=False)
     line = Line("a", 400 + 200 * np.sin(turn), 300 + 120 * np.sin(2 * turn), PX, closed=True)
-    path = lay(line, one.waters.tank, one.waters.motion, None)
+    path = lay(line, one.world.tank, one.world.motion, None)
     found = swim(one, [], 500, np.random.default_rng(0), path.route)
-    table = swum_path("matching", found, path, 500, one.waters)
+    table = swum_path("matching", found, path, 500, one.world)
     assert np.sqrt((table["across"] ** 2).mean()) < 0.1
     assert table["along_px"].is_monotonic_increasing
     assert table["along_px"].iloc[-1] > 0.75 * path.route.length
-    film = one.waters.film
+    film = one.world.film
     for part in found.stretches:
         assert part.state == FORECAST and (np.diff(part.number) == 1).all()
         turned = part.way[:, 2] - film.heading[part.number] - part.rot

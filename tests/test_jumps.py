@@ -21,7 +21,7 @@ from finloop.jumps.signature import Parts, signatures
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 from finloop.nearest import parts_of
-from finloop.plan.graph import film, neighbour_jumps
+from finloop.plan.graph import motion_graph, neighbour_jumps
 
 COUNT, LEAST = 5, 8
 
@@ -236,7 +236,7 @@ def both_sides():
     return (
         table,
         jumps,
-        film(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)),
+        motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)),
     )
 
 
@@ -259,7 +259,7 @@ def test_without_mirror_images_the_film_is_no_longer():
     table, jumps, _ = both_sides()
     ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
     assert len(ways.end) == len(table)
-    made = film(
+    made = motion_graph(
         table,
         ways,
         waters_of().motion,

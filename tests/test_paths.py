@@ -17,7 +17,6 @@ from toy_film import (
     waters_of,
 )
 
-from finloop.animate.kinematics import Target
 from finloop.animate.paths import lay, track_line
 from finloop.animate.route import Route, asked_at, foot, place
 from finloop.animate.shoal import swim
@@ -28,7 +27,7 @@ from finloop.io.line import load_line
 from finloop.io.table import save_table
 from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
-from finloop.plan.objectives import along_path
+from finloop.plan.objectives import ANYWHERE, along_path
 from finloop.plan.path_measures import LEFT, SWUM, limits, path_metrics, swum_path, where_left
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
@@ -182,10 +181,10 @@ def steer(way, y=300.0, swims=2.0, **changes):
     speed = np.full(len(way) - 1, swims)
     begins = (100.0, 0)
     by = bounds_of(open_tank()), usual._replace(**changes)
-    numbers, there = np.zeros(len(way) - 11, np.int64), Target(0.0, 0.0, 0.0, 0.0, True)
+    numbers = np.zeros(len(way) - 11, np.int64)
     bounds, steering = by
     return advance(
-        way, speed, numbers, begins, (along_path(route, steering), there),
+        way, speed, numbers, begins, (along_path(route, steering), ANYWHERE),
         (bounds, np.ones(len(numbers), bool)),
     )[:3]  # fmt: skip
 
@@ -233,7 +232,7 @@ def followed(line, ticks=700, **changes):
     swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
     table = swum_path("matching", swum_, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
-    return swum_, table, left, path_metrics(table, left, path, player.world.spread, waters)
+    return swum_, table, left, path_metrics(table, left, path, waters)
 
 
 def test_the_film_is_swum_along_a_path_lap_after_lap():
@@ -265,7 +264,7 @@ def test_a_path_is_followed_to_its_end_and_no_tick_longer():
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
     path, player = laid(line), matching_of()
     made = swim(player, [], 900, np.random.default_rng(0), path.route)
-    table = swum_path("matching", made, path, 900, player.waters)
+    table = swum_path("matching", made, path, 900, player.world)
     followed_ = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
     end = path.asked.length - 1e-3
     assert sum(followed_) == len(table) < 900
@@ -333,7 +332,7 @@ def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins()
     assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
     swum_ = swum_path("matching", made, path, 200, waters)
     left = where_left(swum_, path, waters, limits(waters.film, waters))
-    numbers = path_metrics(swum_, left, path, waters.spread, waters)
+    numbers = path_metrics(swum_, left, path, waters)
     assert numbers["path_swum_pct"] < 50
 
 

@@ -116,26 +116,20 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
         heading = reel.heading[row] + rot
         if touched:
             found.append((t + cost, t))
-        elif t >= horizon:
+            return
+        if t >= horizon:
             off = abs(wrap_deg(bearing(*place, aim.x, aim.y) - heading))
             found.append((t + cost + np.hypot(*(place - aim[:2])) / 3 + off / 5, t))
-        elif reel.more[row] and reel.endless[row + 1]:
+            return
+        if reel.more[row] and reel.endless[row + 1]:
             follow(place, rot, row, t, cost + repeat(row, t, shown), shown)
-            if reel.end[row] < 0:
-                return
-            for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
-                other = reel.to[e]
-                price = 6 * reel.seam[e]
-                price += repeat(other, t, shown)
-                turned = heading - reel.heading[other] if reel.body else rot
-                follow(place, turned, other, t, cost + price, shown)
-        elif reel.end[row] >= 0:
-            for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
-                other = reel.to[e]
-                price = 6 * reel.seam[e]
-                price += repeat(other, t, shown)
-                turned = heading - reel.heading[other] if reel.body else rot
-                follow(place, turned, other, t, cost + price, shown)
+        if reel.end[row] < 0:
+            return
+        for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
+            other = reel.to[e]
+            price = 6 * reel.seam[e] + repeat(other, t, shown)
+            turned = heading - reel.heading[other] if reel.body else rot
+            follow(place, turned, other, t, cost + price, shown)
 
     place = np.array([start.x, start.y])
     if reel.endless[row] and inside(legal, *place):

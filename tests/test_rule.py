@@ -53,7 +53,7 @@ def stepless():
 
 
 def swum(player, ticks=TICKS, seed=0, goals=()):
-    p = player.waters.settings
+    p = player.world.settings
     plans = MatchingAnimator(player, None, 1.0, 1.0)
     todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
@@ -64,7 +64,7 @@ def gaps(player, edit):
     """Nearest-neighbour distances in the second half, body lengths."""
     later = edit[edit["tick"] > TICKS // 2]
     places, heading = later[["x_px", "y_px"]].to_numpy(), later["heading_deg"].to_numpy()
-    table = shoal_table(later["tick"].to_numpy(), places, heading, player.waters.walls)
+    table = shoal_table(later["tick"].to_numpy(), places, heading, player.world.walls)
     return float(table["neighbour_distance"].median())
 
 
@@ -104,7 +104,7 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
         places.append(tuple(state.place))
         ticks += len(stretch.way)
     assert 2 <= len(set(places)) <= len(places)
-    assert rule_target(rule, state.fish, player.waters, rng)[1] == 15
+    assert rule_target(rule, state.fish, player.world, rng)[1] == 15
     begun = state._replace(left=5)
     _, wanders = player.step(begun, None, rng)
     assert not wanders.wished and tuple(wanders.place) != tuple(begun.place)
@@ -162,7 +162,7 @@ def test_a_follower_swims_behind_its_leader():
     player = player_of(NEAR)
     fish = player.begin(np.random.default_rng(0)).fish
     place, left = rule_target(
-        Rule.after(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.waters, None
+        Rule.after(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.world, None
     )
     assert place == pytest.approx([400, 300 + LENGTH]) and left == 0
 

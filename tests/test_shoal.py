@@ -79,7 +79,7 @@ def test_nobody_swims_through_another_and_all_goals_are_reached():
     met = {}
     for through in (False, True):
         player, ticks = crowded(through), 1200
-        goals = random_goals(player.waters, 12, np.random.default_rng(1))
+        goals = random_goals(player.world, 12, np.random.default_rng(1))
         swims = shoal(player, tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
         met[through] = overlaps(edit_lists(swims, ticks, player.sources), player).sum()
@@ -88,7 +88,7 @@ def test_nobody_swims_through_another_and_all_goals_are_reached():
 
 def test_fish_that_do_not_meet_swim_as_each_would_alone():
     player, ticks = spacious(), 60
-    goals = random_goals(player.waters, 6, np.random.default_rng(3))
+    goals = random_goals(player.world, 6, np.random.default_rng(3))
     together = shoal(player, tasks(goals, 3, np.random.default_rng(5)), ticks)
     table = edit_lists(together, ticks, player.sources)
     apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.places(table), 2)]
@@ -103,7 +103,7 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone():
 def test_planning_keeps_no_hold_of_what_it_was_given():
     """Kernels that count no references must not take or give one either."""
     player = crowded()
-    waters = player.waters
+    waters = player.world
     given = [waters.film.rows, waters.film.to, waters.tank.legal, player.cast.discs.table]
     goals, held = random_goals(waters, 6, np.random.default_rng(1)), []
     for _ in range(2):  # what the first one makes, and keeps, the second one uses
@@ -171,7 +171,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
 def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
     player, angle = crowded(), np.linspace(0, 2 * np.pi, 40)
     ring = Line("ring", 400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle), PX, closed=True)
-    path = lay(ring, player.waters.tank, player.waters.motion, None)
+    path = lay(ring, player.world.tank, player.world.motion, None)
     swims = shoal(player, tasks([], 3, np.random.default_rng(0), path.route), 300)
     assert set(swims[0].names) == {PATH} and set(swims[1].names + swims[2].names) == {""}
     table = edit_lists(swims, 300, player.sources)
@@ -187,7 +187,7 @@ def ring(x, y, radius=60.0):
 
 def plans_of(lines, **changes):
     """A planner of the crowded tank whose first fish have these lines, None for one with none."""
-    waters = crowded().waters
+    waters = crowded().world
     waters = replace(waters, settings=replace(waters.settings, **changes))
     player = replace(crowded(), world=waters)
     paths = tuple(one and lay(one, waters.tank, waters.motion, None) for one in lines)
@@ -223,7 +223,7 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
     first = Line("first", along, np.array([300.0, 300.0]), PX)
     second = Line("second", np.array([330.0, 330.0]), np.array([300.0, 480.0]), PX)
     todo = [
-        task._replace(route=lay(line, player.waters.tank, player.waters.motion, None).route)
+        task._replace(route=lay(line, player.world.tank, player.world.motion, None).route)
         for task, line in zip(tasks([], 2, np.random.default_rng(0)), (first, second), strict=True)
     ]
     swims = shoal(player, todo, 200)
@@ -343,7 +343,7 @@ def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch
 def test_samples_number_each_fish_on():
     for fish, works in ((1, 3), (3, 3), (4, 4)):
         plans = planner_of({"fish": fish, "seconds": 2.0, "trial_goals": 1})
-        made = by_fish(sample_animations(plans, 6.0, plans.waters.settings))
+        made = by_fish(sample_animations(plans, 6.0, plans.world.settings))
         assert [set(edit["fish"]) for edit in made] == [{number} for number in range(works)]
         assert sum(len(edit) for edit in made) == pytest.approx(6 * RATE, abs=works)
         assert all(list(edit["tick"]) == list(range(len(edit))) for edit in made)
@@ -482,16 +482,16 @@ def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeyp
             for size in (1.0, 0.5)
         )
         assert half.reach_px == pytest.approx(whole.reach_px / 2)
-        assert half.waters.touch_px == pytest.approx(whole.waters.touch_px / 2)
-        assert half.waters.head_px == pytest.approx(whole.waters.head_px / 2)
-        film, small = whole.waters.film, half.waters.film
+        assert half.world.touch_px == pytest.approx(whole.world.touch_px / 2)
+        assert half.world.head_px == pytest.approx(whole.world.head_px / 2)
+        film, small = whole.world.film, half.world.film
         assert np.allclose(small.scale, film.scale / 2)
         assert np.allclose(small.dx, film.dx / 2) and np.allclose(small.speed, film.speed)
-        assert half.waters.tank.legal.sum() > whole.waters.tank.legal.sum()
+        assert half.world.tank.legal.sum() > whole.world.tank.legal.sum()
         one, two = (each.player.cast.discs for each in (whole, half))
         assert np.allclose(two.table[..., :2], one.table[..., :2] / 2, atol=1e-3)
         # Joins are measured in body lengths, so that what is drawn smaller joins no better.
-        show = [each.pictures("frame", 5, 0, 30.0, float(each.waters.film.scale[5]), False)
+        show = [each.pictures("frame", 5, 0, 30.0, float(each.world.film.scale[5]), False)
                 for each in (whole, half)]  # fmt: skip
         assert np.allclose(*show, atol=1e-3) and show[0].any()
 

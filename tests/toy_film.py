@@ -31,7 +31,7 @@ from finloop.modes.network import Network
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites, make_sprites
-from finloop.plan.graph import MotionGraph, film, loop_jumps
+from finloop.plan.graph import MotionGraph, loop_jumps, motion_graph
 from finloop.plan.planner import Planner
 from finloop.plan.settings import AllSettings, merge_settings
 from finloop.plan.sources import FilmSource
@@ -230,7 +230,7 @@ def film_of(
     length = float(features["body_length_px"].median())
     sized = replace(taught or lesson(), body_length_px=length)
     rests = np.zeros(n, bool) if rests is None else rests
-    return film(
+    return motion_graph(
         features, loop_jumps(graph, n, step), sized, pose, barred, dear * np.ones(n), rests
     )  # fmt: skip
 
@@ -324,7 +324,7 @@ def matching_of(waters=None, hulls=(HULL, HULL), prediction=None, film_too=True)
     world = waters_of() if waters is None else waters
     how = joins(world.settings, world.settings.join, bodies_of(world.film), DELTA, lambda *_: True)
     rows = np.minimum(sprites()["row"].to_numpy(), len(world.film.more) - 2)
-    by_film = FilmSource(world, world.cost_weights, world.reach) if film_too else None
+    by_film = FilmSource(world) if film_too else None
     return Planner(world, by_film, prediction, cast_of(world.film, hulls), how, None, rows)
 
 

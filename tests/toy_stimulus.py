@@ -32,7 +32,7 @@ def plan_of(conditions, **more):
 
 
 def feed_of(made, plan, slots=(64, 64), **facts):
-    height, width = made.waters.tank.arena.shape
+    height, width = made.world.tank.arena.shape
     count, middle = len(made.bodies.poses.codes), (15.0, 15.0)
     shelf = Shelf(Drops(count), np.full((count, 2), middle))
     gallery = Gallery({FRAME: shelf}, made.bodies)

@@ -91,7 +91,7 @@ def of_shoal(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]:
     near = [nearest(tick) for tick in where.transpose(1, 0, 2)]
     return {
         "overlapping_pairs_per_1000_ticks": 1000 * float(overlaps(edit, player).mean()),
-        **of_distances(np.concatenate(near) / player.waters.motion.body_length_px),
+        **of_distances(np.concatenate(near) / player.world.motion.body_length_px),
     }
 
 

@@ -38,7 +38,7 @@ def of_plan(
 ) -> dict[str, float]:
     """All measures of one fish that need no picture. film: of `motion_of_film`."""
     return {
-        **(of_goals(edit, goals, player.waters) if goals else {}),
+        **(of_goals(edit, goals, player.world) if goals else {}),
         **of_kinematics(motion_of_edit(edit, player), film),
         **of_turns(edit),
         **shown_shares(edit),
@@ -129,7 +129,7 @@ def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Float
     if sprite.any():
         number = np.where(sprite, edit["source"], 0)
         head += player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
-    motion = player.waters.motion
+    motion = player.world.motion
     place = edit[["x_px", "y_px"]].to_numpy() / motion.body_length_px
     return _over_delta(place, head, motion)
 
@@ -171,7 +171,7 @@ def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> d
 
 def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     """Ticks at which any point of the drawn fish is outside the arena."""
-    count, tank = 0, player.waters.tank
+    count, tank = 0, player.world.tank
     height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()

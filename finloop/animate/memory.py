@@ -1,4 +1,4 @@
-"""What of the film was on screen just now, and what it costs to show it again, compiled.
+"""What of the film was on screen just now, compiled.
 
 A fish remembers stretches of film (m, 3), in the order of their rows, none overlapping another: the
 first row, the last row, and the tick at which the first was last on screen. So a memory grows with

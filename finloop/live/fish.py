@@ -102,7 +102,7 @@ class LiveFish:
         self._others = others
         company = self._player.company(self._around(0), 0)
         self._state = self._player.begin(rng, None, company)
-        self._drag = max(1, int(_DRAG_S * self._player.waters.motion.rate_hz))
+        self._drag = max(1, int(_DRAG_S * self._player.world.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
         self._wishes = np.full(HISTORY, None, object)
@@ -179,7 +179,7 @@ class LiveFish:
             self.order = order
 
     def _goal(self, x: float, y: float) -> Goal:
-        return Goal(self.name, x, y, self._player.waters.touch_px)
+        return Goal(self.name, x, y, self._player.world.touch_px)
 
     def switch(self, mode: str) -> None:
         """On in another mode, from the next tick on."""

@@ -24,7 +24,7 @@ def rehearse(player: AnyPlayer) -> None:
 
     Where a fish has no room but for a touch, every path is a goal, and nothing is to be done.
     """
-    rng, waters = np.random.default_rng(0), player.waters
+    rng, waters = np.random.default_rng(0), player.world
     y, x = (side[[0, -1]].astype(float) for side in np.nonzero(waters.tank.legal))
     if np.hypot(x[1] - x[0], y[1] - y[0]) > waters.touch_px:
         line = Line("a rehearsal", x, y, PX)
@@ -53,14 +53,14 @@ class LiveTank:
         self.count(fish)
 
     @property
-    def waters(self) -> World:
+    def world(self) -> World:
         """What all fish swim in, in every mode."""
-        return self.players[self.mode].waters
+        return self.players[self.mode].world
 
     @property
     def rate_hz(self) -> float:
         """Ticks of a second of film."""
-        return self.waters.motion.rate_hz
+        return self.world.motion.rate_hz
 
     @property
     def oldest(self) -> int:
@@ -111,8 +111,8 @@ class LiveTank:
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
         """A fish, or all of them, to the place nearest to (x, y) px that a fish can touch."""
-        near = self.waters.tank.into(x, y)
-        if np.hypot(near[0] - x, near[1] - y) > self.waters.touch_px:
+        near = self.world.tank.into(x, y)
+        if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
             x, y = near
         for number in self._of(which):
             self.fish[number].send((float(x), float(y)), drag)
@@ -137,7 +137,7 @@ class LiveTank:
         goal.
         """
         self._refuse_in_paper("a path")
-        waters = self.waters
+        waters = self.world
         x, y = np.array([waters.tank.into(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
         closed = bool(gap <= waters.touch_px and reach > 2 * waters.touch_px)

@@ -153,7 +153,7 @@ class View:
             "rate": round(rate, 3), "width": width, "height": height,
             "paused": self.paused, "past": self.looked is not None, "speed": self.speed,
             "mode": tank.mode, "modes": self._modes(), "most": tank.most_fish or message.MOST_FISH,
-            "touch": round(tank.waters.touch_px, 1),
+            "touch": round(tank.world.touch_px, 1),
             "fish": [self._fish(number, tick) for number in range(len(tank.fish))],
             "explained": self.explained, "refused": self.refused,
             "weights": tank.shoaling.zones.weights if tank.shoaling else None,
@@ -233,7 +233,7 @@ class View:
         """The film through which ways were weighed."""
         player = self.tank.players[choice.mode]
         assert isinstance(player, Planner)
-        return player.waters.film
+        return player.world.film
 
     def _path(self, film: MotionGraph, x: float, y: float, row: int, rot: float) -> list[list[int]]:
         last = row + round(_WAY_S * self.tank.rate_hz)

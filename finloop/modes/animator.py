@@ -28,7 +28,7 @@ from finloop.features.table import delta_of
 from finloop.loops.graph import loop_graph
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
-from finloop.plan.graph import Jumps, MotionGraph, film, loop_jumps
+from finloop.plan.graph import Jumps, MotionGraph, loop_jumps, motion_graph
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
@@ -158,7 +158,7 @@ def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> MotionGraph:
     if len(loops):
         jumps = loop_jumps(loop_graph(loops, track), n, made.map_facts.step_median)
     nothing = np.zeros(n)
-    return film(
+    return motion_graph(
         features, jumps, basis.world.motion, made.map_facts.pose, basis.sized.barred, nothing,
         nothing.astype(bool),
     )  # fmt: skip

@@ -36,7 +36,7 @@ from finloop.edit.stretch import Swim
 from finloop.features.table import delta_of
 from finloop.forecast.sampling import Sampler
 from finloop.plan.cost import Rarity
-from finloop.plan.graph import film, neighbour_jumps, without_dead_ends
+from finloop.plan.graph import motion_graph, neighbour_jumps, without_dead_ends
 from finloop.plan.planner import Planner
 from finloop.plan.settings import AllSettings
 from finloop.plan.sources import FilmSource, PredictionSource
@@ -92,22 +92,22 @@ class MatchingAnimator:
     paths: tuple[Path | None, ...] = ()
 
     @property
-    def waters(self) -> FilmWorld:
+    def world(self) -> FilmWorld:
         """What its fish swim in."""
-        return self.player.waters
+        return self.player.world
 
     @property
     def fish(self) -> int:
         """How many fish swim together."""
-        return self.waters.settings.fish
+        return self.world.settings.fish
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
         """Return the edit list of an animation with another seed, to random goals."""
-        p = replace(self.waters.settings, seed=seed, seconds=seconds)
-        player = replace(self.player, world=replace(self.waters, settings=p))
+        p = replace(self.world.settings, seed=seed, seconds=seconds)
+        player = replace(self.player, world=replace(self.world, settings=p))
         count = p.trial_goals * p.fish
-        goals = random_goals(player.waters, count, np.random.default_rng(seed))
-        near = [goal._replace(radius_px=self.waters.touch_px) for goal in goals]
+        goals = random_goals(player.world, count, np.random.default_rng(seed))
+        near = [goal._replace(radius_px=self.world.touch_px) for goal in goals]
         return replace(self, player=player).plan(near)[1]
 
     def goals(self) -> list[Goal]:
@@ -116,12 +116,12 @@ class MatchingAnimator:
         FinloopError if one is out of reach, two fish are sent to one place, or fish are to swim by
         zones and there is no rule for it.
         """
-        p = self.waters.settings
+        p = self.world.settings
         if p.rule == "zones" and p.fish > 1:
             rule_of(self.player.shoaling)
         if not self.seekers:
             return []
-        waters = self.waters
+        waters = self.world
         touch_px = waters.touch_px + waters.head_px
         placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
         goals = [goal._replace(radius_px=waters.touch_px) for goal in placed]
@@ -132,7 +132,7 @@ class MatchingAnimator:
     @property
     def unruled(self) -> list[int]:
         """The fish that swim by no rule. FinloopError if the rules are contradictory."""
-        p = self.waters.settings
+        p = self.world.settings
         every = by_rule(tasks([], p.fish, np.random.default_rng()), p)
         return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
 
@@ -148,7 +148,7 @@ class MatchingAnimator:
 
     def tasks(self, goals: Sequence[Goal]) -> list[Task]:
         """What each fish does: swim its path, or to goals, or by a rule."""
-        rng = np.random.default_rng(self.waters.settings.seed)
+        rng = np.random.default_rng(self.world.settings.seed)
         todo = self._tasks(goals, self.seekers, rng)
         for fish, path in enumerate(self.paths):
             if path is not None:
@@ -159,7 +159,7 @@ class MatchingAnimator:
         self, goals: Sequence[Goal], seekers: Sequence[int], rng: np.random.Generator
     ) -> list[Task]:
         """The tasks of all fish by the rules, of those that seek to goals, which are dealt."""
-        p = self.waters.settings
+        p = self.world.settings
         todo = by_rule(tasks([], p.fish, rng), p)
         if seekers:
             for fish, lot in zip(seekers, deal(goals, len(seekers)), strict=True):
@@ -168,19 +168,19 @@ class MatchingAnimator:
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
         """A further animation, to random goals of each fish: its edit list, and their goals."""
-        todo, ticks = self._trial(number), self.waters.duration
+        todo, ticks = self._trial(number), self.world.duration
         goals = [task.goals for task in todo]
         return edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
 
     def _trial(self, number: int) -> list[Task]:
-        p = self.waters.settings
+        p = self.world.settings
         rng = np.random.default_rng([p.seed, number])
-        goals = random_goals(self.waters, p.trial_goals * len(self.unruled), rng)
+        goals = random_goals(self.world, p.trial_goals * len(self.unruled), rng)
         return self._tasks(goals, self.unruled, rng)
 
     def check_room(self, goals: Sequence[Goal]) -> None:
         """NoRoom, before anything is planned, if there is none for all fish."""
-        p = self.waters.settings
+        p = self.world.settings
         if p.fish > 1:
             settle(self.player, self.tasks(goals), Plans(p.fish))
             for number in range(p.trials):
@@ -188,8 +188,8 @@ class MatchingAnimator:
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
         """An animation, fish by fish, and its edit list (columns of `EDIT`)."""
-        player, p = self.player, self.waters.settings
-        ticks = self.waters.duration
+        player, p = self.player, self.world.settings
+        ticks = self.world.duration
         swum = shoal(player, self.tasks(goals), ticks)
         edit = edit_lists(swum, ticks, player.sources)
         if p.join == FADE:
@@ -222,7 +222,7 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rarity_weight
     )
     jumps = neighbour_jumps(made.jumps, len(features))
-    way = film(features, jumps, motion, BODY, barred, rarity.cumulative, how.rests)
+    way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative, how.rests)
     swum = None if made.forecast is None else without_dead_ends(made.forecast, way.more, how.rests)
     foretells = "forecast" in p.uses and swum is not None and bool(swum.usable.any())
     plays = "film" in p.uses and bool((way.endless & way.more).any())
@@ -236,11 +236,10 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
     water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
     brisk = learn_brisk(features, rate_hz, delta, p)
     waters = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
-    weights, reach = waters.cost_weights, waters.reach
-    by_film = FilmSource(waters, weights, reach) if plays else None
+    by_film = FilmSource(waters) if plays else None
     predicted = None
     if foretells and swum is not None:
-        predicted = PredictionSource(waters, weights, reach, swum, rarity)
+        predicted = PredictionSource(waters, swum, rarity)
     player = Planner(waters, by_film, predicted, cast, how, made.shoaling, made.sprite_rows)
     paths = tuple(
         None if line is None else lay(line, water, motion, made.mm_per_px) for line in made.lines

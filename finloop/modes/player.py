@@ -57,11 +57,6 @@ class PaperPlayer:
     shoaling = None
     most_fish = 1
 
-    @property
-    def waters(self) -> World:
-        """The world, as other players call it."""
-        return self.world
-
     @cached_property
     def sources(self) -> Sources:
         """What its edit lists can show."""

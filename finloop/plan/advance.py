@@ -6,20 +6,10 @@ import numpy as np
 
 from finloop.animate.company import clear_ahead
 from finloop.animate.kinematics import ahead, rotate, touches
-from finloop.animate.route import (
-    Route,
-    asked_at,
-    done,
-    foot,
-    least_along,
-    place,
-)
+from finloop.animate.route import Route, asked_at, done, foot, least_along, place
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
-from finloop.plan.cost import (
-    Steering,
-    tick_cost,
-)
+from finloop.plan.cost import Steering, tick_cost
 from finloop.plan.graph import MotionGraph
 from finloop.plan.objectives import is_done
 from finloop.plan.search_graph import SearchGraph
@@ -79,12 +69,11 @@ def shifted(route: Route, at, speed: float, when, steering: Steering):  # type: 
 def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # type: ignore[no-untyped-def]
     """Return what is swum of a planned way: steered along a path, cut at its goal, end or a wall.
 
-    way (m + 1, 3): x, y, heading, the fish's own place first; t ≤ m ticks of it are swum.
+    Without a path it ends when it touches the goal, or the point on the way there that the fish
+    heads for.
 
-    On a path it is steered, and stops with the path; else it stops when it touches its goal, or the
-    point on the way there for which it heads.
-
-    speed (m,): body lengths/s; numbers (t,): of the pictures; begins: how far along the path, and
+    way (m + 1, 3): x, y, heading, the fish's own place first, t ≤ m ticks of it to be swum; speed
+    (m,): body lengths/s; numbers (t,): of the pictures; begins: how far along the path, and
     at which tick; towards: objective, goal; by: `Bounds`, and (t,) whether it can go on from each
     picture.
 

@@ -112,7 +112,7 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
     return Jumps(end, start, to.astype(np.int32), seam.astype(float))
 
 
-def film(
+def motion_graph(
     features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask, dear: Floats,
     rests: Mask,
 ) -> MotionGraph:  # fmt: skip

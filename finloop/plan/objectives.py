@@ -23,6 +23,10 @@ class Objective(NamedTuple):
     steering: Steering
 
 
+ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, free=True)
+"""The target of a fish that has none: it goes where the film or its path goes."""
+
+
 def to_goal(aim: Target) -> Objective:
     """Return the objective to touch a place."""
     return Objective(aim, NO_ROUTE, NO_STEERING)
@@ -30,7 +34,7 @@ def to_goal(aim: Target) -> Objective:
 
 def along_path(route: Route, steering: Steering) -> Objective:
     """Return the objective to follow a path."""
-    return Objective(Target(0.0, 0.0, 0.0, 0.0, True), route, steering)
+    return Objective(ANYWHERE, route, steering)
 
 
 # --- two questions of the search: is it done, and about what is still to come?

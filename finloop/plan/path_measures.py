@@ -16,7 +16,7 @@ from finloop.edit.schema import PATH
 from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
 from finloop.plan.graph import MotionGraph, runs
-from finloop.plan.world import FilmWorld, Spread
+from finloop.plan.world import FilmWorld
 
 SWUM = Schema(
     Column("fish", "int16", "1"),
@@ -79,7 +79,7 @@ def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) 
 
 
 def path_metrics(
-    swum: pd.DataFrame, left: pd.DataFrame, path: Path, spread: Spread, waters: FilmWorld
+    swum: pd.DataFrame, left: pd.DataFrame, path: Path, waters: FilmWorld
 ) -> dict[str, float]:
     """The measures of a path that was swum: errors in body lengths, corrections in per cent.
 
@@ -103,7 +103,7 @@ def path_metrics(
         "path_across_p95_body_lengths": float(np.quantile(across, 0.95)),
         "path_across_most_body_lengths": float(across.max()),
         "path_left_pct": 100 * ticks_left / len(swum),
-        "path_turn_corrected_pct": 100 * rms(turned) / max(spread.turn_deg, 1e-9),
+        "path_turn_corrected_pct": 100 * rms(turned) / max(waters.turn_spread_deg, 1e-9),
         "path_way_corrected_pct": 100 * float(swum["shifted_px"].sum()) / max(float(steps), 1e-9),
     }
     if path.asked.timed:

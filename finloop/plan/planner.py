@@ -38,9 +38,9 @@ from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant
 from finloop.plan.advance import advance
-from finloop.plan.cost import CHANCE, CostWeights, Steering
+from finloop.plan.cost import CHANCE, CostWeights
 from finloop.plan.fallback import Fallback
-from finloop.plan.objectives import Objective, along_path, rule_target, to_goal
+from finloop.plan.objectives import ANYWHERE, Objective, along_path, rule_target, to_goal
 from finloop.plan.plan import Plan
 from finloop.plan.search import Candidates, SearchStart, search
 from finloop.plan.sources import Source
@@ -49,7 +49,6 @@ from finloop.plan.world import FilmWorld
 from finloop.social.rule import Shoaling
 
 _PLACES = 200  # a place clear of the other fish is drawn so often
-_ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, True)  # the task of a fish that goes where the film goes
 _FEWER = 4  # a fish that has others near it follows so many times fewer ways
 _WIDER = 8  # times as many ways are followed where, of those that were, none leads on
 _STARTS = 300  # rows that a path is begun from are drawn from so many
@@ -73,11 +72,6 @@ class Planner:
     sprite_rows: Ints
 
     most_fish = None
-
-    @property
-    def waters(self) -> FilmWorld:
-        """The world, as other players call it."""
-        return self.world
 
     @cached_property
     def sources(self) -> Sources:
@@ -142,7 +136,7 @@ class Planner:
         made = Candidates(some, rots, np.zeros(n), np.zeros(n, bool), np.zeros((n, len(TERMS))))
         lag = self.world.tempo.rest_price_on_path(0.0, self.world.settings.path_lag_cost)
         start = SearchStart(x, y, route.begins - 1, np.zeros((0, 3), np.int64), lag=lag)
-        plan = self._search(source, (made, start), along_path(route, self.steering))
+        plan = self._search(source, (made, start), along_path(route, self.world.steering))
         best = plan.taken if plan else 0
         row, rot = int(some[best]), float(rots[best])
         heading = float(wrap_deg(rows["heading"][row] + rot))
@@ -184,7 +178,7 @@ class Planner:
             return self._follow(state, goal, rng)
         aimed, spot = self._aim(state, goal, rng)
         objective = to_goal(self._next_waypoint(fish, spot))
-        task = _ANYWHERE if spot.free else spot
+        task = ANYWHERE if spot.free else spot
         stretch, path = self._move(fish, aimed.path, objective, task, rng)
         whole = stretch
         stretch = self._fallback.keep_clear(fish, stretch, rng)
@@ -235,7 +229,7 @@ class Planner:
         fish, path = state.fish, state.path
         since = least_along(route, path.along, fish.tick)
         path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
-        objective = along_path(route, self.steering)
+        objective = along_path(route, self.world.steering)
         whole, on = self._move(fish, path, objective, route, rng)
         stretch = self._fallback.keep_clear(fish, whole, rng)
         # How far along a path a shorter one leads the next step finds from where it was.
@@ -264,7 +258,7 @@ class Planner:
         aim = self._point_ahead(objective, path.along)
         options = plans[0].options(self.world.motion.rate_hz) if plans else None
         stretch = self._fallback.stay(fish, aim)
-        goal = task if isinstance(task, Target) else _ANYWHERE
+        goal = task if isinstance(task, Target) else ANYWHERE
         if not goal.free and touches(*stretch.way[0], goal):  # it rests on its goal
             stretch = replace(stretch.cut(1), touched=True)
         if options is not None:
@@ -281,8 +275,8 @@ class Planner:
 
         The forecast is looked at where the film has no way on, or leaves the path.
         """
-        plans = [self._weigh(self.film, fish, along, objective, rng)] if self.film else []
-        film = plans[0] if plans else None
+        film = self._weigh(self.film, fish, along, objective, rng)
+        plans = [film]
         if film is None or self._needs_prediction(film, fish, objective):
             plans.append(self._weigh(self.prediction, fish, along, objective, rng))
         found = [one for one in plans if one is not None]
@@ -351,7 +345,7 @@ class Planner:
         source = self.film if path.motion == FILM else self.prediction
         assert source is not None
         passage, film = source.passage(fish, run), self.world.film
-        goal = path.task if isinstance(path.task, Target) else _ANYWHERE
+        goal = path.task if isinstance(path.task, Target) else ANYWHERE
         goes_on = source.graph.film.plays(passage.numbers)
         way, used, along, touched = advance(
             passage.way, np.ascontiguousarray(passage.speed, float),
@@ -359,7 +353,7 @@ class Planner:
             (self.world.bounds, goes_on),
         )  # fmt: skip
         numbers = passage.numbers[: len(way)]
-        decision, options = Decision(PLAY), None
+        decision, options, past = Decision(PLAY), None, passage.past
         if path.motion != FILM:
             decision = Decision(FORETOLD)
         elif passage.jumps:
@@ -377,8 +371,7 @@ class Planner:
             source.state, way, numbers, passage.jumps,
             self._point_ahead(objective, along), touched, decision, FRAME,
             wrap_deg(way[:, 2] - film.heading[numbers]),
-            past=None if passage.past is None else passage.past[: len(passage.past)
-                - len(passage.numbers) + len(way)],
+            past=None if past is None else past[: len(past) - len(passage.numbers) + len(way)],
             steer=used if len(objective.route.x) else None, options=options,
         )  # fmt: skip
         runs = tuple(later) if len(way) == run.ticks and not touched else ()
@@ -410,11 +403,6 @@ class Planner:
         p, stride = self.world.settings, self._weights.stride
         time = p.path_commit if len(objective.route.x) else p.commit
         return int(stride * max(1, self.world.ticks(time) // stride))
-
-    @cached_property
-    def steering(self) -> Steering:
-        """How a fish is steered along a path."""
-        return self.world.steering
 
     @cached_property
     def _fallback(self) -> Fallback:

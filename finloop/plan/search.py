@@ -2,7 +2,7 @@
 
 Every candidate begins a way. All ways are followed at once, leg by leg, from loop end to loop end,
 where they are kept to and left; after every leg the best of all branches go on, as far as the
-horizon. What a way costs is kept term by term (`finloop.plan.cost.TERMS`).
+horizon. What a way costs is kept term by term (`finloop.edit.schema.TERMS`).
 """
 
 from typing import NamedTuple
@@ -68,8 +68,8 @@ _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 class SearchStart(NamedTuple):
     """Where and when a candidate would be shown, and what of the fish that shows it matters.
 
-    recent (m, 3): what was on screen, as `Fish` keeps it; company: of
-    `Fish`; lag: ticks that every tick on the spot costs (`Tempo`); along: px along its path.
+    recent (m, 3): what was on screen, as `Fish` keeps it; company: of `Fish`; lag: ticks that every
+    tick on the spot costs (`Tempo`); along: px along its path.
     """
 
     x: float
@@ -211,7 +211,7 @@ def search(
     asked = timed_targets(route, start.tick, horizon + objective.steering.reach)
     if route.when.size:  # not beyond its times
         most = max(min(most, route.begins + route.when.size - 1 - start.tick), 1)
-    legs = most + 1
+    legs = most + 1  # each has a tick at least; in memory only those are that are begun
     beam, found, n = _begin(graph, candidates, start, (legs, weights.beam))
     best, leg = Best(np.inf, 0, 0), np.int64(0)
     while n and leg < legs:
@@ -305,16 +305,8 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
 @leaf_kernel
 def _total(way):  # type: ignore[no-untyped-def]
     """What a way costs and is expected to cost, in ticks."""
-    return (
-        way.seam
-        + way.repeat
-        + way.rarity
-        + way.lag
-        + way.path
-        + way.time
-        + way.to_come
-        + way.chance
-    )
+    shown = way.seam + way.repeat + way.rarity + way.lag
+    return shown + way.path + way.time + way.to_come + way.chance
 
 
 @leaf_kernel
@@ -360,7 +352,10 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
 
 @leaf_kernel
 def _repeat_of(beam, way, row, start, weights):  # type: ignore[no-untyped-def]
-    """What it costs a way to go on with a row: it, or what follows in a stride, was on screen."""
+    """Return the ticks that it costs a way to go on with a row, for what was on screen.
+
+    Before the search: of the rows of its first stride any; by the way itself: the last of them.
+    """
     tick, last = start.tick + way.ticks, row + weights.stride - 1
     shown = last_on_screen(start.recent, row, last)
     shown = max(shown, tick_row_shown(beam.runs, way.run, last, tick))

@@ -9,7 +9,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from finloop.animate.company import Company
 from finloop.animate.state import Fish, Run
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import FILM, FORECAST, TERMS
@@ -17,7 +16,7 @@ from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, at_row, follow, ways
 from finloop.plan.advance import Pace, arrival, extend_by_film, predicted_way
-from finloop.plan.cost import RARITY, CostWeights, Rarity
+from finloop.plan.cost import RARITY, Rarity
 from finloop.plan.graph import MotionGraph, prediction_graph
 from finloop.plan.search import Candidates, SearchStart, add_costs, film_candidates
 from finloop.plan.search_graph import SearchGraph, search_graph
@@ -63,17 +62,18 @@ class Source(Protocol):
 
 
 class FilmSource:
-    """The film, played on or joined where it is alike. reach: ticks that steering looks ahead."""
+    """The film, played on or joined where it is alike."""
 
     state = FILM
 
-    def __init__(self, world: FilmWorld, weights: CostWeights, reach: int) -> None:
-        self._world, self._weights, self._reach = world, weights, reach
+    def __init__(self, world: FilmWorld) -> None:
+        self._world = world
 
     @cached_property
     def graph(self) -> SearchGraph:
         """The film's own rows, their mirror images, and their jumps."""
-        return search_graph(self._world.film, self._world.bounds, self._weights, self._reach)
+        world = self._world
+        return search_graph(world.film, world.bounds, world.cost_weights, world.reach)
 
     def candidates(
         self, fish: Fish, lag: float, along: float
@@ -87,7 +87,7 @@ class FilmSource:
             return None
         x, y = arrival(film, fish.x, fish.y, fish.row, fish.rot)
         start = _start(fish, (x, y, fish.tick + 1), lag, along)
-        add_costs(film, made, start, self._weights)
+        add_costs(film, made, start, self._world.cost_weights)
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
@@ -98,7 +98,7 @@ class FilmSource:
             [fish.x, fish.y, fish.heading],
             [*arrival(film, fish.x, fish.y, fish.row, fish.rot), film.rows["heading"][row] + rot],
         ])  # fmt: skip
-        way = extend_by_film(self.graph, begins, row, rot, run.ticks - 1 + self._reach)
+        way = extend_by_film(self.graph, begins, row, rot, run.ticks - 1 + self._world.reach)
         ticks = min(run.ticks, len(way) - 1)
         speed = np.append(film.speed[fish.row], film.speed[row : row + len(way) - 2])
         return Passage(way, speed, np.arange(row, row + ticks), seam, row != fish.row + 1)
@@ -109,11 +109,8 @@ class PredictionSource:
 
     state = FORECAST
 
-    def __init__(
-        self, world: FilmWorld, weights: CostWeights, reach: int, sampler: Sampler, rarity: Rarity
-    ) -> None:
-        self._world, self._weights, self._reach = world, weights, reach
-        self.sampler, self._rarity = sampler, rarity
+    def __init__(self, world: FilmWorld, sampler: Sampler, rarity: Rarity) -> None:
+        self._world, self.sampler, self._rarity = world, sampler, rarity
         rate, length = world.motion.rate_hz, world.motion.body_length_px
         self._pace = Pace(length / rate, float(np.degrees(1 / rate)))
         rows = np.arange(len(sampler.usable))
@@ -125,8 +122,9 @@ class PredictionSource:
     @cached_property
     def graph(self) -> SearchGraph:
         """The film's rows, with jumps to similar rows."""
-        film = prediction_graph(self._world.film, self.sampler)
-        return search_graph(film, self._world.bounds, self._weights, self._reach)
+        world = self._world
+        film = prediction_graph(world.film, self.sampler)
+        return search_graph(film, world.bounds, world.cost_weights, world.reach)
 
     def candidates(
         self, fish: Fish, lag: float, along: float
@@ -145,7 +143,7 @@ class PredictionSource:
         terms[:, RARITY] = self._rarity.of_joins(rows, far)
         made = Candidates(rows, rots, np.zeros(len(rows)), rows != fish.row, terms)
         start = _start(fish, (fish.x, fish.y, fish.tick), lag, along)
-        add_costs(film, made, start, self._weights)
+        add_costs(film, made, start, self._world.cost_weights)
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
@@ -157,7 +155,7 @@ class PredictionSource:
         begins = predicted_way(states, np.array([fish.x, fish.y, fish.heading]), self._pace)
         last = row + len(states)
         rot = float(begins[-1, 2] - film.rows["heading"][last])
-        way = extend_by_film(self.graph, begins, last, rot, self._reach)
+        way = extend_by_film(self.graph, begins, last, rot, self._world.reach)
         speed = film.speed[row : row + len(way) - 1]
         numbers = row + 1 + np.arange(len(states))
         shown = np.concatenate([past[::-1], states])
@@ -176,10 +174,9 @@ def _start(fish: Fish, place: tuple[float, float, int], lag: float, along: float
 
     The first tick that is swum counts as `fish.tick` + 1.
     """
-    x, y, tick = place
-    company: Company = fish.company
+    company = fish.company
     later = company._replace(start=company.start + 1, until=company.until + 1)
-    return SearchStart(x, y, tick, fish.recent, later, lag, along)
+    return SearchStart(*place, fish.recent, later, lag, along)
 
 
 def _seam_to(film: MotionGraph, fish: Fish, row: int) -> tuple[float, float]:

@@ -28,13 +28,6 @@ class Brisk(NamedTuple):
     fastest: float
 
 
-class Spread(NamedTuple):
-    """How much the film's fish differ: turn_deg: of the turn over Δ; speed: body lengths/s."""
-
-    turn_deg: float
-    speed: float
-
-
 @dataclass(frozen=True)
 class FilmWorld(World):
     """What a fish of `matching` swims in and by: the tank, the film, what the film teaches.
@@ -86,16 +79,21 @@ class FilmWorld(World):
         )  # fmt: skip
 
     @cached_property
-    def spread(self) -> Spread:
-        """How much the film's fish differ."""
-        return spread(self.film, self.motion.delta)
+    def turn_spread_deg(self) -> float:
+        """The standard deviation of the film's turns over Δ, degrees."""
+        rows, delta = self.film.rows[: self.film.filmed], self.motion.delta
+        first = np.flatnonzero(runs(rows["more"]) >= delta)
+        if not len(first):
+            return 0.0
+        turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
+        return float(turned.std())
 
     @cached_property
     def steering(self) -> Steering:
         """How a fish is steered along a path."""
         motion, p = self.motion, self.settings
         return Steering(
-            turn=max(p.path_correction * self.spread.turn_deg / motion.delta, 1e-6),
+            turn=max(p.path_correction * self.turn_spread_deg / motion.delta, 1e-6),
             shift=p.path_correction * motion.body_length_px / motion.rate_hz,
             brisk=self.cost_weights.pace * motion.rate_hz / motion.body_length_px,
             reach=self.reach, length_px=motion.body_length_px,
@@ -136,13 +134,3 @@ def brisk_rate(sizes: Floats, settings: AllSettings) -> float:
     """
     quantile, quickest = np.quantile(sizes, (settings.typical_speed_quantile, _QUICKEST))
     return float(max(quantile, settings.typical_speed_least * quickest, 1e-6))
-
-
-def spread(film: MotionGraph, delta: int) -> Spread:
-    """The standard deviation of the film's turns over Δ, and its median speed."""
-    rows = film.rows[: film.filmed]
-    first = np.flatnonzero(runs(rows["more"]) >= delta)
-    if not len(first):
-        return Spread(0.0, 0.0)
-    turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
-    return Spread(float(turned.std()), float(np.median(rows["speed"][first])))

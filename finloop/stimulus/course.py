@@ -47,19 +47,19 @@ class Scene:
     mm_per_px: float | None = None
 
     @property
-    def waters(self) -> World:
+    def world(self) -> World:
         """What all fish swim in."""
-        return self.player.waters
+        return self.player.world
 
     @property
     def rate_hz(self) -> float:
         """Ticks of a second."""
-        return self.waters.motion.rate_hz
+        return self.world.motion.rate_hz
 
     @property
     def length_px(self) -> float:
         """The length of a fish."""
-        return self.waters.motion.body_length_px
+        return self.world.motion.body_length_px
 
     @property
     def width(self) -> int:
@@ -74,8 +74,8 @@ class Scene:
     @cached_property
     def tank(self) -> Tank:
         """The tank, as rules know it."""
-        height, width = self.waters.tank.arena.shape
-        return Tank(width, height, self.length_px, self.waters.tank.into)
+        height, width = self.world.tank.arena.shape
+        return Tank(width, height, self.length_px, self.world.tank.into)
 
     def ticks(self, seconds: float) -> int:
         """So many ticks, at least one."""
@@ -201,7 +201,7 @@ def cue_of(plan: Protocol, trial: Trial) -> Cue:
 
 def route_of(scene: Scene, path: Path) -> Route:
     """A path from a file, laid out in the tank; its times are left out."""
-    line, waters = load_line(path, TANK), scene.waters
+    line, waters = load_line(path, TANK), scene.world
     return lay(line._replace(time_s=None), waters.tank, waters.motion, scene.mm_per_px).route
 
 
@@ -214,7 +214,7 @@ class Goals:
 
     def send(self, tank: LiveTank, which: Iterable[int]) -> None:
         """Send some fish to their next places; who has been at the last wanders."""
-        height, width = tank.waters.tank.arena.shape
+        height, width = tank.world.tank.arena.shape
         for number in which:
             at = self._at.get(number, -1) + 1
             self._at[number] = at

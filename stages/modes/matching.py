@@ -47,16 +47,15 @@ class Followed(NamedTuple):
 
 def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[Followed]:
     """Return how the path of each fish that has one was followed."""
-    waters, every = plans.waters, list[Followed]()
+    waters, every = plans.world, list[Followed]()
     if not any(plans.paths):
         return every
     most = path_measures.limits(waters.film, waters)
-    spread = plans.waters.spread
     for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
         if path is not None:
             table = path_measures.swum_path("matching", swim, path, waters.duration, waters)
             left = path_measures.where_left(table, path, waters, most)
-            numbers = path_measures.path_metrics(table, left, path, spread, waters)
+            numbers = path_measures.path_metrics(table, left, path, waters)
             every.append(Followed(table.assign(fish=fish), left.assign(fish=fish), numbers))
     return every
 
@@ -65,7 +64,7 @@ def save_more(
     folder: Path, plans: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
     """Write what was weighed, and how paths were followed; return the numbers of paths and fish."""
-    waters = plans.waters
+    waters = plans.world
     ticks, filmed = waters.duration, waters.film.filmed
     weighed = [considered(one, ticks, filmed, fish) for fish, one in enumerate(swims)]
     save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
