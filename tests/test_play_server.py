@@ -546,9 +546,13 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         page.click('[data-mode="hybrid"]')
         wait("state.mode === 'hybrid' && state.decision.mode === 'hybrid'")
         page.keyboard.press("m")  # the next one
-        wait("state.mode === 'matching' && state.decision && state.decision.ways.length > 1")
-        cells = page.evaluate("[...document.querySelectorAll('#ways tr')].map(r => r.cells.length)")
-        assert cells and set(cells) == {12}
+        # The table of ways stays while the fish swims what it planned.
+        rows = "[...document.querySelectorAll('#ways tr')]"
+        wait(
+            f"{rows}.length > 1 && {rows}.every(row => row.cells.length === 12 || row.cells[0].colSpan === 12)"
+        )
+        said = "document.getElementById('why').textContent.includes('It swims what it planned')"
+        wait(f"{said} && {rows}.filter(row => row.className === 'taken').length === 1")
         page.select_option("#count", "2")
         wait("state.fish[1]")
         for mode in PAPER:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.state import State
-from finloop.edit.schema import PATH, Goal
+from finloop.edit.schema import FORETOLD, JUMP, PATH, PLAY, Goal
 from finloop.edit.stretch import Stretch
 from finloop.social.rule import Shoaling
 
@@ -52,6 +52,12 @@ class Choice:
     draws: Mapping[str, Any]
     goal: Goal | Route | Rule | None
     stretch: Stretch
+
+    @property
+    def follows_plan(self) -> bool:
+        """Whether the fish swims on what an earlier decision planned."""
+        moves = self.stretch.decision.reason in (PLAY, JUMP, FORETOLD)
+        return bool(self.state.path.runs) and self.stretch.options is None and moves
 
     @property
     def name(self) -> str:

@@ -160,6 +160,11 @@ class LiveFish:
             return None
         return next((one for one in reversed(self._choices) if one.tick == row.decided), None)
 
+    def plan_of(self, choice: Choice) -> Choice:
+        """Return the decision that planned what a decision swims: often the decision itself."""
+        earlier = (one for one in reversed(self._choices) if one.tick <= choice.tick)
+        return next((one for one in earlier if not one.follows_plan), choice)
+
     def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
         """To a goal from the next tick on, or to none; one that is being moved waits a moment."""
         self.goal = self._goal(*place) if place else None

@@ -204,16 +204,18 @@ class View:
         return names.index(order.leader) if order.leader in names else None
 
     def _decision(self, choice: Choice) -> dict[str, Any]:
-        fish, stretch, options = choice.state.fish, choice.stretch, choice.stretch.options
+        """Return a decision, with the ways that were weighed when its plan was made."""
+        plan = self.tank.fish[self.explained].plan_of(choice)
+        fish, stretch, options = plan.state.fish, choice.stretch, plan.stretch.options
         ways = [] if options is None else _ranked(options)
         return {
             "tick": choice.tick, "mode": choice.mode,
             "why": in_words(stretch.decision, choice.name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
             "aim": [round(part, 1) for part in stretch.aim[:2]],
-            "planned": bool(choice.state.path.runs) and not stretch.decision.ways,
+            "planned": plan.tick,
             "more": max(0, len(ways) - _MOST_WAYS),
-            "ways": [self._way(choice, way) for way in ways[:_MOST_WAYS]],
+            "ways": [self._way(plan, way) for way in ways[:_MOST_WAYS]],
         }  # fmt: skip
 
     def _way(self, choice: Choice, way: int) -> dict[str, Any]:
