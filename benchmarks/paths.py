@@ -151,7 +151,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         made = material(project, p)
         plans = matching_animator(made, p)
         motion = plans.world.motion
-        swims = plans.world.film.speed[plans.world.film.more]
+        swims = plans.world.film.speed[plans.world.film.has_next]
         speed_px = float(np.median(swims)) * motion.body_length_px
         for name, line in shapes(plans, np.random.default_rng(0)):
             yield measure(film, name, line, plans)

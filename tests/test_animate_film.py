@@ -51,6 +51,7 @@ from finloop.edit.schema import (
     FRAME,
     TERMS,
     VERDICTS,
+    WHY,
     Goal,
 )
 from finloop.edit.schema import FILM as IN_FILM
@@ -115,10 +116,10 @@ def test_speed_is_that_of_the_track_up_to_its_ends():
 
 def test_a_film_ends_with_each_track_and_before_each_barred_row():
     table = table_of(swum([0.0] * 9), swum([0.0] * 9))
-    assert list(np.flatnonzero(~film_of(table, loops((3, 12))).more)) == [9, 19]
+    assert list(np.flatnonzero(~film_of(table, loops((3, 12))).has_next)) == [9, 19]
     found = film_of(table, loops((3, 12)), barred=[5, 16])
-    assert list(np.flatnonzero(~found.more)) == [4, 5, 9, 15, 16, 19]
-    assert (found.dx[~found.more] == 0).all() and (found.dx[found.more] > 0).all()
+    assert list(np.flatnonzero(~found.has_next)) == [4, 5, 9, 15, 16, 19]
+    assert (found.dx[~found.has_next] == 0).all() and (found.dx[found.has_next] > 0).all()
 
 
 def test_loops_lead_both_ways_but_never_to_a_barred_row_or_where_the_film_ends():
@@ -133,7 +134,7 @@ def test_loops_lead_both_ways_but_never_to_a_barred_row_or_where_the_film_ends()
                 (int(reel.to[e]), pytest.approx(reel.seam[e], rel=1e-6))
                 for e in range(reel.start[k], reel.start[k + 1])
             ]
-            for row, k in enumerate(reel.end) if k >= 0
+            for row, k in enumerate(reel.jump_slot) if k >= 0
         }  # fmt: skip
 
     wanted = {
@@ -154,17 +155,17 @@ def test_endless_is_what_reaches_a_cycle_of_the_graph():
         graph.add_nodes_from(range(len(table)))
         for row in range(len(table)):  # an edge: after this row's turn comes the turn of that one
             instead = [row]
-            if reel.end[row] >= 0:
-                k = reel.end[row]
+            if reel.jump_slot[row] >= 0:
+                k = reel.jump_slot[row]
                 instead += list(reel.to[reel.start[k] : reel.start[k + 1]])
-            graph.add_edges_from((row, other + 1) for other in instead if reel.more[other])
+            graph.add_edges_from((row, other + 1) for other in instead if reel.has_next[other])
         cyclic = {
             row for part in nx.strongly_connected_components(graph) for row in part
             if len(part) > 1 or graph.has_edge(row, row)
         }  # fmt: skip
         wanted = [bool(({row} | nx.descendants(graph, row)) & cyclic) for row in graph]
-        assert list(reel.endless) == wanted
-        seen += np.bincount(reel.endless, minlength=2)
+        assert list(reel.recurrent) == wanted
+        seen += np.bincount(reel.recurrent, minlength=2)
     assert seen.min() > 100  # both happen
 
 
@@ -174,12 +175,12 @@ def test_the_film_goes_on_where_the_graph_of_loops_says_so():
         table, pairs, _ = random_film(rng)
         track = table["track_id"].to_numpy()
         reel = film_of(table, pairs)
-        after = reel.more & np.append(reel.endless[1:], False)
+        after = reel.has_next & np.append(reel.recurrent[1:], False)
         assert list(after) == list(goes_on(loop_graph(pairs, track), track))
 
 
 def test_without_a_loop_nothing_is_endless():
-    assert not film_of(rich_table(), loops()).endless.any()
+    assert not film_of(rich_table(), loops()).recurrent.any()
 
 
 # --- laws of every swim
@@ -263,7 +264,7 @@ def with_dead_ends():
         *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
     )  # fmt: skip
     reel = film_of(table, pairs)
-    after = reel.more & np.append(reel.endless[1:], False)
+    after = reel.has_next & np.append(reel.recurrent[1:], False)
     assert after[:140].all() and after[201:341].all() and after[402:530].all()
     assert after.sum() == 140 + 140 + 128
     return reel, after
@@ -306,13 +307,13 @@ def test_never_outside_the_tank():
 
 def test_a_fish_in_the_film_shows_less_of_what_is_dear():
     table, pairs = rich()
-    dear = np.where(np.arange(len(table)) // 25 % 3 == 0, 1.0, -0.5)
+    costs = np.where(np.arange(len(table)) // 25 % 3 == 0, 1.0, -0.5)
     shown = []
     for share in (0.0, 3.0):
-        player = film_player(film_of(table, pairs, dear=(share * dear).cumsum()))
+        player = film_player(film_of(table, pairs, rarity_sum=(share * costs).cumsum()))
         found, _ = edit_of(player, [], 1500, 5)
         rows = np.concatenate([one.number for one in found.stretches])
-        shown.append(dear[rows % len(dear)].mean())
+        shown.append(costs[rows % len(costs)].mean())
     assert shown[1] < shown[0] - 0.1
 
 
@@ -321,7 +322,7 @@ def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
     state = mode.begin(np.random.default_rng(0))
     fish = replace(state.fish, row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
     goal = Goal("A", 300.0, 300.0)
-    found, then = mode.step(state._replace(fish=fish), goal, np.random.default_rng(0))
+    found, then = mode.plan(state._replace(fish=fish), goal, np.random.default_rng(0))
     assert list(found.number) == [198] and then.fish.row == 198
     assert found.decision == Decision("spot")
 
@@ -329,7 +330,7 @@ def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
 def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     """Loop ends so rare that between two of them lies more film than a look ahead."""
     reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
-    assert np.diff(np.flatnonzero(reel.end >= 0)).max() > 5 * RATE
+    assert np.diff(np.flatnonzero(reel.jump_slot >= 0)).max() > 5 * RATE
     for seed in range(3):
         found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
         way = np.concatenate([stretch.way for stretch in found.stretches])
@@ -391,7 +392,7 @@ def three_ways(wall=False):
 def test_the_way_that_leads_to_the_goal_is_taken(at, row):
     player, fish = three_ways()
     for seed in range(5):
-        found, then = player.step(
+        found, then = player.plan(
             State(fish, np.zeros(2)), Goal("A", *at), np.random.default_rng(seed)
         )
         assert found.number[0] == row and found.new == (row != 20)
@@ -407,7 +408,7 @@ def test_the_way_that_leads_to_the_goal_is_taken(at, row):
 def test_what_a_way_costs_is_the_sum_of_its_terms():
     player, fish = three_ways()
     seen = replace(fish, tick=1000, recent=np.array([[181, 299, 861]]))
-    options = player.step(
+    options = player.plan(
         State(seen, np.zeros(2)), Goal("A", 400.0, 120.0), np.random.default_rng(0)
     )[0].options
     ends = np.isinf(options.value)
@@ -423,7 +424,7 @@ def test_what_a_way_costs_is_the_sum_of_its_terms():
 
 def test_a_way_that_leaves_the_tank_fails_that_test():
     player, fish = three_ways(wall=True)
-    found, _ = player.step(State(fish, np.zeros(2)), Goal("A", 440, 100), np.random.default_rng(0))
+    found, _ = player.plan(State(fish, np.zeros(2)), Goal("A", 440, 100), np.random.default_rng(0))
     options = found.options
     assert list(options.rows) == [20, 170, 320]
     said = [VERDICTS[number] for number in options.verdict]
@@ -435,7 +436,7 @@ def test_a_way_that_leaves_the_tank_fails_that_test():
 def test_a_decision_counts_how_many_ways_fail_which_test():
     zero, verdict = np.zeros(6), np.array([3, 2, 2, 4, 1, 0], np.int8)
     options = Options(np.arange(6), zero, zero, np.zeros((6, len(TERMS))), zero, zero, verdict)
-    assert options.count_into(Decision("play"))[5:9] == (6, 1, 2, 1)
+    assert options.add_to(Decision("play"))[5:9] == (6, 1, 2, 1)
 
 
 @pytest.mark.parametrize(("heading", "quadrant"), [(30.0, 1), (120.0, 2), (210.0, 3), (300.0, 4)])
@@ -445,7 +446,7 @@ def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadran
     fish = Fish(400.0, 300.0, heading, SPEED, IN_FILM, -1, row=30, rot=heading)
     angle = np.radians(heading)
     goal = Goal("A", 400 + 200 * np.cos(angle), 300 - 200 * np.sin(angle))
-    found, _ = player.step(State(fish, np.zeros(2)), goal, np.random.default_rng(0))
+    found, _ = player.plan(State(fish, np.zeros(2)), goal, np.random.default_rng(0))
     assert found.decision.quadrant == quadrant
 
 
@@ -459,7 +460,7 @@ def test_ways_that_cost_about_the_same_are_all_taken():
         )
         for goal in aims:
             rows = {
-                loose.step(State(fish, np.zeros(2)), goal, np.random.default_rng(seed))[0].number[0]
+                loose.plan(State(fish, np.zeros(2)), goal, np.random.default_rng(seed))[0].number[0]
                 for seed in range(40)
             }
             assert len(rows) == taken
@@ -470,7 +471,7 @@ def test_what_was_on_screen_is_remembered_as_long_as_it_counts():
     state, rng = player.begin(np.random.default_rng(3)), np.random.default_rng(4)
     last = np.full(len(rich_table()), NEVER)
     for _ in range(150):
-        tick, (stretch, state) = state.fish.tick, player.step(state, None, rng)
+        tick, (stretch, state) = state.fish.tick, player.plan(state, None, rng)
         last[stretch.number] = tick + np.arange(len(stretch.number))
         memory = player.world.cost_weights.memory
         recent = state.fish.recent
@@ -517,7 +518,7 @@ def test_a_step_changes_nothing_and_a_kept_state_has_one_future():
         to = goal if number % 20 > 10 else None
         before = repr(state), state.fish.recent.copy()
         kept.append((state, to, rng.bit_generator.state))
-        stretch, after_ = player.step(state, to, rng)
+        stretch, after_ = player.plan(state, to, rng)
         assert (repr(state), state.fish.recent.tolist()) == (before[0], before[1].tolist())
         kept[-1] += (stretch, after_)
         state = after_
@@ -526,7 +527,7 @@ def test_a_step_changes_nothing_and_a_kept_state_has_one_future():
         again = np.random.default_rng(0)
         again.bit_generator.state = kept[begin][2]
         for _, to, _, stretch, after_ in kept[begin:]:
-            mine, state = player.step(state, to, again)
+            mine, state = player.plan(state, to, again)
             assert repr(mine) == repr(stretch) and repr(state) == repr(after_)
 
 
@@ -534,7 +535,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut():
     player, rng = film_player(), np.random.default_rng(1)
     state = player.begin(rng)
     for _ in range(60):
-        stretch, then = player.step(state, None, rng)
+        stretch, then = player.plan(state, None, rng)
         whole, end = player.cut(state, stretch, len(stretch.way))
         assert whole is stretch and repr(end.fish) == repr(then.fish)
         for ticks in (1, len(stretch.way) - 1):
@@ -568,10 +569,21 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
     assert decided["reason"].isin(["play", "jump"]).all()
     assert list(decided["ways"]) == list(again.groupby("tick").size()[taken["tick"]])
     assert decided["value_s"].to_numpy() == pytest.approx(taken["value_s"].to_numpy(), nan_ok=True)
+    for term in TERMS:  # of the way taken, and of the cheapest other one
+        costs = taken[f"{term}_s"].to_numpy()
+        assert decided[f"taken_{term}_s"].to_numpy() == pytest.approx(costs, nan_ok=True)
+    rest = again[~again["taken"] & again["value_s"].notna()]
+    best = rest.loc[rest.groupby("tick")["value_s"].idxmin()].set_index("tick")
+    others = decided[decided["other_time_s"].notna()]
+    assert set(others["tick"]) == set(best.index) and len(others) > 10
+    shown = others[[f"other_{term}_s" for term in TERMS if term != "chance"]].sum(axis=1)
+    assert shown.to_numpy() == pytest.approx(
+        best.loc[others["tick"], "value_s"].to_numpy(), abs=1e-4
+    )
     assert (decided["seam"].isna() == (decided["reason"] == "play")).all()
     later = back["reason"].isna()
     assert 0.3 < later.mean() < 1 and not back["reason"].isna()[0]
-    assert back.loc[later, list(Decision._fields)].isna().all(axis=None)
+    assert back.loc[later, WHY].isna().all(axis=None)
     assert set(back["kind"]) == {FRAME} and set(back["mode"]) == {"matching"}
     assert set(back["state"]) == {"film"}
 
@@ -599,7 +611,7 @@ def test_a_cross_fade_begins_at_every_jump_and_the_old_plays_on(fade):
     for begin, later in pairwise(begins):
         old = number[begin - 1]
         for tick in range(begin, min(begin + fade, later)):
-            old = old + int(rich_film().more[old])
+            old = old + int(rich_film().has_next[old])
             row = table.iloc[tick]
             assert (row["partner_kind"], row["partner"]) == (FRAME, old)
             turned = row["partner_rotation_deg"] - rotation[begin - 1]
@@ -638,6 +650,17 @@ def test_wandering_uses_much_of_the_tank_and_of_the_film():
                 "jump", seam=0.2, value_s=3.21, quadrant=2, ways=4, ways_quadrant=2, ways_heading=1
             ),
             "jump, 0.20 steps: quadrant 2 towards A; 4 ways, 2 lead away, 1 head away; 3.2 s",
+        ),
+        (
+            Decision(
+                "play",
+                value_s=3.21,
+                quadrant=2,
+                ways=4,
+                taken_terms=(0.0, 0.3, -0.12, 0.01, 0.0, 2.02, 1.0, 9.0),
+                other_terms=(0.0, 4.0, *[0.0] * 5, 1.0),
+            ),
+            "play on: quadrant 2 towards A; 4 ways; 3.2 s (repeat 0.3, rarity −0.1, time 2.0, to come 1.0), the next best 4.0 s",
         ),
         (
             Decision("wall", exit="no_way", ways=1, ways_tank=1),

@@ -52,9 +52,9 @@ def waters(mirrored=True, barred=()):
         ("x", x, x), ("y", y, -y), ("dx", dx, dx), ("dy", dy, -dy), ("speed", speed, speed),
     ):  # fmt: skip
         rows[name] = np.concatenate([one, other])[: len(rows)]
-    rows["more"] = True
-    rows["more"][n - 1 :: n] = False
-    rows["more"][list(barred)] = False
+    rows["has_next"] = True
+    rows["has_next"][n - 1 :: n] = False
+    rows["has_next"][list(barred)] = False
     plain = waters_of()
     return replace(plain, film=plain.film._replace(rows=rows, filmed=n))
 
@@ -62,7 +62,7 @@ def waters(mirrored=True, barred=()):
 def player(**film):
     """A planner that shows predictions alone."""
     world, none = waters(**film), Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
-    recurrent = without_dead_ends(sample(), world.film.more, REST)
+    recurrent = without_dead_ends(sample(), world.film.has_next, REST)
     by_forecast = PredictionSource(world, recurrent, none)
     return replace(matching_of(), world=world, film=None, prediction=by_forecast)
 
@@ -96,7 +96,7 @@ def test_what_is_shown_is_the_row_turned_to_the_fishs_heading():
 def test_the_fish_moves_as_is_foretold():
     fish = player()
     state = fish.begin(np.random.default_rng(1))
-    stretch, _ = fish.step(state, GOALS[1], np.random.default_rng(2))
+    stretch, _ = fish.plan(state, GOALS[1], np.random.default_rng(2))
     start = np.array([state.fish.x, state.fish.y])
     way = np.vstack([start, stretch.way[:, :2]])
     speed = np.hypot(*np.diff(way, axis=0).T) / LENGTH * RATE
@@ -118,9 +118,9 @@ def test_the_same_draws_give_the_same_swim():
 def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
     fish = player()
     state, rng = fish.begin(np.random.default_rng(1)), np.random.default_rng(3)
-    stretch, _ = fish.step(state, GOALS[1], rng)
+    stretch, _ = fish.plan(state, GOALS[1], rng)
     while len(stretch.way) < 3:
-        stretch, _ = fish.step(state, GOALS[1], rng)
+        stretch, _ = fish.plan(state, GOALS[1], rng)
     short, cut = fish.cut(state, stretch, 2)
     deep = len(state.fish.past) if state.fish.past is not None else len(cut.fish.past)
     assert len(short.past) == deep + 2
@@ -138,7 +138,7 @@ def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_
 
 
 def test_only_rows_that_are_shown_are_similar():
-    one = without_dead_ends(sample(), waters(mirrored=False).film.more, REST)
+    one = without_dead_ends(sample(), waters(mirrored=False).film.has_next, REST)
     assert (one.to < 3000).all()
     assert one.usable[one.to].all()
     assert one.start[-1] == len(one.to)
@@ -147,7 +147,7 @@ def test_only_rows_that_are_shown_are_similar():
 def test_where_the_film_rests_a_fish_moves_as_the_film_does_and_its_mirror_image_too():
     rest = REST.copy()
     rest[500:510] = True
-    more = waters().film.more
+    more = waters().film.has_next
     plain, resting = (without_dead_ends(sample(), more, each) for each in (REST, rest))
     for row in (495, 3495):
         past = at_row(plain, row).past + 0.1
@@ -219,7 +219,7 @@ def test_a_fish_from_sprites_or_from_the_film_goes_on():
         Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=2999),
         Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=1),
     ):
-        stretch, later = one.step(State(fish, np.zeros(2)), GOALS[0], np.random.default_rng(0))
+        stretch, later = one.plan(State(fish, np.zeros(2)), GOALS[0], np.random.default_rng(0))
         assert later.fish.past is not None and later.fish.row == stretch.number[-1]
 
 
@@ -234,7 +234,7 @@ def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted(
         state = State(fish, np.zeros(2))
         for _ in range(6):
             heading = state.fish.heading
-            stretch, state = one.step(state, Goal("A", 400.0, 300.0), rng)
+            stretch, state = one.plan(state, Goal("A", 400.0, 300.0), rng)
             way = np.rint(stretch.way[:, :2]).astype(int)
             assert legal[way[:, 1], way[:, 0]].all()
             own = np.abs(np.diff(one.world.film.heading[stretch.number], prepend=np.nan))[1:]
@@ -269,8 +269,8 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
         turned = part.way[:, 2] - film.heading[part.number] - part.rot
         assert np.cos(np.radians(turned)) == pytest.approx(1)
     state, rng = one.begin(np.random.default_rng(1), path.route), np.random.default_rng(2)
-    stretch, then = one.step(state, path.route, rng)
+    stretch, then = one.plan(state, path.route, rng)
     _, cut = one.cut(state, stretch, 3)
     assert len(cut.fish.past) == len(then.fish.past)
     assert (cut.fish.x, cut.fish.y) == tuple(stretch.way[2, :2])
-    assert one.step(cut, path.route, rng)[1].path.along > 0
+    assert one.plan(cut, path.route, rng)[1].path.along > 0

@@ -115,8 +115,8 @@ def test_nobody_jumps_from_a_long_rest_to_another_rest():
 
     def jumps(still):
         film = film_of(table, loops((20, 50)), rests=np.isin(np.arange(len(table)), still))
-        ends = np.flatnonzero(film.end >= 0)
-        rows = ends[np.argsort(film.end[ends])]
+        ends = np.flatnonzero(film.jump_slot >= 0)
+        rows = ends[np.argsort(film.jump_slot[ends])]
         return set(
             zip(np.repeat(rows, np.diff(film.start)).tolist(), film.to.tolist(), strict=True)
         )

@@ -18,6 +18,12 @@ RNG = np.random.default_rng(5)
 CARP = {"width_px": 224, "height_px": 168, "body_length_px": 50.0, "colour": False, "fish": 1}
 
 
+@pytest.fixture(autouse=True)
+def same_draws():
+    """Every test draws the same numbers, whichever ran before it."""
+    RNG.bit_generator.state = np.random.default_rng(5).bit_generator.state
+
+
 @pytest.fixture(scope="module")
 def carp() -> list[np.ndarray]:
     """64 frames of a carp, 25 a second."""
@@ -25,9 +31,10 @@ def carp() -> list[np.ndarray]:
 
 
 def floor(height: int = 200, width: int = 260) -> np.ndarray:
-    """A tank with marks, and the same however far it is moved: (h + 40, w + 40)."""
+    """A tank with marks and stains, the same however far it is moved: (h + 40, w + 40)."""
     grain = RNG.normal(0, 1, (height + 40, width + 40)).astype(np.float32)
-    return 130 + 90 * cv2.GaussianBlur(grain, (0, 0), 2.5)
+    marked, stained = (size * cv2.GaussianBlur(grain, (0, 0), size) for size in (2.5, 10.0))
+    return 130 + 30 * marked + 40 * stained
 
 
 def seen(tank: np.ndarray, x: float = 0.0, y: float = 0.0, fish: int | None = None) -> np.ndarray:

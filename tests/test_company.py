@@ -18,7 +18,6 @@ from finloop.animate.company import (
     discs_of,
     lasting_ticks,
     near_first,
-    round_others,
 )
 from finloop.animate.encounters import overlap, placed
 from finloop.animate.kinematics import Target
@@ -198,10 +197,10 @@ def test_how_far_a_fish_comes_is_never_less_than_the_film_shows():
     waters = waters_of()
     film, far = waters.film, waters.farthest
     for ticks in range(1, len(far)):
-        first = np.flatnonzero(film.more[:-ticks])[:: max(1, ticks)]
+        first = np.flatnonzero(film.has_next[:-ticks])[:: max(1, ticks)]
         one_track = np.abs(film.x[first + ticks] - film.x[first]) < 400
         off = np.hypot(film.x[first + ticks] - film.x[first], film.y[first + ticks] - film.y[first])
-        inside = first[np.array([film.more[k : k + ticks].all() for k in first]) & one_track]
+        inside = first[np.array([film.has_next[k : k + ticks].all() for k in first]) & one_track]
         shown = off[np.isin(first, inside)]
         assert shown.max() <= far[ticks] + 1e-9
     assert far[0] == 0 and far[-1] > 0 and (np.diff(far) >= 0).all()
@@ -209,18 +208,6 @@ def test_how_far_a_fish_comes_is_never_less_than_the_film_shows():
 
 def test_alone_every_place_is_clear():
     assert clear(ALONE, 0, 0.0, 0.0, 0.0, 0)
-
-
-def test_a_fish_in_the_way_is_passed_on_the_nearer_side():
-    company = known([np.array([[100.0, -4, 0, 0]])], 0, discs_of(NEEDLE[None], []), 0)
-    here, length = (0.0, 0.0), 60.0
-    assert round_others(company, here, (300.0, 0.0), length) == pytest.approx((100.0, 56.0))
-    assert (
-        round_others(company, here, (300.0, -40.0), length)[1] < -20
-    )  # now the other is below the way
-    for clear_of_it in ((50.0, 0.0), (0.0, 300.0), (-300.0, 0.0)):
-        assert round_others(company, here, clear_of_it, length) == clear_of_it
-    assert round_others(ALONE, here, (300.0, 0.0), length) == (300.0, 0.0)
 
 
 # --- fish of one tank

@@ -247,7 +247,7 @@ def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
     assert made.filmed == n and len(made.rows) == 2 * n
     for row, to, across in zip(jumps["row"], jumps["to"], jumps["mirrored"], strict=True):
         for side in (0, 1):
-            k = made.end[row + side * n]
+            k = made.jump_slot[row + side * n]
             there = np.array([to + n * (side ^ int(across))])
             there = there[made.plays(there)]
             assert made.to[made.start[k] : made.start[k + 1]].tolist() == there.tolist()
@@ -258,7 +258,7 @@ def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
 def test_without_mirror_images_the_film_is_no_longer():
     table, jumps, _ = both_sides()
     ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
-    assert len(ways.end) == len(table)
+    assert len(ways.jump_slot) == len(table)
     made = motion_graph(
         table,
         ways,
@@ -286,7 +286,7 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
 def test_who_wanders_takes_the_film_as_it_comes(rng):
     planner = matching_of(waters_of(choice_noise=5e-6, wander="film"))
     state = planner.begin(rng)
-    stretch, _ = planner.step(state, None, rng)
+    stretch, _ = planner.plan(state, None, rng)
     value = stretch.options.value[stretch.options.taken] * planner.world.motion.rate_hz
     assert value >= planner.world.ticks(planner.world.settings.look_ahead)
     assert not stretch.touched

@@ -122,7 +122,9 @@ def spot(x, y, touch=TOUCH, head=HEAD):
 def in_film(film, rng, room=None):
     """A fish somewhere in the tank, at a row from which the film goes on."""
     row = int(
-        rng.choice(np.flatnonzero(film.more[:-2] & film.plays(np.arange(1, len(film.more) - 1))))
+        rng.choice(
+            np.flatnonzero(film.has_next[:-2] & film.plays(np.arange(1, len(film.has_next) - 1)))
+        )
     )
     rot = float(rng.uniform(-180, 180)) if film.body else 0.0
     x, y = (room or open_tank()).random_point(rng)
@@ -147,7 +149,7 @@ def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
     for number in range(60):
         to = A[0] if number % 20 > 10 else None
         before, draws = repr(state), rng.bit_generator.state
-        stretch, then = player.step(state, to, rng)
+        stretch, then = player.plan(state, to, rng)
         assert repr(state) == before
         kept.append((state, to, draws, stretch, then))
         state = then
@@ -155,7 +157,7 @@ def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
         state, again = kept[begin][0], np.random.default_rng(0)
         again.bit_generator.state = kept[begin][2]
         for _, to, _, stretch, then in kept[begin:]:
-            mine, state = player.step(state, to, again)
+            mine, state = player.plan(state, to, again)
             assert repr(mine) == repr(stretch) and repr(state) == repr(then)
 
 
@@ -164,7 +166,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
     player, rng, shorter = player_in(mode), np.random.default_rng(1), 0
     state = player.begin(rng)
     for _ in range(60):
-        stretch, then = player.step(state, None, rng)
+        stretch, then = player.plan(state, None, rng)
         whole, end = player.cut(state, stretch, len(stretch.way))
         assert whole is stretch and repr(end.fish) == repr(then.fish)
         for ticks in {1, len(stretch.way) - 1} - {0, len(stretch.way)}:
@@ -172,7 +174,7 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
             assert len(short.way) == ticks and not short.touched
             assert at.fish.tick == state.fish.tick + ticks
             assert (at.fish.x, at.fish.y) == tuple(stretch.way[ticks - 1, :2])
-            on, _ = player.step(at, A[0], np.random.default_rng(0))
+            on, _ = player.plan(at, A[0], np.random.default_rng(0))
             assert np.hypot(*(on.way[0, :2] - short.way[-1, :2])) < LENGTH / 2
             shorter += 1
         state = then
@@ -225,7 +227,7 @@ def test_every_mode_goes_on_from_the_state_of_any_other(mode):
         for player in (made[other], made[mode]):
             for _ in range(30):
                 before = state.fish
-                stretch, state = player.step(state, None, rng)
+                stretch, state = player.plan(state, None, rng)
                 assert np.hypot(*(stretch.way[0, :2] - (before.x, before.y))) < LENGTH / 2
                 assert abs(wrap_deg(stretch.way[0, 2] - before.heading)) < 40
         kinds = {"network": SPRITE, "loops": FRAME, "matching": FRAME}
@@ -257,7 +259,7 @@ def slow_way(film, tank_, start, place, goal, least):
     while inside(tank_.legal, x, y):
         n += 1
         touch = touch or touches(x, y, film.heading[row] + rot, goal)
-        end = film.end[row + 1] if film.more[row] else -1
+        end = film.jump_slot[row + 1] if film.has_next[row] else -1
         ends = end >= 0 and film.start[end + 1] > film.start[end]
         if ends and (touch or n >= least):
             off = abs(wrap_deg(bearing(*place, x, y) - begins))
@@ -265,7 +267,7 @@ def slow_way(film, tank_, start, place, goal, least):
             there = goal.free or quadrant(x - place[0], place[1] - y) == wanted
             if touch or (there and off <= 45):
                 legal.append(within[-1])
-        if not film.more[row] or (touch and ends):
+        if not film.has_next[row] or (touch and ends):
             break
         dx, dy = rotate(film.dx[row], film.dy[row], rot)
         x, y, row = x + dx, y + dy, row + 1
@@ -316,13 +318,13 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
     found, edit = edit_of(player_in("loops", pose, policy=policy), A, 1200, 1)
     ends, jumps, before = partners(pairs), 0, None
     for one in found.stretches:
-        assert (np.diff(one.number) == 1).all() and film.more[one.number[:-1]].all()
+        assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
         heading = film.heading[one.number] + one.rot
         assert wrap_deg(one.way[:, 2] - heading) == pytest.approx(0, abs=1e-9)
         if before is not None:
             last, first = before.number[-1], one.number[0]
             assert one.new == (first != last + 1)
-            assert ((last + 1, first) in ends) if one.new else film.more[last]
+            assert ((last + 1, first) in ends) if one.new else film.has_next[last]
             assert loop_ends(film)[last] or not one.new
             if pose == BODY:  # the heading goes on as if the film had played on
                 turned = film.heading[last + 1] + before.rot[-1] - heading[0]
@@ -345,7 +347,7 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
     goal = Goal("A", *open_tank().random_point(rng))
     for _ in range(250):
         before = state.fish
-        stretch, state = player.step(state, goal, rng)
+        stretch, state = player.plan(state, goal, rng)
         if stretch.touched:
             goal = Goal("A", *open_tank().random_point(rng))
         if stretch.decision.reason == "spot":
@@ -409,12 +411,12 @@ def test_after_a_jump_comes_at_least_so_much_film(stay, policy):
     state = player.begin(rng)
     for _ in range(400):
         before = state
-        stretch, state = player.step(state, Goal("A", *open_tank().random_point(rng)), rng)
+        stretch, state = player.plan(state, Goal("A", *open_tank().random_point(rng)), rng)
         if rng.random() < 0.5:
             stretch, state = player.cut(before, stretch, int(rng.integers(1, 9)))
         if stretch.new:
             last = before.fish.row + 1
-            plays_on = film.more[last] and film.endless[last + 1]
+            plays_on = film.has_next[last] and film.recurrent[last + 1]
             if since is not None and plays_on and stretch.decision.reason != "spot":
                 gaps.append(since)
             since = 0
@@ -445,7 +447,7 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
         assert found.new == (found.number[0] != fish.row + 1)
         if found.new:
             assert (fish.row + 1, found.number[0]) in ends
-        assert (np.diff(found.number) == 1).all() and film.more[found.number].all()
+        assert (np.diff(found.number) == 1).all() and film.has_next[found.number].all()
         fish = mode.after(fish, found)
         assert (fish.x, fish.y) == (x, 300.0)
 
@@ -732,7 +734,7 @@ def test_between_switches_the_film_goes_on_by_its_loops():
             assert ((last + 1, first) in ends) if one.new else first == last + 1
             jumps += one.new
         if one.kind == FRAME:
-            assert (np.diff(one.number) == 1).all() and film.more[one.number[:-1]].all()
+            assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
     assert jumps > 3
 
 
@@ -795,7 +797,7 @@ def test_hybrid_without_loops_or_gateways_is_network_mode(network):
 
 
 def test_gateways_that_lead_nowhere_are_not_taken():
-    last = np.flatnonzero(~rich_film().more)
+    last = np.flatnonzero(~rich_film().has_next)
     gates = gateways()
     gates = gates[gates["direction"] == "in"].iloc[: len(last)].assign(row=last)
     _, table = edit_of(paper_player(hybrid_of(gates=gates)), [], 600, 1)
@@ -838,7 +840,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode)
         old = number[begin - 1]
         for tick in range(begin, min(begin + fade, later)):
             goes_on = kind[begin - 1] == FRAME
-            old = old + int(film.more[old]) if goes_on else order().following[old]
+            old = old + int(film.has_next[old]) if goes_on else order().following[old]
             row = table.iloc[tick]
             assert (row["partner_kind"], row["partner"]) == (kind[begin - 1], old)
             if goes_on:

@@ -310,12 +310,12 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
     state = player.begin(rng, route)
     for _ in range(12):
         draws = rng.bit_generator.state
-        stretch, then = player.step(state, route, rng)
+        stretch, then = player.plan(state, route, rng)
         again = np.random.default_rng(0)
         again.bit_generator.state = draws
-        assert repr(player.step(state, route, again)) == repr((stretch, then))
+        assert repr(player.plan(state, route, again)) == repr((stretch, then))
         short, cut = player.cut(state, stretch, 2)
-        on, after_ = player.step(cut, route, again)
+        on, after_ = player.plan(cut, route, again)
         assert len(short.steer if short.steer is not None else short.way) <= 2
         assert np.hypot(*(on.way[0, :2] - short.way[-1, :2])) < 0.5 * LENGTH
         assert after_.path.along >= state.path.along

@@ -72,7 +72,7 @@ def slow_leg(reel, legal, place, rot, row, left, stride, aim):
     angle, t = np.radians(rot), 0
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     stop, to_end = row, 0
-    while reel.more[stop] and not (to_end >= stride and reel.end[stop] >= 0):
+    while reel.has_next[stop] and not (to_end >= stride and reel.jump_slot[stop] >= 0):
         stop, to_end = stop + 1, to_end + 1
     left = min(left, to_end)
     if left == 0:
@@ -84,7 +84,7 @@ def slow_leg(reel, legal, place, rot, row, left, stride, aim):
         t, left = t + ticks, left - ticks
         if not inside(legal, *place):
             return place, -1, t - ticks, False
-        goes_on = reel.more[row] and reel.endless[row + 1]
+        goes_on = reel.has_next[row] and reel.recurrent[row + 1]
         if goes_on and touches(*place, reel.heading[row] + rot, aim):
             return place, row, t, True
     return place, row, t, False
@@ -110,8 +110,8 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
         if row < 0:
             return
         shown = shown | {first + k: start.tick + before + k for k in range(ticks)}
-        cost += reel.dear[row] - reel.dear[first]
-        if not reel.endless[row]:
+        cost += reel.rarity_sum[row] - reel.rarity_sum[first]
+        if not reel.recurrent[row]:
             return
         heading = reel.heading[row] + rot
         if touched:
@@ -121,18 +121,18 @@ def slow_search(reel, legal, start, rot, row, aim, weights, horizon):
             off = abs(wrap_deg(bearing(*place, aim.x, aim.y) - heading))
             found.append((t + cost + np.hypot(*(place - aim[:2])) / 3 + off / 5, t))
             return
-        if reel.more[row] and reel.endless[row + 1]:
+        if reel.has_next[row] and reel.recurrent[row + 1]:
             follow(place, rot, row, t, cost + repeat(row, t, shown), shown)
-        if reel.end[row] < 0:
+        if reel.jump_slot[row] < 0:
             return
-        for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
+        for e in range(reel.start[reel.jump_slot[row]], reel.start[reel.jump_slot[row] + 1]):
             other = reel.to[e]
             price = 6 * reel.seam[e] + repeat(other, t, shown)
             turned = heading - reel.heading[other] if reel.body else rot
             follow(place, turned, other, t, cost + price, shown)
 
     place = np.array([start.x, start.y])
-    if reel.endless[row] and inside(legal, *place):
+    if reel.recurrent[row] and inside(legal, *place):
         follow(place, rot, row, 0, 0.0, {})
     return min(found) if found else (np.inf, longest)
 
@@ -147,7 +147,7 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         n = len(table)
         legal = np.zeros((90, 90), bool)
         legal[5 : int(rng.integers(40, 85)), 5:85] = True
-        rows = np.flatnonzero(reel.more)
+        rows = np.flatnonzero(reel.has_next)
         rots, every = rng.uniform(-180, 180, len(rows)), np.arange(n)
         recent = np.stack([every, every, rng.integers(-500, 500, n)], 1)
         start = SearchStart(rng.uniform(20, 40), rng.uniform(20, 40), 500, recent)
@@ -185,7 +185,7 @@ def wanderer(reel, room, rows, rots, aim, beam=24, place=(400.0, 300.0), horizon
 def test_more_beam_is_never_worse_and_a_narrow_one_says_what_it_gave_up():
     rng, given_up, reel = np.random.default_rng(3), 0, rich_film()
     for _ in range(20):
-        rows = rng.choice(np.flatnonzero(reel.endless & reel.more), 12)
+        rows = rng.choice(np.flatnonzero(reel.recurrent & reel.has_next), 12)
         rots, aim = rng.uniform(-180, 180, 12), spot(*rng.uniform(100, 500, 2))
         narrow, wide = (
             wanderer(reel, open_tank(), rows, rots, aim, beam, horizon=16)[0]
@@ -209,7 +209,7 @@ def test_turning_the_tank_turns_the_plan():
     arena[20:580, 60:400] = True
     turned = np.rot90(arena)  # anticlockwise as seen
     for _ in range(10):
-        rows = rng.choice(np.flatnonzero(reel.endless & reel.more), 8)
+        rows = rng.choice(np.flatnonzero(reel.recurrent & reel.has_next), 8)
         rots, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
         aim_x, aim_y = rng.uniform(100, 380, 2).round()
         one, here = wanderer(reel, room_of(arena), rows, rots, spot(aim_x, aim_y), 500, (x, y))
@@ -232,7 +232,7 @@ def test_a_mirrored_tank_gives_the_mirrored_plan():
     arena = np.zeros((601, 801), bool)
     arena[20:400, 60:700] = True
     for _ in range(10):
-        rows = rng.choice(np.flatnonzero(reel.endless & reel.more), 8)
+        rows = rng.choice(np.flatnonzero(reel.recurrent & reel.has_next), 8)
         rots, (x, y) = rng.uniform(-180, 180, 8), rng.uniform(120, 300, 2).round()
         aim_x, aim_y = rng.uniform(100, 380, 2).round()
         one, here = wanderer(reel, room_of(arena), rows, rots, spot(aim_x, aim_y), 500, (x, y))
@@ -247,8 +247,8 @@ def test_a_mirrored_tank_gives_the_mirrored_plan():
 def test_jumps_are_kept_the_cheapest_first():
     reel = rich_film()
     graph = search_graph(reel, bounds_of(open_tank()), WEIGHTS, 5)
-    for row in np.flatnonzero(reel.end >= 0):
-        first, last = reel.start[reel.end[row] : reel.end[row] + 2]
+    for row in np.flatnonzero(reel.jump_slot >= 0):
+        first, last = reel.start[reel.jump_slot[row] : reel.jump_slot[row] + 2]
         wanted = sorted(zip(6 * reel.seam[first:last], reel.to[first:last], strict=True))
         jumps = graph.jumps[first:last]
         assert (np.diff(jumps["cost"]) >= 0).all()
@@ -265,22 +265,26 @@ def test_what_is_to_come_is_the_way_and_the_turn():
     assert ticks == pytest.approx(10 + np.degrees(np.arctan2(40, 30)) / 4)
 
 
-def test_where_no_way_leads_on_more_are_followed():
-    """In a narrow tank a beam of two often finds none; the planner looks again, farther round."""
-    arena = np.zeros((300, 300), bool)
-    arena[20:280, 20:280] = True
-    world = waters_of(room_=room_of(arena), beam=2)
+def test_along_a_path_more_ways_are_followed_where_none_leads_on():
+    """In a narrow tank a beam of one often finds none; the planner looks again, farther round."""
+    arena = np.zeros((200, 200), bool)
+    arena[20:180, 20:180] = True
+    world = waters_of(room_=room_of(arena), beam=1)
+    angle = np.linspace(0, 2 * np.pi, 60)
+    ring = EIGHT._replace(x=100 + 30 * np.cos(angle), y=100 + 30 * np.sin(angle))
+    route = laid(ring, world)
+    p = world.settings
+    horizon = world.ticks(p.path_commit) + world.ticks(p.look_ahead)
     planner, rng, ends, alone = matching_of(world), np.random.default_rng(6), 0, 0
     for _ in range(60):
         state = planner.begin(rng)
-        fish = state.fish
-        if not world.film.more[fish.row]:
+        if not world.film.has_next[state.fish.row]:
             continue
-        made, start = planner.film.candidates(fish, 0.0, 0.0)
-        aim = spot(*world.tank.random_point(rng))
-        found, _ = search(planner.film.graph, made, start, to_goal(aim), world.cost_weights, 90)
+        made, start = planner.film.candidates(state.fish, 0.0, 0.0)
+        objective = along_path(route, world.steering)
+        found, _ = search(planner.film.graph, made, start, objective, world.cost_weights, horizon)
         alone += np.isinf(found.value).all()
-        stretch, _ = planner.step(state, Goal("A", aim.x, aim.y), rng)
+        stretch, _ = planner.plan(state, route, rng)
         ends += stretch.options is None or np.isinf(stretch.options.value).all()
     assert alone > 5 and ends < alone
 
@@ -296,7 +300,7 @@ def test_a_term_that_is_switched_off_costs_nothing(term):
     planner, rng = matching_of(waters_of(**{off: 0.0})), np.random.default_rng(0)
     state, steps = planner.begin(rng), 0
     while steps < 20:
-        stretch, state = planner.step(state, Goal("A", 600.0, 100.0), rng)
+        stretch, state = planner.plan(state, Goal("A", 600.0, 100.0), rng)
         if stretch.options is not None:
             steps += 1
             assert (stretch.options.terms[:, term] == 0).all()
@@ -362,7 +366,7 @@ def test_the_best_way_is_the_film_s_between_jumps_that_the_film_has():
     assert legs.sum() >= 40
     film = world.film
     for end, begins in zip(ends[:-1], rows[1:], strict=True):
-        to = film.to[film.start[film.end[end]] : film.start[film.end[end] + 1]]
+        to = film.to[film.start[film.jump_slot[end]] : film.start[film.jump_slot[end] + 1]]
         assert begins == end or begins in to
 
 
@@ -391,30 +395,31 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
     rng = np.random.default_rng(1)
     state = planner.begin(rng, route)
     for _ in range(60):
-        stretch, state = planner.step(state, route, rng)
+        stretch, state = planner.plan(state, route, rng)
         assert 0 < len(stretch.way) <= 14 and (np.diff(stretch.number) == 1).all()
 
 
-def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_every_stride():
+def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_each_run():
     world = waters_of()
     planner, route, rng = matching_of(world), laid(EIGHT, world), np.random.default_rng(0)
     state, ticks, searches, stretches = planner.begin(rng, route), 0, 0, 0
     while ticks < 300:
-        stretch, state = planner.step(state, route, rng)
+        stretch, state = planner.plan(state, route, rng)
         ticks, stretches = ticks + len(stretch.way), stretches + 1
         searches += stretch.options is not None
     assert searches < stretches / 2
     assert searches <= 1 + 300 / (world.ticks(world.settings.path_commit) / 2)
     while not state.path.runs:
-        _, state = planner.step(state, route, rng)
-    assert planner.step(state, route, rng)[0].options is None
+        _, state = planner.plan(state, route, rng)
+    assert planner.plan(state, route, rng)[0].options is None
     other = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
     beside = planner.with_others(state, other[:, None])
     assert beside.fish.company.near == 1
-    stretch, then = planner.step(beside, route, rng)
+    stretch, then = planner.plan(beside, route, rng)
     assert stretch.options is not None
-    assert sum(run.ticks for run in then.path.runs) <= 2 * world.cost_weights.stride
-    assert len(stretch.way) <= world.cost_weights.stride
+    # After each run it looks again, as the others may have planned otherwise.
+    beside = planner.with_others(then, other[:, None])
+    assert then.path.runs and planner.plan(beside, route, rng)[0].options is not None
 
 
 def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
@@ -423,12 +428,12 @@ def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
     route = laid(EIGHT, world)
     state = planner.begin(rng, route)
     while not state.path.runs:
-        stretch, then = planner.step(state, route, rng)
+        stretch, then = planner.plan(state, route, rng)
         before, state = state, then
-    assert planner.step(state, route, rng)[0].options is None
+    assert planner.plan(state, route, rng)[0].options is None
     other = laid(EIGHT._replace(y=EIGHT.y + 40), world)
-    assert planner.step(state, other, rng)[0].options is not None
-    assert planner.step(state, Goal("A", 100.0, 100.0), rng)[0].options is not None
+    assert planner.plan(state, other, rng)[0].options is not None
+    assert planner.plan(state, Goal("A", 100.0, 100.0), rng)[0].options is not None
     _, cut = planner.cut(before, stretch, 1)
     assert cut.path.runs == ()
 
@@ -439,7 +444,7 @@ def test_nothing_is_swum_that_was_not_looked_at():
         planner, rng = matching_of(world), np.random.default_rng(1)
         state = State(planner.begin(rng).fish, np.zeros(2))
         for _ in range(40):
-            stretch, state = planner.step(state, Goal("A", 700.0, 100.0), rng)
+            stretch, state = planner.plan(state, Goal("A", 700.0, 100.0), rng)
             planned = len(stretch.way) + sum(run.ticks for run in state.path.runs)
             assert planned <= max(commit + ahead, 2) * DELTA + world.cost_weights.stride
             assert stretch.way.shape[0] < 10 * RATE

@@ -163,7 +163,7 @@ def test_a_fish_that_is_stopped_in_a_turn_is_bent_and_only_then():
     player, rng, bent = toy_players()["network"], np.random.default_rng(5), 0
     state = player.begin(rng)
     for _ in range(200):
-        stretch, then = player.step(state, None, rng)
+        stretch, then = player.plan(state, None, rng)
         assert not then.fish.bent
         if stretch.state == TURN and len(stretch.way) > 4:
             assert player.cut(state, stretch, 4)[1].fish.bent
@@ -220,7 +220,7 @@ def test_a_mode_of_the_paper_keeps_its_own_fish_as_they_are():
         state = player.begin(rng)
         for _ in range(120):
             assert player.mode.take_over(state.fish) is state.fish
-            _, state = player.step(state, None, rng)
+            _, state = player.plan(state, None, rng)
 
 
 def test_a_mode_that_the_film_does_not_allow_is_refused():

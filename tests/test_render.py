@@ -25,8 +25,7 @@ import stages.plots.render
 import stages.render
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.edit.schema import EDIT, Goal
-from finloop.edit.stretch import Decision
+from finloop.edit.schema import EDIT, WHY, Goal
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
@@ -328,7 +327,7 @@ def edit_list(n, **columns):
         "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "network",
         "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
     }  # fmt: skip
-    why = dict.fromkeys(Decision._fields)
+    why = dict.fromkeys(WHY)
     return pd.DataFrame(usual | why | columns)
 
 

@@ -99,14 +99,14 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
     rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
     places, ticks = [], 0
     while ticks < 60:
-        stretch, state = player.step(state, rule, rng)
+        stretch, state = player.plan(state, rule, rng)
         assert state.wished and 0 <= state.left < 15
         places.append(tuple(state.place))
         ticks += len(stretch.way)
     assert 2 <= len(set(places)) <= len(places)
     assert rule_target(rule, state.fish, player.world, rng)[1] == 15
     begun = state._replace(left=5)
-    _, wanders = player.step(begun, None, rng)
+    _, wanders = player.plan(begun, None, rng)
     assert not wanders.wished and tuple(wanders.place) != tuple(begun.place)
 
 
@@ -114,7 +114,7 @@ def test_the_same_state_and_draws_wish_the_same():
     player = player_of(NEAR)
     state = player.begin(np.random.default_rng(0))
     rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
-    one, other = (player.step(state, rule, np.random.default_rng(4)) for _ in range(2))
+    one, other = (player.plan(state, rule, np.random.default_rng(4)) for _ in range(2))
     assert one[0].way.tolist() == other[0].way.tolist()
     assert one[1].place.tolist() == other[1].place.tolist()
 

@@ -17,8 +17,7 @@ from toy_fish import LENGTH, ROOM, P, covered, edit_list, fish_of, overlap, toy
 
 import stages.tank
 from finloop.base.errors import FinloopError
-from finloop.edit.schema import EDIT
-from finloop.edit.stretch import Decision
+from finloop.edit.schema import EDIT, WHY
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter
@@ -244,7 +243,7 @@ def put(folder, fish=1):
     save_facts(folder / "data/clip" / FACTS_NAME, facts)
     usual = {
         "speed": 1.0, "motion_area": np.nan, "mode": "network", "state": "straight", "goal": "",
-        "aim_x_px": 0.0, "aim_y_px": 0.0, **dict.fromkeys(Decision._fields),
+        "aim_x_px": 0.0, "aim_y_px": 0.0, **dict.fromkeys(WHY),
     }  # fmt: skip
     edit = swimming(30).assign(tick=np.arange(30), time_s=np.arange(30) / 25, **usual)
     every = [edit.assign(fish=number, y_px=50.0 + 40 * number) for number in range(fish)]

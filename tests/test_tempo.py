@@ -12,8 +12,8 @@ N = 200
 def film_of(steps):
     """One track that moves so many px (n,) from row to row, to the right."""
     rows = np.zeros(len(steps), ROW)
-    rows["dx"], rows["more"] = steps, True
-    rows["more"][-1] = False
+    rows["dx"], rows["has_next"] = steps, True
+    rows["has_next"][-1] = False
     rows["dx"][-1] = 0.0
     empty = np.zeros(0, np.int32)
     return MotionGraph(rows, np.zeros(1, np.int32), empty, np.zeros(0), True, len(steps))

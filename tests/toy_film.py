@@ -21,7 +21,7 @@ from finloop.base.settings import settings, values_of
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
 from finloop.edit.joins import joins
-from finloop.edit.stretch import Decision
+from finloop.edit.schema import WHY
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph
@@ -221,7 +221,7 @@ def loops(*pairs):
 
 
 def film_of(
-    features, found, pose=BODY, step=1.0, barred=None, taught=None, dear=0.0, rests=None
+    features, found, pose=BODY, step=1.0, barred=None, taught=None, rarity_sum=0.0, rests=None
 ) -> MotionGraph:
     """A film with its loops; its drawn length is the median of its own."""
     n = len(features)
@@ -231,7 +231,7 @@ def film_of(
     sized = replace(taught or lesson(), body_length_px=length)
     rests = np.zeros(n, bool) if rests is None else rests
     return motion_graph(
-        features, loop_jumps(graph, n, step), sized, pose, barred, dear * np.ones(n), rests
+        features, loop_jumps(graph, n, step), sized, pose, barred, rarity_sum * np.ones(n), rests
     )  # fmt: skip
 
 
@@ -315,7 +315,7 @@ HULL = np.array([[20.0, 0], [-20, 5], [-20, -5]])
 
 def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
     """Outlines: every sprite has the first, every frame the second."""
-    frames = np.repeat(hulls[1][None].astype(np.float32), len(film_.more), axis=0)
+    frames = np.repeat(hulls[1][None].astype(np.float32), len(film_.has_next), axis=0)
     return Cast(sprites(), [hulls[0]] * len(sprites()), frames)
 
 
@@ -323,7 +323,7 @@ def matching_of(waters=None, hulls=(HULL, HULL), prediction=None, film_too=True)
     """A planner of mode `matching`: by the film, and as a forecast predicts if there is one."""
     world = waters_of() if waters is None else waters
     how = joins(world.settings, world.settings.join, bodies_of(world.film), DELTA, lambda *_: True)
-    rows = np.minimum(sprites()["row"].to_numpy(), len(world.film.more) - 2)
+    rows = np.minimum(sprites()["row"].to_numpy(), len(world.film.has_next) - 2)
     by_film = FilmSource(world) if film_too else None
     return Planner(world, by_film, prediction, cast_of(world.film, hulls), how, None, rows)
 
@@ -387,7 +387,7 @@ def shapes() -> PoseShapes:
 
 def bodies_of(film_: MotionGraph) -> Bodies:
     """Postures of a film's rows, which change little by little, and of the sprites."""
-    rng, n = np.random.default_rng(4), len(film_.more)
+    rng, n = np.random.default_rng(4), len(film_.has_next)
     codes = scipy.ndimage.gaussian_filter1d(
         rng.normal(0, 0.8, (n, len(shapes().shapes))), 2, axis=0
     )
@@ -396,14 +396,14 @@ def bodies_of(film_: MotionGraph) -> Bodies:
     )
     table = sprites()
     return Bodies(
-        FilmPoses(pose, codes, shapes(), False, 0.0, 3.0), film_.more.copy(),
+        FilmPoses(pose, codes, shapes(), False, 0.0, 3.0), film_.has_next.copy(),
         table.assign(row=np.minimum(table["row"], n - 1)),
     )  # fmt: skip
 
 
 def undecided() -> dict[str, None]:
     """The columns that say why, empty, as on most ticks of an edit list."""
-    return dict.fromkeys(Decision._fields)
+    return dict.fromkeys(WHY)
 
 
 def shoaling(zones: Zones) -> Shoaling:

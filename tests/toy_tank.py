@@ -25,7 +25,7 @@ def toy_players(join="inertial"):
 def resting_players(share):
     """Players of a film that rests at a share of its rows, picked at random."""
     players = toy_players()
-    rest = np.random.default_rng(0).random(len(rich_film().more)) < share
+    rest = np.random.default_rng(0).random(len(rich_film().has_next)) < share
     return {
         mode: replace(one, joins=replace(one.joins, rests=rest)) for mode, one in players.items()
     }
@@ -53,7 +53,7 @@ class Drops:
 
 def view_of(mode="matching", fish=1, seed=0, colour=False):
     floor = np.full(ARENA.shape + ((3,) if colour else ()), 200, np.uint8)
-    frames, sprites, middle = len(rich_film().more), 60, (15.0, 15.0)
+    frames, sprites, middle = len(rich_film().has_next), 60, (15.0, 15.0)
     gallery = Gallery({
         FRAME: Shelf(Drops(frames), np.full((frames, 2), middle)),
         SPRITE: Shelf(Drops(24 * sprites), np.full((sprites, 2), middle), 24),

@@ -70,7 +70,7 @@ def _decision(planner: Planner) -> tuple[State, Goal, Options, tuple[Floats, Flo
     state, best = planner.begin(rng), None
     for _ in range(TRIES):
         goal = random_goals(planner.world, 1, rng)[0]._replace(radius_px=planner.world.touch_px)
-        stretch, then = planner.step(state, goal, rng)
+        stretch, then = planner.plan(state, goal, rng)
         options = stretch.options
         if options is not None and len(options.rows) >= WAYS and options.taken >= 0:
             good = np.isfinite(options.value).mean()
@@ -87,7 +87,7 @@ def _swum(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floats]:
     """Return the way (n, 3) that is swum from a state, and at which ticks it jumps."""
     rng, places, jumps, ticks = np.random.default_rng(0), [], [], 0
     while ticks < SWUM_S * planner.world.motion.rate_hz:
-        stretch, state = planner.step(state, goal, rng)
+        stretch, state = planner.plan(state, goal, rng)
         if stretch.new:
             jumps.append(ticks)
         places.append(stretch.way)
@@ -101,7 +101,7 @@ def _way(planner: Planner, state: State, row: int, rot: float) -> Floats:
     """Return where playing a row leads (n, 2), from where a fish is."""
     film, x, y = planner.world.film, state.fish.x, state.fish.y
     ticks, places = round(WAY_S * planner.world.motion.rate_hz), [(x, y)]
-    while ticks and film.more[row]:
+    while ticks and film.has_next[row]:
         dx, dy = rotate(film.dx[row], film.dy[row], rot)
         x, y, row, ticks = x + dx, y + dy, row + 1, ticks - 1
         places.append((x, y))

@@ -18,7 +18,6 @@ from finloop.base.kernel import kernel, leaf_kernel
 _DISCS = 6
 _TICKS = 64  # room for the ways of plans, which grows
 _LOT = 10_000  # outlines at a time
-_SEES = 3.0  # body lengths; sprites are led round a fish in the way that is nearer
 _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
 
 
@@ -303,22 +302,3 @@ def lasting_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> in
     while n > 0 and not can_stay(company, numbers[n - 1], way[n - 1], tick + n - 1):
         n -= 1
     return n
-
-
-def round_others(
-    company: Company, place: tuple[float, float], to: tuple[float, float], length_px: float
-) -> tuple[float, float]:
-    """Where to head for on the way to a point, px: there, or beside the first fish in the way."""
-    others = company.places[0, :, :2]
-    way = np.subtract(to, place)
-    far = max(float(np.hypot(*way)), 1e-9)
-    ahead, offset = way / far, others - place
-    left = np.array([ahead[1], -ahead[0]])
-    along, aside = offset @ ahead, offset @ left
-    near = (along > 0) & (along < min(far, _SEES * length_px))
-    blocks = np.flatnonzero(near & (np.abs(aside) < length_px / 2))
-    if not len(blocks):
-        return to
-    first = blocks[along[blocks].argmin()]
-    x, y = others[first] - np.copysign(length_px, aside[first]) * left
-    return float(x), float(y)

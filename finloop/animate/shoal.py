@@ -117,7 +117,7 @@ class Swimmer:
         begins, others = self.tick, plans.others(self._number, self.tick)
         goal = self._goal() or self._rule(plans, others)
         state = self._player.with_others(self._state, others)
-        stretch, self._state = self._player.step(state, goal, self._task.rng)
+        stretch, self._state = self._player.plan(state, goal, self._task.rng)
         plans.put(self._number, begins, stretch.shown)
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
         self.swim.stretches.append(stretch)

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.edit.joins import INERTIAL, Joins, Shown, cross_fades, inertialized
-from finloop.edit.schema import EDIT, FRAME, SPRITE, STATES
+from finloop.edit.schema import EDIT, FRAME, SPRITE, STATES, TERMS
 from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import direction_deg, orientation, wrap_deg
+
+NO_COSTS = (np.nan,) * len(TERMS)
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,12 @@ def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]
     decisions = [s.decision for s in stretches[: len(first)]]
     columns: dict[str, Any] = {}
     for name, values in zip(Decision._fields, zip(*decisions, strict=True), strict=True):
-        if isinstance(values[0], str):
+        if isinstance(values[0], tuple):
+            costs = np.full((ticks, len(TERMS)), np.nan)
+            costs[first] = [value or NO_COSTS for value in values]
+            way = name.removesuffix("_terms")
+            columns |= {f"{way}_{term}_s": costs[:, k] for k, term in enumerate(TERMS)}
+        elif isinstance(values[0], str):
             text = np.full(ticks, None, dtype=object)
             text[first] = [value or None for value in values]
             columns[name] = text

@@ -1,4 +1,4 @@
-"""A decision in words, as the live tank shows it."""
+"""A decision in words, as the live tank shows it, from the numbers that the edit list has."""
 
 import math
 
@@ -10,11 +10,15 @@ from finloop.edit.schema import (
     PHASE,
     PLAY,
     SPOT,
+    TERMS,
     TURNING,
     WAITING,
     WALL,
 )
 from finloop.edit.stretch import Decision
+
+CHANCE = "chance"
+LEAST_S = 0.05  # a term that costs less is not named
 
 
 def in_words(decision: Decision, goal: str, motion_area: float) -> str:
@@ -45,7 +49,7 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
         WALL: "a wall is ahead",
         SPOT: f"no way stays in the tank ({_ways(decision)}): on the spot",
         WAITING: "other fish are in the way: wait",
-        FORETOLD: f"as is foretold, {_told(decision)}",
+        FORETOLD: f"as predicted{_costs(decision)}",
     }
     if decision.reason in sprites:
         return sprites[decision.reason]
@@ -57,18 +61,28 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
     leads = (
         f"quadrant {decision.quadrant} towards {goal}" if decision.quadrant else f"along a {goal}"
     )
-    if not decision.ways:
-        return f"{how[decision.reason]}: {leads}; as planned before"
-    cost = "" if math.isnan(decision.value_s) else f"; {decision.value_s:.1f} s"
-    return f"{how[decision.reason]}: {leads}; {_ways(decision)}{cost}"
+    return f"{how[decision.reason]}: {leads}{_costs(decision)}"
 
 
-def _told(decision: Decision) -> str:
-    """Of how many rows one was chosen, unless it was planned before, along a path."""
+def _costs(decision: Decision) -> str:
+    """Say how many ways there were, what the one taken costs, and what the next best would."""
     if not decision.ways:
-        return "as planned before"
-    cost = "they end" if math.isnan(decision.value_s) else f"{decision.value_s:.1f} s"
-    return f"one of {decision.ways} rows: {cost}"
+        return "; as planned before"
+    if math.isnan(decision.value_s):
+        return f"; {_ways(decision)}"
+    terms = dict(zip(TERMS, decision.taken_terms, strict=False))
+    parts = [
+        f"{name.replace('_', ' ')} {cost:.1f}".replace("-", "−")
+        for name, cost in terms.items()
+        if name != CHANCE and abs(cost) >= LEAST_S
+    ]
+    told = f"; {_ways(decision)}; {decision.value_s:.1f} s" + (
+        f" ({', '.join(parts)})" if parts else ""
+    )
+    if decision.other_terms:
+        others = dict(zip(TERMS, decision.other_terms, strict=True))
+        told += f", the next best {sum(others.values()) - others[CHANCE]:.1f} s"
+    return told
 
 
 def _ways(decision: Decision) -> str:

@@ -25,6 +25,14 @@ SPRITE, FRAME = "sprite", "frame"
 INERTIAL, FADE, CUT = "inertial", "fade", "cut"
 """Joins: posture and heading go on and die away, the pictures are mixed, or nothing of both."""
 
+TERMS = (
+    "seam", "repeat", "rarity", "lag", "path", "time", "to_come", "chance",
+)  # fmt: skip
+"""What a way costs: for the seams of its jumps; for film that was on screen just now; for steps
+that the film shows seldom; for falling behind the film's speed; for being beside the path, late,
+headed otherwise and corrected; the ticks that it takes; about what is still to come; and what is
+left to chance, so that ways that cost about the same are all taken."""
+
 EDIT = Schema(
     Column("fish", "int16", "1"),
     Column("tick", "int32", "1"),
@@ -57,6 +65,8 @@ EDIT = Schema(
     Column("turn_deg", "float32", "deg", nullable=True),
     *columns("float32", "1", "sprite_area", "room", nullable=True),
     Column("film_speed", "float32", "body length/s", nullable=True),
+    *columns("float32", "s", *(f"taken_{term}_s" for term in TERMS), nullable=True),
+    *columns("float32", "s", *(f"other_{term}_s" for term in TERMS), nullable=True),
 )
 """`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
 model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for.
@@ -70,8 +80,12 @@ jump or gateway. Of a way of the film: `value_s`, all that it costs to the goal,
 that it leads to (Fig. 11). How many `ways` were weighed, none where it was planned before, along a
 path; and how many of them fail each test of Fig. 19. Of a turn: `turn_deg` wanted (+ = left), the
 motion area of the strongest sprite, and the share of the film's displacement for which there was
-`room`. Of a phase: the `film_speed` at which
-the film's began."""
+`room`. Of a phase: the `film_speed` at which the film's began. Of a way of `matching`: what it
+costs, term by term (`taken_seam_s` …), and what the cheapest other way would have cost
+(`other_seam_s` …; empty where none led on)."""
+
+WHY = EDIT.names[EDIT.names.index("reason") :]
+"""The columns that say why."""
 
 REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, FORETOLD, WAITING = (
     "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast", "wait",
@@ -93,14 +107,6 @@ PATH = "path"
 VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
 """Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better.
 A way that meets another fish fails as one that leaves the tank."""
-
-TERMS = (
-    "seam", "repeat", "rarity", "lag", "path", "time", "to_come", "chance",
-)  # fmt: skip
-"""What a way costs: for the seams of its jumps; for film that was on screen just now; for steps
-that the film shows seldom; for falling behind the film's speed; for being beside the path, late,
-headed otherwise and corrected; the ticks that it takes; about what is still to come; and what is
-left to chance, so that ways that cost about the same are all taken."""
 
 CONSIDERED = Schema(
     Column("fish", "int16", "1"),

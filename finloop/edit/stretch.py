@@ -18,7 +18,8 @@ class Decision(NamedTuple):
     """Why a stretch is swum: codes and numbers, as `EDIT` has them; `in_words` tells them.
 
     reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
-    Numbers that a reason does not have are NaN, counts and quadrant 0.
+    Numbers that a reason does not have are NaN, counts and quadrant 0. taken_terms: seconds that
+    the way taken costs, of `TERMS`; other_terms: the cheapest other way; () where there is none.
     """
 
     reason: str
@@ -34,6 +35,8 @@ class Decision(NamedTuple):
     sprite_area: float = np.nan
     room: float = np.nan
     film_speed: float = np.nan
+    taken_terms: tuple[float, ...] = ()
+    other_terms: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

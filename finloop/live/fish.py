@@ -324,7 +324,7 @@ class LiveFish:
         else:
             state = self._state._replace(fish=replace(self._state.fish, company=known))
         draws = self._rng.bit_generator.state
-        stretch, self._state = self._player.step(state, goal, self._rng)
+        stretch, self._state = self._player.plan(state, goal, self._rng)
         begins = self.born + state.fish.tick
         self._choices.append(Choice(begins, self.mode, state, draws, goal, stretch))
         while len(self._choices) > 1 and self._choices[1].tick <= begins - HISTORY:

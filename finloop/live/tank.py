@@ -29,7 +29,7 @@ def rehearse(player: AnyPlayer) -> None:
     if np.hypot(x[1] - x[0], y[1] - y[0]) > waters.touch_px:
         line = Line("a rehearsal", x, y, PX)
         route = lay(line, waters.tank, waters.motion, None).route
-        player.step(player.begin(rng), route, rng)
+        player.plan(player.begin(rng), route, rng)
 
 
 class LiveTank:

@@ -239,8 +239,8 @@ class View:
 
     def _path(self, film: MotionGraph, x: float, y: float, row: int, rot: float) -> list[list[int]]:
         last = row + round(_WAY_S * self.tank.rate_hz)
-        stops = np.flatnonzero(~film.more[row:last])
-        last = row + int(stops[0]) if stops.size else min(last, len(film.more) - 1)
+        stops = np.flatnonzero(~film.has_next[row:last])
+        last = row + int(stops[0]) if stops.size else min(last, len(film.has_next) - 1)
         cos, sin = rotate(1.0, 0.0, rot)
         dx, dy = film.dx[row:last], film.dy[row:last]
         steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])

@@ -76,13 +76,13 @@ class Loops:
         self.world, self.film, self.p = world, film, p
         self.stay = max(1, round(p.stay * world.motion.delta))
         self.ends = loop_ends(film)
-        self.can_play = bool((film.endless & film.more).any())
+        self.can_play = bool((film.recurrent & film.has_next).any())
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish somewhere in the tank, at a row from which the film goes on for ever."""
         film = self.film
         x, y = self.world.tank.random_point(rng)
-        row = int(rng.choice(np.flatnonzero(film.more[:-1] & film.endless[1:])))
+        row = int(rng.choice(np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])))
         rot = float(rng.uniform(-180, 180)) if film.body else 0.0
         heading = float(wrap(film.heading[row] + rot))
         return Fish(x, y, heading, 0.0, FILM, -1, row=row, rot=rot, since=self.stay)
@@ -115,7 +115,7 @@ class Loops:
     def _nearest(self, fish: Fish) -> int:
         """Return the row that is headed and swims most nearly as a fish, of those that play on."""
         film = self.film
-        rows = np.flatnonzero(film.more[:-1] & film.endless[1:])
+        rows = np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])
         unlike = np.abs(film.speed[rows] - fish.speed)
         if not film.body:
             unlike += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _TURNED_DEG
@@ -139,8 +139,8 @@ class Loops:
         After a jump it cannot do so for a while, unless the film ends.
         """
         film, row = self.film, fish.row + 1
-        own = film.more[row] and film.endless[row + 1]
-        end = film.end[row] if not own or fish.since + 1 >= self.stay else -1
+        own = film.has_next[row] and film.recurrent[row + 1]
+        end = film.jump_slot[row] if not own or fish.since + 1 >= self.stay else -1
         jumps = slice(film.start[end], film.start[end + 1]) if end >= 0 else slice(0)
         rows = np.append(np.full(int(own), row), film.to[jumps]).astype(np.int64)
         seams = np.append(np.zeros(int(own)), film.seam[jumps])
@@ -217,7 +217,7 @@ class Loops:
         film, taken = self.film, int(rng.integers(len(starts.rows)))
         row, rot = int(starts.rows[taken]), float(starts.rots[taken])
         ahead = slice(row, row + 4 * self.stay)
-        later = np.flatnonzero(self.ends[ahead] & np.logical_and.accumulate(film.more[ahead]))
+        later = np.flatnonzero(self.ends[ahead] & np.logical_and.accumulate(film.has_next[ahead]))
         n = int(later[later + 1 >= min(self.stay, later[-1] + 1)][0]) + 1 if later.size else 1
         rows = np.arange(row, row + n)
         way = np.column_stack([np.full(n, fish.x), np.full(n, fish.y), film.heading[rows] + rot])
@@ -250,10 +250,10 @@ def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
 def loop_ends(film: MotionGraph) -> Mask:
     """Return the rows (n,) after which the film can jump, or play on for ever."""
     rows = np.arange(len(film.rows) - 1)
-    end = film.end[rows + 1]
+    end = film.jump_slot[rows + 1]
     jumps = (end >= 0) & (film.start[end + 1] > film.start[end])
     made = np.zeros(len(film.rows), bool)
-    made[:-1] = film.more[rows] & jumps
+    made[:-1] = film.has_next[rows] & jumps
     return made
 
 
@@ -293,7 +293,7 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
                         leads[way], verdict[way] = quadrant_of(dx, dy), 0
                 elif verdict[way] != 0:
                     verdict[way] = _HEADING if leads_there else max(verdict[way], _QUADRANT)
-            if (touch and ends[row]) or not at.more:
+            if (touch and ends[row]) or not at.has_next:
                 break
             dx, dy = rotate(at.dx, at.dy, rot)
             x, y, row = x + dx, y + dy, row + 1
@@ -312,7 +312,7 @@ def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
             if ends[row]:
                 ticks[way] = n
                 break
-            if not film.rows[row].more:
+            if not film.rows[row].has_next:
                 break
             dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
             x, y, row = x + dx, y + dy, row + 1

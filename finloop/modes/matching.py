@@ -223,9 +223,11 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
     )
     jumps = neighbour_jumps(made.jumps, len(features))
     way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative, how.rests)
-    swum = None if made.forecast is None else without_dead_ends(made.forecast, way.more, how.rests)
+    swum = (
+        None if made.forecast is None else without_dead_ends(made.forecast, way.has_next, how.rests)
+    )
     foretells = "forecast" in p.uses and swum is not None and bool(swum.usable.any())
-    plays = "film" in p.uses and bool((way.endless & way.more).any())
+    plays = "film" in p.uses and bool((way.recurrent & way.has_next).any())
     if not (foretells or plays):
         raise NothingToUse(
             f"the film is too short or too uneven for matching.uses={list(p.uses)}",

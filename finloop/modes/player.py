@@ -68,7 +68,7 @@ class PaperPlayer:
             count = sprites.orientations
         return Sources(
             motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
-            film.more[own], scale, after, count, self.joins, ("loops", "network"),
+            film.has_next[own], scale, after, count, self.joins, ("loops", "network"),
         )  # fmt: skip
 
     def begin(
@@ -95,7 +95,7 @@ class PaperPlayer:
         """Return True: there is nobody to meet."""
         return True
 
-    def step(
+    def plan(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
         """Return the next stretch to a goal, or anywhere, and the state then.

@@ -9,7 +9,7 @@ from finloop.animate.kinematics import ahead, rotate, touches
 from finloop.animate.route import Route, asked_at, done, foot, least_along, place
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
-from finloop.plan.cost import Steering, tick_cost
+from finloop.plan.cost import LAG, PATH, RARITY, Steering, tick_cost
 from finloop.plan.graph import MotionGraph
 from finloop.plan.objectives import is_done
 from finloop.plan.search_graph import SearchGraph
@@ -143,7 +143,8 @@ def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-un
         return False
     if not clear_ahead(start.company, row + ticks, x, y, heading, tick):
         return False
-    way.x, way.y, way.along, way.rot, way.path = x, y, along, rot, way.path + cost
+    way.x, way.y, way.along, way.rot = x, y, along, rot
+    way.terms[PATH] += cost
     way.row, way.ticks = row + ticks, way.ticks + ticks
     return True
 
@@ -164,10 +165,10 @@ def swim_leg(graph, way, most, start, objective, weights):  # type: ignore[no-un
             return False, False
         left -= ticks
         ends = is_done(graph, way, objective)
-    way.rarity += rows[way.row].dear - rows[begun].dear
+    way.terms[RARITY] += rows[way.row].rarity_sum - rows[begun].rarity_sum
     if not objective.route.x.size:
-        way.lag += start.lag * (rows[way.row].slow - rows[begun].slow)
-    return rows[way.row].endless, ends
+        way.terms[LAG] += start.lag * (rows[way.row].lag_sum - rows[begun].lag_sum)
+    return rows[way.row].recurrent, ends
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 
 from finloop.animate.route import Route, asked_at, heading_at, place
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import finite_leaf, for_kernels
+from finloop.base.kernel import finite_leaf, for_kernels, kernel
 from finloop.edit.movement import Movement
 from finloop.edit.schema import TERMS
 from finloop.plan.graph import MotionGraph, lags, mean_step_px
@@ -131,18 +131,14 @@ class Tempo(NamedTuple):
         memory: ticks after which a third of a lag is left; least: ticks, the smallest usual lag.
         """
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory))
-        tracks = np.split(lags(rows), np.flatnonzero(~rows["more"]) + 1)
+        tracks = np.split(lags(rows), np.flatnonzero(~rows["has_next"]) + 1)
         summed = [accumulate(one.tolist(), lambda left, lag: keeps * left + lag) for one in tracks]
         usual = float(np.sqrt(np.mean(np.fromiter(chain(*summed), float) ** 2)))
         return cls(mean_step_px(rows), keeps, max(usual, least))
 
     def after(self, lag: float, way: Floats, begin: tuple[float, float]) -> float:
-        """The lag at the end of a way (n, 3) x, y px, heading, that begins at x, y."""
-        path = np.hypot(*np.diff(way[:, :2], axis=0, prepend=[begin]).T)
-        n = len(path)
-        return float(
-            self.keeps**n * lag + self.keeps ** np.arange(n)[::-1] @ (1 - path / self.step_px)
-        )
+        """Return the lag at the end of a way (n, 3) x, y px, heading, that begins at x, y."""
+        return float(_lag_after(self.step_px, self.keeps, lag, way, begin))
 
     def rest_price(self, lag: float, share: float) -> float:
         """Ticks that a tick on the spot costs whoever lags so far; < 0: that it is worth.
@@ -154,6 +150,16 @@ class Tempo(NamedTuple):
     def rest_price_on_path(self, lag: float, share: float) -> float:
         """The same on a path, on which who is slow keeps nearer to it; never < 0."""
         return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)
+
+
+@kernel
+def _lag_after(step_px, keeps, lag, way, begin):  # type: ignore[no-untyped-def]
+    """See `Tempo.after`."""
+    x, y = begin
+    for t in range(len(way)):
+        lag = keeps * lag + 1 - np.hypot(way[t, 0] - x, way[t, 1] - y) / step_px
+        x, y = way[t, 0], way[t, 1]
+    return lag
 
 
 class Steering(NamedTuple):

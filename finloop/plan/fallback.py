@@ -36,14 +36,14 @@ class Fallback:
     def stay(self, fish: Fish, aim: Target, turns: bool = True) -> Stretch:
         """Return a stride on the spot while the film goes on. turns: whether towards the aim."""
         film, most_deg = self._world.film, self._world.brisk.turn_deg
-        last, begin, rot = len(film.more) - 1, fish.row, fish.rot
-        if film.more[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
+        last, begin, rot = len(film.has_next) - 1, fish.row, fish.rot
+        if film.has_next[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
             begin = int(rows[0])
         if film.body:
             rot = float(wrap(film.heading[min(fish.row + 1, last)] + rot - film.heading[begin]))
         rows = np.arange(begin, begin + self._world.cost_weights.stride)
         next_row = np.minimum(rows[:-1] + 1, last)
-        goes_on = film.more[next_row] & film.endless[np.minimum(next_row + 1, last)]
+        goes_on = film.has_next[next_row] & film.recurrent[np.minimum(next_row + 1, last)]
         rows = rows[: 1 + int(np.argmin(np.append(goes_on, False)))]
         filmed = film.heading[rows] + rot
         way = np.empty((len(rows), 3))

@@ -23,28 +23,29 @@ from finloop.loops.graph import LoopGraph, endless_rows
 ROW = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("dx", "f8"), ("dy", "f8"), ("heading", "f8"), ("speed", "f8"),
-        ("area", "f8"), ("scale", "f8"), ("dear", "f8"), ("slow", "f8"),
-        ("end", "i4"), ("rest", "i4"), ("more", "?"), ("endless", "?"),
+        ("area", "f8"), ("scale", "f8"), ("rarity_sum", "f8"), ("lag_sum", "f8"),
+        ("jump_slot", "i4"), ("rest", "i4"), ("has_next", "?"), ("recurrent", "?"),
     ],
     align=True,
 )  # fmt: skip
 """A row of the feature table to swim by.
 
 x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as filmed; heading in
-degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size; dear:
-ticks that showing all rows up to it costs; slow: ticks by which all rows up to it lag behind the
-film's mean speed; end: number of the loop end at the row, −1 for none;
-rest: for how many ticks the animal rests from the row on, 0 where it moves; more: whether there is
-a next row to play; endless: whether playing on from the row need never stop."""
+degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size;
+rarity_sum: ticks that showing all rows up to it costs; lag_sum: ticks by which all rows up to it
+lag behind the film's mean speed; jump_slot: number of the row among those that jumps can replace,
+−1 if none can; rest: for how many ticks the animal rests from the row on, 0 where it moves;
+has_next: whether there is a next row to play; recurrent: whether playing on from the row need never
+stop."""
 
 
 class MotionGraph(NamedTuple):
     """The rows of the feature table (n,), of dtype `ROW`, and the loops; kernels take it whole.
 
-    start, to, seam: what may be shown instead of end k, rows `to[start[k]:start[k + 1]]`, after
-    which the film need never stop, and their distances in median steps of the film. body: whether
-    jumps keep the heading, else the rotation. filmed: how many rows are the film's own; row
-    filmed + i is the mirror image of row i.
+    start, to, seam: what may be shown instead of the row of jump slot k, rows
+    `to[start[k]:start[k + 1]]`, after which the film need never stop, and their distances in median
+    steps of the film. body: whether jumps keep the heading, else the rotation. filmed: how many
+    rows are the film's own; row filmed + i is the mirror image of row i.
     """
 
     rows: NDArray[np.void]
@@ -62,8 +63,8 @@ class MotionGraph(NamedTuple):
 
     def plays(self, rows: NDArray[np.integer]) -> Mask:
         """Whether rows (k,) can be shown and the film need never stop after them."""
-        goes_on: Mask = self.more[rows].copy()
-        goes_on[goes_on] = self.endless[rows[goes_on] + 1]
+        goes_on: Mask = self.has_next[rows].copy()
+        goes_on[goes_on] = self.recurrent[rows[goes_on] + 1]
         return goes_on
 
     def with_jumps(self, allowed: Mask) -> "MotionGraph":
@@ -75,11 +76,11 @@ class MotionGraph(NamedTuple):
 class Jumps(NamedTuple):
     """Where the film can go on: over its rows (m,), or over these and their mirror images (2 n).
 
-    end (m,): number of the row as one that can be replaced, −1 where it cannot be; instead of end k
+    jump_slot (m,): of `ROW`; instead of the row of slot k
     rows `to[start[k]:start[k + 1]]` can be shown, `seam` natural steps away.
     """
 
-    end: NDArray[np.int32]
+    jump_slot: NDArray[np.int32]
     start: NDArray[np.int32]
     to: NDArray[np.int32]
     seam: Floats
@@ -87,9 +88,9 @@ class Jumps(NamedTuple):
 
 def loop_jumps(graph: LoopGraph, rows: int, step: float) -> Jumps:
     """The jumps of the paper's loops (Fig. 10); step: the median distance of successive frames."""
-    end = np.full(rows, -1, np.int32)
-    end[graph.ends] = np.arange(len(graph.ends))
-    return Jumps(end, graph.start, graph.ends[graph.to], graph.distance.astype(float) / step)
+    jump_slot = np.full(rows, -1, np.int32)
+    jump_slot[graph.ends] = np.arange(len(graph.ends))
+    return Jumps(jump_slot, graph.start, graph.ends[graph.to], graph.distance.astype(float) / step)
 
 
 def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
@@ -106,50 +107,51 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
         to = np.concatenate([to + rows * across, to + rows * ~across])
         seam = np.tile(seam, 2)
     first = np.flatnonzero(np.append(len(source) > 0, source[1:] != source[:-1]))
-    end = np.full(sides * rows, -1, np.int32)
-    end[source[first]] = np.arange(len(first))
+    jump_slot = np.full(sides * rows, -1, np.int32)
+    jump_slot[source[first]] = np.arange(len(first))
     start = np.append(first, len(source)).astype(np.int32)
-    return Jumps(end, start, to.astype(np.int32), seam.astype(float))
+    return Jumps(jump_slot, start, to.astype(np.int32), seam.astype(float))
 
 
 def motion_graph(
-    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask, dear: Floats,
+    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask,
+    rarity_sum: Floats,
     rests: Mask,
 ) -> MotionGraph:  # fmt: skip
     """Arrange a feature table (n rows) and where it can go on.
 
-    barred (n,): rows that must not be shown; dear (n,): of `ROW`; rests (n,): whether the animal
-    rests at a row. Where `jumps` has mirror images,
-    row n + i is that of row i: the film upside down. Jumps to barred rows are left out, and those
-    after which the film would have to stop.
+    barred (n,): rows that must not be shown; rarity_sum (n,): of `ROW`; rests (n,): whether the
+    animal rests at a row. Where `jumps` has mirror images, row n + i is that of row i: the film
+    upside down. Jumps to barred rows are left out, and those after which the film would have to
+    stop.
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)
     place = through_water(features) * scale[:, None]
     track = features["track_id"].to_numpy()
-    more = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
+    has_next = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
     moved = np.zeros((n, 2))
     moved[:-1] = np.diff(place, axis=0)
-    moved[~more] = 0.0
+    moved[~has_next] = 0.0
     rows = np.zeros(n, ROW)
     rows["x"], rows["y"] = place.T
     rows["dx"], rows["dy"] = moved.T
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
     rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
-    rows["scale"], rows["more"], rows["dear"] = scale, more, dear
-    rows["slow"][1:] = lags(rows).cumsum()[:-1]
-    rows["rest"] = np.where(rests, runs(more & np.append(rests[1:], False)) + 1, 0)
-    if len(jumps.end) > n:
+    rows["scale"], rows["has_next"], rows["rarity_sum"] = scale, has_next, rarity_sum
+    rows["lag_sum"][1:] = lags(rows).cumsum()[:-1]
+    rows["rest"] = np.where(rests, runs(has_next & np.append(rests[1:], False)) + 1, 0)
+    if len(jumps.jump_slot) > n:
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)
-    rows["end"] = jumps.end
+    rows["jump_slot"] = jumps.jump_slot
     made = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
     made = made.with_jumps(~barred[jumps.to] & ~_within_rests(made, motion.delta))
     del jumps  # of a film of hours they are 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
-    more, end = rows["more"].copy(), rows["end"].copy()
-    rows["endless"] = endless_rows(more, end, made.start, made.to)
-    leads = rows["more"] & np.append(rows["endless"][1:], False)
+    has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
+    rows["recurrent"] = endless_rows(has_next, jump_slot, made.start, made.to)
+    leads = rows["has_next"] & np.append(rows["recurrent"][1:], False)
     return made.with_jumps(leads[made.to])
 
 
@@ -158,15 +160,15 @@ def _within_rests(film: MotionGraph, delta: int) -> Mask:
 
     Nothing else moves then, so that its seam is seen, and nothing is gained by it.
     """
-    ends = np.flatnonzero(film.end >= 0)
-    order = ends[np.argsort(film.end[ends], kind="stable")]
+    ends = np.flatnonzero(film.jump_slot >= 0)
+    order = ends[np.argsort(film.jump_slot[ends], kind="stable")]
     source = np.repeat(order, np.diff(film.start))
     return np.asarray((film.rest[source] > delta) & (film.rest[film.to] > 0))
 
 
 def mean_step_px(rows: NDArray[np.void]) -> float:
     """The mean way of a tick, px, of rows (n,) of dtype `ROW`; 1 where none goes on."""
-    steps = np.hypot(rows["dx"], rows["dy"])[rows["more"]]
+    steps = np.hypot(rows["dx"], rows["dy"])[rows["has_next"]]
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
@@ -176,7 +178,7 @@ def farthest(film: MotionGraph, most: int) -> Floats:
     What is between powers of two is as far as the next of these.
     """
     rows, far = film.rows[: film.filmed], np.zeros(most + 1)
-    run, ticks = runs(rows["more"]), 1
+    run, ticks = runs(rows["has_next"]), 1
     while ticks < 2 * most:
         first = np.flatnonzero(run >= ticks)
         off = (rows[axis][first + ticks] - rows[axis][first] for axis in "xy")
@@ -188,7 +190,7 @@ def farthest(film: MotionGraph, most: int) -> Floats:
 def lags(rows: NDArray[np.void]) -> Floats:
     """Ticks (n,) by which a fish that plays on from each row falls behind the film's mean speed."""
     slower = 1 - np.hypot(rows["dx"], rows["dy"]) / mean_step_px(rows)
-    return np.asarray(np.where(rows["more"], slower, 0.0))
+    return np.asarray(np.where(rows["has_next"], slower, 0.0))
 
 
 def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
@@ -206,10 +208,10 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
     n = min(len(film.rows), len(sampler.usable))
     rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
     leads = np.diff(start) > 0
-    rows["more"] = sampler.usable[:n]
-    rows["more"][-1:] = False
-    rows["endless"] = sampler.usable[:n] | leads
-    rows["end"] = np.where(leads, np.arange(n), -1)
+    rows["has_next"] = sampler.usable[:n]
+    rows["has_next"][-1:] = False
+    rows["recurrent"] = sampler.usable[:n] | leads
+    rows["jump_slot"] = np.where(leads, np.arange(n), -1)
     to = sampler.to[: start[-1]]
     return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)
 

@@ -49,7 +49,7 @@ def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
     at, heading = rows[way.row], rows[way.row].heading + way.rot
     if objective.aim.free or not touches(way.x, way.y, heading, objective.aim):
         return False
-    return at.more and rows[way.row + 1].endless
+    return at.has_next and rows[way.row + 1].recurrent
 
 
 @leaf_kernel

@@ -191,7 +191,7 @@ def _sharp(at: Floats, route: Route, length: float, bend: float) -> Mask:
 def film_turning(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
     """How sharply the film's fish bend their ways over Δ: a quantile, radians per body length."""
     rows = film.rows[: film.filmed]
-    first = np.flatnonzero(runs(rows["more"]) >= 2 * delta)
+    first = np.flatnonzero(runs(rows["has_next"]) >= 2 * delta)
     if not len(first):
         return 0.0
     places = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]

@@ -34,13 +34,25 @@ class Options:
     verdict: NDArray[np.int8]
     taken: int = -1
 
-    def count_into(self, decision: Decision) -> Decision:
-        """Return a decision with how many ways were weighed, and how many fail which test."""
+    def add_to(self, decision: Decision) -> Decision:
+        """Return a decision with what was weighed.
+
+        What the way taken and the cheapest other one cost, how many ways there were, and how many
+        fail which test.
+        """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
+        others = np.where(np.arange(len(self.rows)) == self.taken, np.inf, self.value)
         return decision._replace(
-            ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading
-        )
+            ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading,
+            taken_terms=self._costs(self.value, self.taken),
+            other_terms=self._costs(others, int(others.argmin())),
+        )  # fmt: skip
+
+    def _costs(self, values: Floats, way: int) -> tuple[float, ...]:
+        """Return what a way costs, term by term; () where there is none, or it ends."""
+        ends = way < 0 or not np.isfinite(values[way])
+        return () if ends else tuple(self.terms[way].tolist())
 
 
 class Plan(NamedTuple):
@@ -76,12 +88,17 @@ class Plan(NamedTuple):
 
         Legs that go on by the film are one run.
         """
-        whole = np.cumsum(self.ticks) <= most if np.isfinite(self.value) else np.zeros(1, bool)
-        count = max(1, np.count_nonzero(whole))
-        rows, ticks = self.rows[:count], self.ticks[:count]
-        new = np.append(True, rows[1:] != rows[:-1] + ticks[:-1])
-        total = np.add.reduceat(ticks, np.flatnonzero(new))
-        return tuple(map(Run, rows[new].tolist(), total.tolist()))
+        runs: list[Run] = []
+        left = most if np.isfinite(self.value) else 0
+        for row, ticks in zip(self.rows.tolist(), self.ticks.tolist(), strict=True):
+            left -= ticks
+            if runs and left < 0:
+                break
+            if runs and row == runs[-1].row + runs[-1].ticks:
+                runs[-1] = Run(runs[-1].row, runs[-1].ticks + ticks)
+            else:
+                runs.append(Run(row, ticks))
+        return tuple(runs)
 
 
 def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:

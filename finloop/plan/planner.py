@@ -1,8 +1,8 @@
 """The planner of mode `matching`: a fish and what it is sent for in, the next stretch out.
 
 Ways are weighed by one search (`finloop.plan.search`): through the film where a way of it leads on,
-else as the forecast predicts. The first part of the best is swum, a stride of it beside other fish.
-Where no way leads on, `finloop.plan.fallback` says what the fish does.
+else as the forecast predicts. The first part of the best is swum. Where no way leads on,
+`finloop.plan.fallback` says what the fish does.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from finloop.animate.places import somewhere
 from finloop.animate.route import Route, foot, least_along, place
 from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
-from finloop.animate.state import Fish, Progress, Run, State
+from finloop.animate.state import Fish, Progress, State
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import Sources
 from finloop.edit.joins import Joins
@@ -50,7 +50,7 @@ from finloop.social.rule import Shoaling
 
 _PLACES = 200  # a place clear of the other fish is drawn so often
 _FEWER = 4  # a fish that has others near it follows so many times fewer ways
-_WIDER = 8  # times as many ways are followed where, of those that were, none leads on
+_WIDER = 8  # times as many ways are followed along a path where, of those that were, none leads on
 _STARTS = 300  # rows that a path is begun from are drawn from so many
 
 
@@ -80,7 +80,7 @@ class Planner:
         own = slice(0, film.filmed)
         return Sources(
             motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
-            film.more[own], np.ones(1), np.zeros(1, np.int64), 1, self.joins,
+            film.has_next[own], np.ones(1), np.zeros(1, np.int64), 1, self.joins,
             ("matching", "matching"),
         )  # fmt: skip
 
@@ -165,7 +165,7 @@ class Planner:
 
     # --- what comes next
 
-    def step(
+    def plan(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
         """Return the next stretch to a goal, along a path, by a rule or anywhere, and the state.
@@ -248,9 +248,8 @@ class Planner:
             if len(stretch.way):
                 return stretch, on
         plans = self._plans(fish, path.along, objective, rng)
-        near, stride = fish.company.near, self._weights.stride
         for plan in plans:
-            runs = plan.runs(stride if near else self._commit(objective))
+            runs = plan.runs(self._commit(objective))
             planned = Progress(path.along, task, runs, plan.state)
             stretch, on = self._swim_run(fish, planned, objective, plan)
             if len(stretch.way):
@@ -263,9 +262,7 @@ class Planner:
             stretch = replace(stretch.cut(1), touched=True)
         if options is not None:
             options = replace(options, taken=-1)
-            stretch = replace(
-                stretch, options=options, decision=options.count_into(stretch.decision)
-            )
+            stretch = replace(stretch, options=options, decision=options.add_to(stretch.decision))
         return stretch, Progress(path.along)
 
     def _plans(
@@ -315,33 +312,30 @@ class Planner:
     ) -> Plan | None:
         """Return the plan of the cheapest of some candidates, the longest where all end."""
         (candidates, start), weights = made, self._weights
-        swum = self._commit(objective)
-        if start.company.near:  # it looks after every stride, and at fewer ways
-            swum, weights = weights.stride, weights._replace(beam=1 + weights.beam // _FEWER)
-        horizon = swum + self.world.ticks(self.world.settings.look_ahead)
+        if start.company.near:
+            weights = weights._replace(beam=1 + weights.beam // _FEWER)
+        horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead)
         found, rows = search(source.graph, candidates, start, objective, weights, horizon)
-        if found.over.any() and not np.isfinite(found.value).any():
-            # The cheapest ways are much alike, and may all run into one wall.
+        follows = len(objective.route.x) > 0
+        if follows and found.over.any() and not np.isfinite(found.value).any():
+            # On a path the cheapest ways are much alike, and may all run into one wall.
             wide = weights._replace(beam=_WIDER * weights.beam)
             found, rows = search(source.graph, candidates, start, objective, wide, horizon)
         if not len(rows):
             return None
-        taken = int(np.flatnonzero(candidates.rows == rows[0])[0])
-        ends = np.minimum(np.cumsum(source.graph.leg[rows]), horizon)
-        return Plan(source.state, candidates, found, taken, rows, np.diff(ends, prepend=0))
+        taken, ticks = int((candidates.rows == rows[0]).argmax()), source.graph.leg[rows]
+        ticks[-1] -= max(ticks.sum() - horizon, 0)
+        return Plan(source.state, candidates, found, taken, rows, ticks)
 
     def _swim_run(
         self, fish: Fish, path: Progress, objective: Objective, plan: Plan | None
     ) -> tuple[Stretch, Progress]:
-        """Return the next run of what is planned, and the rest; beside others a stride of it.
+        """Return the next run of what is planned, and the rest.
 
         plan: what it was chosen by, None where it was chosen before.
         """
         run, *later = path.runs
-        stride, rate = self._weights.stride, self.world.motion.rate_hz
-        if fish.company.near and run.ticks > stride:
-            later.insert(0, Run(run.row + stride, run.ticks - stride))
-            run = Run(run.row, stride)
+        rate = self.world.motion.rate_hz
         source = self.film if path.motion == FILM else self.prediction
         assert source is not None
         passage, film = source.passage(fish, run), self.world.film
@@ -364,7 +358,7 @@ class Planner:
         if plan is not None:
             options = plan.options(rate)
             value_s = plan.value / rate if np.isfinite(plan.value) else np.nan
-            decision = options.count_into(decision._replace(value_s=value_s))
+            decision = options.add_to(decision._replace(value_s=value_s))
             if path.motion != FILM and fish.state == FILM:
                 decision = decision._replace(exit=NO_WAY)
         stretch = Stretch(
@@ -464,4 +458,4 @@ def _same(one: object, other: object) -> bool:
 def _lasting_rows(source: Source) -> Ints:
     """Return the rows from which the film plays on, and need never stop."""
     rows = source.graph.film.rows
-    return np.flatnonzero(rows["more"][:-1] & rows["endless"][:-1] & rows["endless"][1:])
+    return np.flatnonzero(rows["has_next"][:-1] & rows["recurrent"][:-1] & rows["recurrent"][1:])

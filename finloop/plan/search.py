@@ -18,10 +18,6 @@ from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
 from finloop.plan.advance import swim_leg
 from finloop.plan.cost import (
-    CHANCE,
-    LAG,
-    PATH,
-    RARITY,
     REPEAT,
     SEAM,
     TIME,
@@ -42,16 +38,15 @@ from finloop.plan.walls import fits
 
 WAY = np.dtype(
     [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("along", "f8"), ("total", "f8"),
-        ("seam", "f8"), ("repeat", "f8"), ("rarity", "f8"), ("lag", "f8"),
-        ("path", "f8"), ("time", "f8"), ("to_come", "f8"), ("chance", "f8"),
+        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("along", "f8"),
+        ("total", "f8"), ("terms", "f8", (len(TERMS),)),
         ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("run", "i8"), ("leads", "?"),
     ],
     align=True,
 )  # fmt: skip
 """A way that is followed: where it has come to (x, y px, px along a path, row, rot); what it costs
-in ticks (total), term by term; the candidate that it began with (first); ticks that it took; its
-last run; whether it goes on after its leg."""
+in ticks (total), and of that each of `TERMS`; the candidate that it began with (first); ticks that
+it took; its last run; whether it goes on after its leg."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 """A run of film that a way shows: its first row, the tick of that, and the number of the run before
@@ -161,7 +156,7 @@ def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
     row: the next one, which would be turned by `rot`. Nothing is priced yet.
     """
     at = film.rows[row]
-    own = np.int64(at.more and film.rows[row + 1].endless)
+    own = np.int64(at.has_next and film.rows[row + 1].recurrent)
     first, last = jumps_of(film, row)
     n = own + last - first
     made = Candidates(
@@ -250,12 +245,12 @@ def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
         heading = first.heading + candidates.rots[c]
         free = fits(graph.bounds, row, x, y, heading)
         free = free and clear_ahead(start.company, row, x, y, heading, start.tick)
-        if first.endless and free:
+        if first.recurrent and free:
             way, run = beam.ways[n], beam.runs[n]
             way.x, way.y, way.along, way.first, way.run = x, y, start.along, c, n
             way.row, way.rot, way.ticks = row, candidates.rots[c], 0
-            way.seam, way.repeat, way.rarity = terms[SEAM], terms[REPEAT], terms[RARITY]
-            way.lag, way.path, way.chance = terms[LAG], terms[PATH], terms[CHANCE]
+            for t in range(terms.size):
+                way.terms[t] = terms[t]
             run.row, run.tick, run.before = row, start.tick, -1
             beam.rows[0, n] = row
             n += 1
@@ -274,11 +269,16 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
     for s in range(n):
         way = beam.ways[s]
         way.leads, ends = swim_leg(graph, way, most - way.ticks, start, objective, weights)
-        way.time, way.to_come = cost_of_time(way, start, objective, weights), 0.0
+        way.terms[TIME] = cost_of_time(way, start, objective, weights)
+        way.terms[TO_COME] = 0.0
         if way.leads and not ends:
             turned, lead = direction(rows[way.row], way), graph.leads[way.row]
-            way.to_come = estimate_cost_to_come(lead, way, turned, objective, (weights, asked))
-        way.total = _total(way)
+            way.terms[TO_COME] = estimate_cost_to_come(
+                lead, way, turned, objective, (weights, asked)
+            )
+        way.total = 0.0
+        for t in range(way.terms.size):
+            way.total += way.terms[t]
         if found.value[way.first] == np.inf:
             found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
         if not way.leads:
@@ -287,10 +287,11 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
             way.leads = False
             if way.total < found.value[way.first]:
                 found.value[way.first], found.ticks[way.first] = way.total, way.ticks
-                _keep_terms(found.terms[way.first], way)
+                for t in range(way.terms.size):
+                    found.terms[way.first, t] = way.terms[t]
             if way.total < best.value:
                 best = Best(way.total, leg + 1, s)
-        elif rows[way.row].more and rows[way.row + 1].endless:
+        elif rows[way.row].has_next and rows[way.row + 1].recurrent:
             repeat = 0.0  # on a path it would cost more than to leave the path
             if not objective.route.x.size:
                 repeat = _repeat_of(beam, way, way.row, start, weights)
@@ -300,21 +301,6 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
         if beam.ways[s].leads:
             m = _jumps(graph, s, (beam, m, found), start, objective, (weights, asked))
     return m, best
-
-
-@leaf_kernel
-def _total(way):  # type: ignore[no-untyped-def]
-    """What a way costs and is expected to cost, in ticks."""
-    shown = way.seam + way.repeat + way.rarity + way.lag
-    return shown + way.path + way.time + way.to_come + way.chance
-
-
-@leaf_kernel
-def _keep_terms(terms, way):  # type: ignore[no-untyped-def]
-    """Write the terms (t,) of a way."""
-    terms[SEAM], terms[REPEAT] = way.seam, way.repeat
-    terms[RARITY], terms[LAG], terms[PATH] = way.rarity, way.lag, way.path
-    terms[TIME], terms[TO_COME], terms[CHANCE] = way.time, way.to_come, way.chance
 
 
 @leaf_kernel
@@ -329,19 +315,25 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
     first, last = jumps_of(film, way.row)
     if first == last:
         return n
-    turned = direction(film.rows[way.row], way)
-    so_far = way.total - way.to_come
+    # A jump changes neither the place nor, of a body that can be turned, the heading: what is still
+    # to come to a goal is the same after all of them.
+    same = film.body and not objective.route.x.size
+    turned, to_come = direction(film.rows[way.row], way), way.terms[TO_COME]
+    so_far = way.total - to_come
     for e in range(first, last):
         jump, worst = graph.jumps[e], np.inf
         if n == branches.size:
             worst = branches[n - 1].total
         total = so_far + jump.cost
-        if total >= worst:
+        if total + (to_come if same else 0.0) >= worst:
             found.over[way.first] = True
             break  # those that follow cost as much, or more
-        if not film.body:
-            turned = direction(film.rows[jump.to], way)
-        total += estimate_cost_to_come(graph.leads[jump.to], way, turned, objective, by)
+        if not same:
+            if not film.body:
+                turned = direction(film.rows[jump.to], way)
+            lead = graph.leads[jump.to]
+            to_come = estimate_cost_to_come(lead, way, turned, objective, by)
+        total += to_come
         if total >= worst:
             found.over[way.first] = True
             continue
@@ -379,7 +371,7 @@ def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
 @kernel_part
 def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
     """The first jump from a row, and the one after the last."""
-    end = film.rows[row].end
+    end = film.rows[row].jump_slot
     if end >= 0:
         return np.int64(film.start[end]), np.int64(film.start[end + 1])
     return np.int64(0), np.int64(0)
@@ -424,8 +416,8 @@ def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # t
                 way.rot = wrap(film.rows[way.row].heading + way.rot - film.rows[jump.to].heading)
             run.row, run.tick, run.before = jump.to, tick + way.ticks, way.run
             way.row, way.run = jump.to, runs + k
-            way.seam += jump.cost
-        way.repeat += branch.repeat
+            way.terms[SEAM] += jump.cost
+        way.terms[REPEAT] += branch.repeat
         beam.rows[leg, k], beam.parents[leg, k] = way.row, branch.way
     return Beam(beam.spare, beam.ways, beam.branches, beam.runs, beam.rows, beam.parents)
 

@@ -47,8 +47,8 @@ def search_graph(
     jumps = np.zeros(len(film.to), JUMP)
     _cheapest_first(film, weights, jumps)
     rows = film.rows
-    here, run = np.arange(len(rows)), runs(rows["more"])
-    ends = np.append(np.flatnonzero(rows["end"] >= 0), 2 * len(rows))
+    here, run = np.arange(len(rows)), runs(rows["has_next"])
+    ends = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
     leg = np.minimum(run, ends[np.searchsorted(ends, here + weights.stride)] - here)
     leads = np.zeros(len(rows), LEAD)
     leads["ticks"] = np.minimum(run, reach)
@@ -71,10 +71,10 @@ def _cheapest_first(film, weights, jumps):  # type: ignore[no-untyped-def]
     """
     for row in range(len(film.rows)):
         at = film.rows[row]
-        if at.end < 0:
+        if at.jump_slot < 0:
             continue
-        first = film.start[at.end]
-        for e in range(first, film.start[at.end + 1]):
+        first = film.start[at.jump_slot]
+        for e in range(first, film.start[at.jump_slot + 1]):
             to, place = film.to[e], e
             cost = weights.seam * film.seam[e]
             while place > first and jumps[place - 1].cost > cost:

@@ -80,7 +80,7 @@ class FilmSource:
     ) -> tuple[Candidates, SearchStart] | None:
         """See `Source`."""
         film = self.graph.film
-        if fish.row < 0 or not film.more[fish.row]:
+        if fish.row < 0 or not film.has_next[fish.row]:
             return None
         made = film_candidates(film, fish.row + 1, fish.rot)
         if not len(made.rows):
@@ -133,7 +133,7 @@ class PredictionSource:
         film = self.graph.film
         fish, _ = self._with_past(fish)
         rows = ways(self.sampler, fish.row)[0].astype(np.int64)
-        rows = rows[film.endless[rows]]
+        rows = rows[film.recurrent[rows]]
         if not len(rows):
             return None
         rots = np.asarray(wrap_deg(fish.heading - film.heading[rows]), float)
@@ -184,7 +184,7 @@ def _seam_to(film: MotionGraph, fish: Fish, row: int) -> tuple[float, float]:
     own = fish.row + 1
     if row == own:
         return np.nan, fish.rot
-    end = film.rows["end"][own]
+    end = film.rows["jump_slot"][own]
     jumps = slice(film.start[end], film.start[end + 1])
     seam = float(film.seam[jumps][film.to[jumps] == row][0])
     turned = film.rows["heading"][own] + fish.rot - film.rows["heading"][row]

@@ -69,7 +69,7 @@ class FilmWorld(World):
     def cost_weights(self) -> CostWeights:
         """How ways are followed, and what they cost."""
         motion, p = self.motion, self.settings
-        swims, delta = self.film.speed[self.film.more], motion.delta
+        swims, delta = self.film.speed[self.film.has_next], motion.delta
         brisk = brisk_rate(swims, p) if len(swims) else 1.0
         return CostWeights(
             pace=brisk * motion.body_length_px / motion.rate_hz,
@@ -82,7 +82,7 @@ class FilmWorld(World):
     def turn_spread_deg(self) -> float:
         """The standard deviation of the film's turns over Δ, degrees."""
         rows, delta = self.film.rows[: self.film.filmed], self.motion.delta
-        first = np.flatnonzero(runs(rows["more"]) >= delta)
+        first = np.flatnonzero(runs(rows["has_next"]) >= delta)
         if not len(first):
             return 0.0
         turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
