@@ -8,14 +8,8 @@ import pytest
 from toy_film import (
     HULL,
     LENGTH,
-    film_of,
-    lesson,
-    loops,
     matching_of,
     open_tank,
-    rich_table,
-    swum,
-    table_of,
     waters_of,
 )
 
@@ -101,31 +95,6 @@ def test_a_way_inside_is_left_as_it_is_and_one_into_a_wall_slides_along_it():
     assert np.abs(np.diff(slid[-9:, 1])).max() < 1.5
     way[30:, 1] = 0.0  # far behind the wall at once
     assert len(kept_inside(bounds, numbers, way, 3.0)) == 30
-
-
-def test_a_rest_is_as_long_as_the_film_shows_it():
-    table = rich_table()
-    still = np.isin(np.arange(len(table)), (3, 4, 5, 9))
-    reel = film_of(table, loops(), rests=still)
-    assert reel.rest[:11].tolist() == [0, 0, 0, 3, 2, 1, 0, 0, 0, 1, 0]
-
-
-def test_nobody_jumps_from_a_long_rest_to_another_rest():
-    table, delta = table_of(swum([0.0] * 80)), lesson().delta
-
-    def jumps(still):
-        film = film_of(table, loops((20, 50)), rests=np.isin(np.arange(len(table)), still))
-        ends = np.flatnonzero(film.jump_slot >= 0)
-        rows = ends[np.argsort(film.jump_slot[ends])]
-        return set(
-            zip(np.repeat(rows, np.diff(film.start)).tolist(), film.to.tolist(), strict=True)
-        )
-
-    source, to = 50, 20
-    there = [*range(to, to + delta)]
-    assert (source, to) in jumps([*range(source, source + delta), *there])  # soon over
-    assert (source, to) in jumps([*range(source, source + 3 * delta)])  # into motion
-    assert (source, to) not in jumps([*range(source, source + 3 * delta), *there])
 
 
 def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():

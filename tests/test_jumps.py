@@ -236,7 +236,7 @@ def both_sides():
     return (
         table,
         jumps,
-        motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)),
+        motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)),
     )
 
 
@@ -260,13 +260,7 @@ def test_without_mirror_images_the_film_is_no_longer():
     ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
     assert len(ways.jump_slot) == len(table)
     made = motion_graph(
-        table,
-        ways,
-        waters_of().motion,
-        BODY,
-        np.zeros(len(table), bool),
-        np.zeros(len(table)),
-        np.zeros(len(table), bool),
+        table, ways, waters_of().motion, BODY, np.zeros(len(table), bool), np.zeros(len(table))
     )
     assert made.filmed == len(made.rows)
 

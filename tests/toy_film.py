@@ -221,7 +221,7 @@ def loops(*pairs):
 
 
 def film_of(
-    features, found, pose=BODY, step=1.0, barred=None, taught=None, rarity_sum=0.0, rests=None
+    features, found, pose=BODY, step=1.0, barred=None, taught=None, rarity_sum=0.0
 ) -> MotionGraph:
     """A film with its loops; its drawn length is the median of its own."""
     n = len(features)
@@ -229,9 +229,8 @@ def film_of(
     barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
     length = float(features["body_length_px"].median())
     sized = replace(taught or lesson(), body_length_px=length)
-    rests = np.zeros(n, bool) if rests is None else rests
     return motion_graph(
-        features, loop_jumps(graph, n, step), sized, pose, barred, rarity_sum * np.ones(n), rests
+        features, loop_jumps(graph, n, step), sized, pose, barred, rarity_sum * np.ones(n)
     )  # fmt: skip
 
 

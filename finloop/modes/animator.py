@@ -157,11 +157,9 @@ def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> MotionGraph:
     jumps = Jumps(np.full(n, -1, np.int32), np.zeros(1, np.int32), none, np.zeros(0))
     if len(loops):
         jumps = loop_jumps(loop_graph(loops, track), n, made.map_facts.step_median)
-    nothing = np.zeros(n)
     return motion_graph(
-        features, jumps, basis.world.motion, made.map_facts.pose, basis.sized.barred, nothing,
-        nothing.astype(bool),
-    )  # fmt: skip
+        features, jumps, basis.world.motion, made.map_facts.pose, basis.sized.barred, np.zeros(n)
+    )
 
 
 def make_animator(

@@ -222,7 +222,7 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rarity_weight
     )
     jumps = neighbour_jumps(made.jumps, len(features))
-    way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative, how.rests)
+    way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative)
     swum = (
         None if made.forecast is None else without_dead_ends(made.forecast, way.has_next, how.rests)
     )

@@ -24,7 +24,7 @@ ROW = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("dx", "f8"), ("dy", "f8"), ("heading", "f8"), ("speed", "f8"),
         ("area", "f8"), ("scale", "f8"), ("rarity_sum", "f8"), ("lag_sum", "f8"),
-        ("jump_slot", "i4"), ("rest", "i4"), ("has_next", "?"), ("recurrent", "?"),
+        ("jump_slot", "i4"), ("has_next", "?"), ("recurrent", "?"),
     ],
     align=True,
 )  # fmt: skip
@@ -34,9 +34,8 @@ x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as fi
 degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size;
 rarity_sum: ticks that showing all rows up to it costs; lag_sum: ticks by which all rows up to it
 lag behind the film's mean speed; jump_slot: number of the row among those that jumps can replace,
-−1 if none can; rest: for how many ticks the animal rests from the row on, 0 where it moves;
-has_next: whether there is a next row to play; recurrent: whether playing on from the row need never
-stop."""
+−1 if none can; has_next: whether there is a next row to play; recurrent: whether playing on from
+the row need never stop."""
 
 
 class MotionGraph(NamedTuple):
@@ -116,14 +115,12 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
 def motion_graph(
     features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask,
     rarity_sum: Floats,
-    rests: Mask,
 ) -> MotionGraph:  # fmt: skip
     """Arrange a feature table (n rows) and where it can go on.
 
-    barred (n,): rows that must not be shown; rarity_sum (n,): of `ROW`; rests (n,): whether the
-    animal rests at a row. Where `jumps` has mirror images, row n + i is that of row i: the film
-    upside down. Jumps to barred rows are left out, and those after which the film would have to
-    stop.
+    barred (n,): rows that must not be shown; rarity_sum (n,): of `ROW`. Where `jumps` has mirror
+    images, row n + i is that of row i: the film upside down. Jumps to barred rows are left out, and
+    those after which the film would have to stop.
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)
@@ -140,30 +137,18 @@ def motion_graph(
     rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
     rows["scale"], rows["has_next"], rows["rarity_sum"] = scale, has_next, rarity_sum
     rows["lag_sum"][1:] = lags(rows).cumsum()[:-1]
-    rows["rest"] = np.where(rests, runs(has_next & np.append(rests[1:], False)) + 1, 0)
     if len(jumps.jump_slot) > n:
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)
     rows["jump_slot"] = jumps.jump_slot
     made = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
-    made = made.with_jumps(~barred[jumps.to] & ~_within_rests(made, motion.delta))
+    made = made.with_jumps(~barred[jumps.to])
     del jumps  # of a film of hours they are 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
     rows["recurrent"] = endless_rows(has_next, jump_slot, made.start, made.to)
     leads = rows["has_next"] & np.append(rows["recurrent"][1:], False)
     return made.with_jumps(leads[made.to])
-
-
-def _within_rests(film: MotionGraph, delta: int) -> Mask:
-    """Whether each jump (e,) leads from a rest that lasts for more than Δ to another rest.
-
-    Nothing else moves then, so that its seam is seen, and nothing is gained by it.
-    """
-    ends = np.flatnonzero(film.jump_slot >= 0)
-    order = ends[np.argsort(film.jump_slot[ends], kind="stable")]
-    source = np.repeat(order, np.diff(film.start))
-    return np.asarray((film.rest[source] > delta) & (film.rest[film.to] > 0))
 
 
 def mean_step_px(rows: NDArray[np.void]) -> float:
