@@ -100,8 +100,8 @@ def ended(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any
         "heading_error_median_deg": features.get("truth_heading_error_median_deg"),
         "head_tail_swaps": features.get("truth_head_tail_swaps"),
         "heading_off_travel_median_deg": features.get("heading_off_travel_median_deg"),
-        "film_share_pct": swum["hybrid_film_pct"],
-        "video": (folder / "data/render/hybrid.mp4").is_file(),
+        "film_share_pct": swum["matching_film_pct"],
+        "video": (folder / "data/render/matching.mp4").is_file(),
     }
     for mode in MODES:
         for name in ("trials_goals_reached_pct", "seam_ratio_p95", "steps_above_film_p995_pct",
@@ -170,7 +170,7 @@ def results(
 def main() -> None:
     """Run, print, write. Exits with 1 where a film failed."""
     args = arguments()
-    last = ["render", "realism"] if args.realism else ["render"]
+    last = ["animate", "render", *(["realism"] if args.realism else [])]
     own = zip(keys(args.films), (file_overrides(Path(film)) for film in args.films), strict=True)
     films: list[tuple[str, list[str] | None]] = [*((name, None) for name in args.only), *own]
     failures = 0
