@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from benchmarks.matching import changed, material
+from benchmarks.matching import material, replace_settings
 from finloop.animate import measures
 from finloop.animate.paths import lay
 from finloop.animate.shoal import swim
@@ -85,7 +85,7 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
     with Project() as project:
         usual = merge_settings(project.settings("animate"), project.settings("matching"))
         fixed = {"path": None, "seed": seed, "seconds": SECONDS, "trial_goals": GOALS}
-        p = changed(usual, **fixed | PARTS[part])
+        p = replace_settings(usual, **fixed | PARTS[part])
         plans = matching_animator(material(project, p), p)
         film = measures.motion_of_film(project.features, plans.world.motion)
         steps = project.steps[["headed", "as_filmed"]].dropna()
@@ -93,16 +93,16 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
         for number in range(TRIALS):
             edit, goals = plans.trial(number)
             for one, theirs in zip(by_fish(edit), goals, strict=True):
-                trials.append(measures.of_plan(one, theirs, plans.player, film))
+                trials.append(measures.measure_plan(one, theirs, plans.player, film))
         sample = plans.sample(7000 + seed, SECONDS)
         found = dict(pd.DataFrame(trials).mean())
-        found |= measures.of_plan(sample, [], plans.player, film)
+        found |= measures.measure_plan(sample, [], plans.player, film)
         found |= measure_pictures(sample, plans, steps, project.rate_hz)
         made = {name: float(found.get(key, np.nan)) for key, name in MEASURES.items()}
-        return made | followed(plans, seed)
+        return made | path_deviations(plans, seed)
 
 
-def followed(plans: MatchingAnimator, seed: int) -> dict[str, float]:
+def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
     """Return how far beside two paths a fish swims, RMS in body lengths."""
     world, ticks, made = plans.world, round(30 * plans.world.motion.rate_hz), {}
     for name, line in shapes().items():

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import needed, prepare, stage
-from benchmarks.speed import paired
+from benchmarks.pipeline import data_stages, prepare, stage
+from benchmarks.speed import time_pairs
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.shoal import play
@@ -26,7 +26,7 @@ from stages.all_modes import open_modes
 
 TICKS, COPIES = 20_000, 500
 MODES = "modes-"  # stages that are not run, but brought together here
-STAGES = [one for one in needed(["animate"]) if one != "animate" and not one.startswith(MODES)]
+STAGES = [one for one in data_stages(["animate"]) if one != "animate" and not one.startswith(MODES)]
 
 
 def main() -> None:
@@ -57,7 +57,7 @@ def main() -> None:
         def swim(fish: AnyPlayer = fish, goals: list[Goal] = goals) -> None:
             play(fish, goals, TICKS, np.random.default_rng(1))
 
-        ours, theirs, _, _ = paired(swim, copy)
+        ours, theirs, _, _ = time_pairs(swim, copy)
         rows += [
             (f"{name}: planning and edit list", "ticks/s", TICKS / ours),
             (f"{name}: time of a tick / time of a copy", "1", (ours / TICKS) / (theirs / COPIES)),

@@ -13,7 +13,7 @@ import pandas as pd
 import torch
 
 from benchmarks.pipeline import ROOT
-from benchmarks.speed import PAIRS, paired, timed
+from benchmarks.speed import PAIRS, time_call, time_pairs
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import layers, new_weights, train
 from finloop.bpn.settings import Settings
@@ -57,8 +57,8 @@ def main() -> None:
     """Measure, print, write."""
     whole, part = (settings("bpn", epochs=epochs) for epochs in (200, PEER_EPOCHS))
     ours(part)  # compiled
-    mine = median(timed(lambda: ours(whole))[0] for _ in range(PAIRS))
-    short, usual, peer, _ = paired(lambda: ours(part), lambda: autograd(part))
+    mine = median(time_call(lambda: ours(whole))[0] for _ in range(PAIRS))
+    short, usual, peer, _ = time_pairs(lambda: ours(part), lambda: autograd(part))
     results = [
         ("200 epochs, 4480 rows / the paper's 70 s", mine, PAPER_S, mine / PAPER_S),
         (f"{PEER_EPOCHS} epochs, 4480 rows / autograd and SGD of torch", short, usual, peer),

@@ -47,8 +47,8 @@ def content(folder: Path) -> dict[str, str]:
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
 
 
-def used(processes: list[psutil.Process]) -> dict[int, float]:
-    """Processor time, in seconds, of processes and all that they have begun, by their ids."""
+def processor_times(processes: list[psutil.Process]) -> dict[int, float]:
+    """Return the processor time [s] of processes and all their children, by process id."""
     times = {}
     for one in processes:
         try:
@@ -59,14 +59,14 @@ def used(processes: list[psutil.Process]) -> dict[int, float]:
     return times
 
 
-def timed(folder: Path, others: list[psutil.Process]) -> tuple[float, float]:
-    """Seconds of the stage `extract`, and of processors in it, its workers and `others`."""
-    before, last = used(others), dict[int, float]()
+def time_extract(folder: Path, others: list[psutil.Process]) -> tuple[float, float]:
+    """Return the seconds of `extract`, and processor seconds of it, its workers and `others`."""
+    before, last = processor_times(others), dict[int, float]()
     start = time.perf_counter()
     command = [sys.executable, "-m", "stages.extract"]
     run = subprocess.Popen(command, cwd=folder, env=environment(), stderr=subprocess.DEVNULL)
     while run.poll() is None:
-        last |= used([psutil.Process(run.pid), *others])
+        last |= processor_times([psutil.Process(run.pid), *others])
         time.sleep(0.1)
     if run.returncode:
         raise SystemExit("extract failed")
@@ -106,7 +106,7 @@ def times(folder: Path) -> pd.DataFrame:
         for _ in range(PAIRS + 1):  # the first is not counted: it compiles, and workers import
             for name, where in wheres.items():
                 prepare(folder, [*FILM, *where])
-                rows.append((name, *timed(folder, others)))
+                rows.append((name, *time_extract(folder, others)))
                 made.append(content(folder / "data/extract"))
     if any(one != made[0] for one in made):
         raise SystemExit("other bytes")
@@ -118,10 +118,10 @@ def times(folder: Path) -> pd.DataFrame:
     return table.groupby("by", sort=False).agg(median).drop(columns="pair").reset_index()
 
 
-def disturbed(
+def extract_with_kills(
     folder: Path, out: Path, crew: Workers, there: Callable[[], set[int]], kills: int
 ) -> int:
-    """Extract while workers are killed, at random frames; how many were.
+    """Run `extract` while workers are killed at random frames; return how many were killed.
 
     there: the ids of the workers' processes. One that has only just begun is left: Dask gives up a
     place whose worker ends while it begins.
@@ -148,8 +148,8 @@ def disturbed(
     return count
 
 
-def killed(folder: Path) -> list[tuple[str, int, bool]]:
-    """By whom, how many were killed, and whether the bytes are those of an undisturbed run."""
+def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
+    """Return, for each kind of workers: its name, the kills, whether the bytes stay the same."""
     film._STRETCH = SHORT
     prepare(folder, CARP)
     stage(folder, "clip")
@@ -165,7 +165,7 @@ def killed(folder: Path) -> list[tuple[str, int, bool]]:
                 return {one.pid for one in multiprocessing.active_children() if one.pid}
 
             out = folder / f"out-{len(told)}"
-            count = disturbed(folder, out, crew, there, KILLS)
+            count = extract_with_kills(folder, out, crew, there, KILLS)
         told.append((name, count, content(out) == content(folder / "data/extract")))
         print(f"{name}: {count} workers killed; the same bytes: {told[-1][2]}", flush=True)
     return told
@@ -178,7 +178,7 @@ def main() -> None:
         table = times(folder).round(3)
         print(table.to_string(index=False))
         table.to_csv(ROOT / "benchmarks/cluster.csv", index=False)
-        if not all(same for _, _, same in killed(folder)):
+        if not all(same for _, _, same in compare_killed_runs(folder)):
             raise SystemExit("other bytes")
 
 

@@ -18,9 +18,9 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from benchmarks.matching import MODE, changed, material, settings_without_path
+from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import write_table
-from finloop.animate.encounters import film_nearest, nearest, of_distances, outline, overlap
+from finloop.animate.encounters import distance_quantiles, film_nearest, nearest, outline, overlap
 from finloop.distance.picture import typical_length
 from finloop.live.tank import LiveTank
 from finloop.modes.matching import MatchingAnimator, matching_animator
@@ -40,14 +40,14 @@ def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, f
         run = np.where(tick, run + 1, 0)
         longest = np.maximum(longest, run)
     return {
-        **(of_distances(near) if len(near) else {}),
+        **(distance_quantiles(near) if len(near) else {}),
         "still_pct": 100 * float(still.sum() / np.isfinite(speeds).sum()),
         "longest_still_s": float(longest.max() / rate_hz),
     }
 
 
-def swum(plans: MatchingAnimator) -> dict[str, object]:
-    """Return what fish do."""
+def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
+    """Return overlaps, goals, distances and speeds of animated fish, as a row of the table."""
     waters, player = plans.world, plans.player
     length, rate = waters.motion.body_length_px, waters.motion.rate_hz
     tank, rng = LiveTank({MODE: player}, MODE, FISH, 0), np.random.default_rng(1)
@@ -61,9 +61,9 @@ def swum(plans: MatchingAnimator) -> dict[str, object]:
                 place = rng.integers(len(x))
                 tank.send(number, float(x[place]), float(y[place]))
         begin = time.process_time()
-        tank.on()
+        tank.advance()
         took += time.process_time() - begin
-        rows = [row for fish in tank.fish if (row := fish.at(tank.tick)) is not None]
+        rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
         places[tick] = [(row.x_px, row.y_px) for row in rows]
         near += [nearest(places[tick]) / length] if count > 1 else []
         outlines = [outline(player, row) for row in rows]
@@ -78,8 +78,8 @@ def swum(plans: MatchingAnimator) -> dict[str, object]:
     }  # fmt: skip
 
 
-def filmed(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
-    """What the animals of the film do; outlines of animals that touch it does not tell apart."""
+def measure_film(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
+    """Return distances and speeds of the filmed animals; touching outlines stay unseparated."""
     length = typical_length(features).to_numpy(float)
     places = features[["x_px", "y_px"]].to_numpy(float)
     step = np.hypot(*np.diff(places, axis=0, append=np.nan).T) / length * rate_hz
@@ -94,9 +94,12 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     p = settings_without_path()
     with Project() as project:
         made = material(project, p)
-        yield {"film": film, **filmed(made.reel.features, made.rate_hz)}
+        yield {"film": film, **measure_film(made.reel.features, made.rate_hz)}
         for through in (False, True):
-            yield {"film": film, **swum(matching_animator(made, changed(p, overlap=through)))}
+            yield {
+                "film": film,
+                **measure_animation(matching_animator(made, replace_settings(p, overlap=through))),
+            }
 
 
 if __name__ == "__main__":

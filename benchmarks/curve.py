@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
 from benchmarks.pipeline import ROOT
-from benchmarks.speed import paired, timed
+from benchmarks.speed import time_call, time_pairs
 from finloop.curve.dynamics import solve
 from finloop.curve.filters import CUBIC
 from finloop.curve.problem import Material, Options, Problem
@@ -54,9 +54,9 @@ def transforms() -> list[tuple[str, float, float, float]]:
         wavelet = pywt.Wavelet(name)
         theirs = loop(points, wavelet)
         ours = forward(points, name, LEVELS)
-        there = paired(partial(forward, points, name, LEVELS), partial(loop, points, wavelet))
-        again = paired(partial(back, ours, name, LEVELS), partial(loop_back, theirs, wavelet))
-        at_once = paired(
+        there = time_pairs(partial(forward, points, name, LEVELS), partial(loop, points, wavelet))
+        again = time_pairs(partial(back, ours, name, LEVELS), partial(loop_back, theirs, wavelet))
+        at_once = time_pairs(
             partial(forward, points, name, LEVELS),
             partial(pywt.wavedec, points, wavelet, "periodization", LEVELS, axis=1),
         )
@@ -71,16 +71,16 @@ def transforms() -> list[tuple[str, float, float, float]]:
     return rows
 
 
-def bent(n: int) -> tuple[NDArray, NDArray]:
-    """The hoop and a displacement."""
+def bend_hoop(n: int) -> tuple[NDArray, NDArray]:
+    """Return the hoop and a displacement, each (n, 2)."""
     t = 2 * np.pi * np.arange(n) / n
     rest = np.stack([np.cos(t), np.sin(t)], axis=1)
     x, y = 0.35 * np.cos(t) + 0.2 * np.cos(3 * t), -0.4 * np.sin(t) + 0.2 * np.cos(2 * t)
     return rest, np.stack([x, y], axis=1)
 
 
-def integrated(problem: Problem) -> NDArray:
-    """scipy's DOP853 on (3.15) in the φ basis, (t, n, 2)."""
+def integrate_with_scipy(problem: Problem) -> NDArray:
+    """Integrate (3.15) in the φ basis with scipy's DOP853, (t, n, 2)."""
     n = len(problem.rest)
     k = stiffness_phi(problem.wavelet, n)
     size = 2 * n
@@ -97,21 +97,23 @@ def integrated(problem: Problem) -> NDArray:
     return found.y[:size].T.reshape(len(TIMES), n, 2)
 
 
-def transformed(k: csr_array, basis: csr_array) -> csr_array:
+def change_basis(k: csr_array, basis: csr_array) -> csr_array:
     return basis @ k @ basis.T
 
 
 def main() -> None:
     """Measure, print, write."""
     rows = transforms()
-    problem = Problem(*bent(POINTS), MATERIAL, TIMES)
+    problem = Problem(*bend_hoop(POINTS), MATERIAL, TIMES)
     ours = solve(problem)
-    mine, theirs, ratio, _ = paired(lambda: solve(problem), lambda: integrated(problem))
-    off = np.abs(ours.displacement - integrated(problem)).max()
+    mine, theirs, ratio, _ = time_pairs(
+        lambda: solve(problem), lambda: integrate_with_scipy(problem)
+    )
+    off = np.abs(ours.displacement - integrate_with_scipy(problem)).max()
     rows.append((f"exact solution, {POINTS} points / solve_ivp at {TIGHT:g}", mine, theirs, ratio))
     print(f"exact solution against solve_ivp: {off:.1e} apart, {1 / ratio:.0f} times as fast")
     for levels in (1, 4, 8):
-        seconds = min(timed(partial(stiffness, "coif2", LARGE, levels))[0] for _ in range(5))
+        seconds = min(time_call(partial(stiffness, "coif2", LARGE, levels))[0] for _ in range(5))
         rows.append(
             (
                 f"K, {LARGE} × {LARGE}, {levels} levels / the limit",
@@ -122,7 +124,7 @@ def main() -> None:
         )
     basis = csr_array(forward(np.eye(POINTS), "coif2", 4))
     k = stiffness_phi("coif2", POINTS)
-    done = paired(lambda: stiffness("coif2", POINTS, 4), lambda: transformed(k, basis))
+    done = time_pairs(lambda: stiffness("coif2", POINTS, 4), lambda: change_basis(k, basis))
     rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *done[:3]))
     table = pd.DataFrame(rows, columns=["what", "ours_s", "theirs_s", "ratio"])
     table = table.assign(
@@ -139,7 +141,7 @@ def main() -> None:
     )
     print("off-diagonal energy of K [%] per level:")
     print(shares.round(1).to_string(index_names=False))
-    few = {material: Problem(*bent(256), material, TIMES) for material in (MATERIAL, MASSLESS)}
+    few = {material: Problem(*bend_hoop(256), material, TIMES) for material in (MATERIAL, MASSLESS)}
     for method, material, options in (
         ("modal", MATERIAL, Options()),
         ("runge-kutta", MATERIAL, Options()),
@@ -152,7 +154,7 @@ def main() -> None:
         ("explicit-euler", MASSLESS, Options(inverse="schulz")),
         ("decoupled", MASSLESS, Options()),
     ):
-        seconds, motion = timed(partial(solve, few[material], method, options))
+        seconds, motion = time_call(partial(solve, few[material], method, options))
         way = options.integrator if method == "runge-kutta" else ""
         way = options.inverse if method.endswith("euler") else way
         print(

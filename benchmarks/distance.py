@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from benchmarks.pipeline import ROOT, peak_mib
-from benchmarks.speed import paired, timed
+from benchmarks.speed import time_call, time_pairs
 from finloop.base.arrays import Floats, Ints
 from finloop.distance.map import (
     about_mean,
     bands,
-    computed,
+    count_pairs,
     full,
     order,
     pair_table,
@@ -55,15 +55,15 @@ def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], Ints, Fl
     return pictures, kind[rows], area[rows]
 
 
-def grouped(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd.DataFrame:
-    """Eq. 6 from pictures to the table of pairs."""
+def pairs_by_kind(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd.DataFrame:
+    """Compute the table of pairs by Eq. 6 from pictures."""
     found = similar(about_mean(pictures), kind, area, THRESHOLD)
     return pair_table(found, np.arange(len(kind)))
 
 
 def peak_gib(frames: int, mixed: bool) -> float:
     """Peak resident memory of the grouped way in a process of its own, in GiB."""
-    code = f"from benchmarks.distance import film, grouped; grouped(*film({frames}, {mixed}))"
+    code = f"from benchmarks.distance import film, pairs_by_kind; pairs_by_kind(*film({frames}, {mixed}))"
     return peak_mib(ROOT, "-c", code) / 1024
 
 
@@ -86,13 +86,15 @@ def main() -> None:
     print(
         f"{FRAMES} frames: orientation and type skip "
         f"{100 * (1 - (alike * (alike - 1) / 2).sum() / pairs):.1f} % of the pairs, with the area "
-        f"{100 * (1 - computed(bands(kind, area, THRESHOLD)) / pairs):.1f} % are not computed"
+        f"{100 * (1 - count_pairs(bands(kind, area, THRESHOLD)) / pairs):.1f} % are not computed"
     )
-    all_s, bare_s, bare, _ = paired(lambda: full(pictures), lambda: flat @ turned)
-    some_s, _, faster, _ = paired(lambda: grouped(pictures, kind, area), lambda: full(pictures))
+    all_s, bare_s, bare, _ = time_pairs(lambda: full(pictures), lambda: flat @ turned)
+    some_s, _, faster, _ = time_pairs(
+        lambda: pairs_by_kind(pictures, kind, area), lambda: full(pictures)
+    )
     few = int(PART * FRAMES)
-    scipy_s = timed(lambda: cdist(flat[:few], flat))[0] * FRAMES / few
-    seconds, found = timed(lambda: loop(pictures[:few]))
+    scipy_s = time_call(lambda: cdist(flat[:few], flat))[0] * FRAMES / few
+    seconds, found = time_call(lambda: loop(pictures[:few]))
     loop_s = seconds * pairs / len(found)
     speed = [
         ("full / the bare product x @ xT", all_s, bare_s, bare),

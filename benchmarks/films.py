@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from hydra.core.override_parser.types import Quote, QuotedString
 
-from benchmarks.pipeline import ROOT, needed, prepare, stage
+from benchmarks.pipeline import ROOT, data_stages, prepare, stage
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.drawn.truth import TRUTH
@@ -85,11 +85,11 @@ def file_overrides(path: Path) -> list[str]:
     return ["clip=file", f"clip.path={QuotedString(name, Quote.double).with_quotes()}"]
 
 
-def ended(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any]:
-    """Run the pipeline on a film: one row of the table."""
+def run_pipeline(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any]:
+    """Run the pipeline on a film and return one row of the table."""
     prepare(folder, [*overridden, "animate.trials=4"])
     numbers = {}
-    for word in needed(last):
+    for word in data_stages(last):
         numbers[word] = stage(folder, word)
         if word == "clip" and (truth := folder / TRUTH_NAME).is_file():
             shutil.copyfile(truth, folder / "data/clip" / TRUTH_NAME)  # `features` compares with it
@@ -160,7 +160,7 @@ def results(
         place.mkdir(parents=True, exist_ok=True)
         row = {"film": key if overridden else f"drawn carp, {key}"}
         try:
-            row |= ended(place, overridden or overrides(key, place), last)
+            row |= run_pipeline(place, overridden or overrides(key, place), last)
         except (Exception, SystemExit) as error:  # whatever it is, the other films are run
             print(error, file=sys.stderr)
             row["failed"] = message(error)

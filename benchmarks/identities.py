@@ -231,8 +231,8 @@ def numbers(
     }
 
 
-def timed(work: Callable[[], pd.DataFrame]) -> tuple[pd.DataFrame, dict[str, float]]:
-    """What `work` gives, and the time and processor time of the programs that it ran."""
+def time_programs(work: Callable[[], pd.DataFrame]) -> tuple[pd.DataFrame, dict[str, float]]:
+    """Return the result of `work`, and time and processor time [s] of the programs it ran."""
     begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     result = work()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -240,19 +240,19 @@ def timed(work: Callable[[], pd.DataFrame]) -> tuple[pd.DataFrame, dict[str, flo
     return result, {"time_s": time.perf_counter() - begin, "processor_s": busy}
 
 
-def compared(
+def compare_programs(
     name: str, folder: Path, environment: Path | None, own: Sequence[str]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The rows of a film in the table, and the switches of both programs, or of finloop alone."""
+    """Return a film's rows of the table, and the switches of both programs or finloop alone."""
     one = FILMS[name](folder)
     (ours := folder / "finloop").mkdir(exist_ok=True)
-    mine, my_time = timed(lambda: finloop(one, ours))
+    mine, my_time = time_programs(lambda: finloop(one, ours))
     frames = Project(ours).facts.frames
     length = float(mine["body_length_px"].median())
     told = [("finloop", "", mine[["frame", "animal", *_PLACE]], my_time)]
     if environment is not None:
         (theirs := folder / "idtracker").mkdir(exist_ok=True)
-        its, its_time = timed(lambda: idtracker(one, theirs, environment, own))
+        its, its_time = time_programs(lambda: idtracker(one, theirs, environment, own))
         told.append(("idtracker.ai", " ".join(own), its, its_time))
     rows, found = list[dict[str, object]](), list[pd.DataFrame]()
     for number, (program, words, places, took) in enumerate(told):
@@ -296,7 +296,7 @@ def main() -> None:
         found = list[pd.DataFrame]()
         for name in films:
             (folder := home / name).mkdir(exist_ok=True)
-            rows, changes = compared(name, folder, its, args.idtracker.split())
+            rows, changes = compare_programs(name, folder, its, args.idtracker.split())
             print(rows.round(2).to_string(), changes.round(1).to_string(), sep="\n", flush=True)
             keep(rows)
             found.append(changes)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from finloop.given_path import given_lines
+from finloop.given_path import load_lines
 from finloop.modes.matching import Material
 from finloop.plan.settings import AllSettings, merge_settings
 from finloop.project import Project
@@ -13,11 +13,11 @@ MODE = "matching"
 
 def settings_without_path() -> AllSettings:
     """Return the parameters of the present folder, with no path to swim."""
-    return changed(merge_settings(load("animate"), load("matching")), path=None)
+    return replace_settings(merge_settings(load("animate"), load("matching")), path=None)
 
 
-def changed(p: AllSettings, **values: Any) -> AllSettings:
-    """Return the parameters with some other values."""
+def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
+    """Return a copy of the settings with other values."""
     return AllSettings(**{**vars(p), **values})
 
 
@@ -26,6 +26,6 @@ def material(project: Project, p: AllSettings) -> Material:
     return Material(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.steps, project.jumps, project.poses, project.forecast,
-        given_lines(p, project.features), project.facts.mm_per_px, project.rule,
+        load_lines(p, project.features), project.facts.mm_per_px, project.rule,
         project.background,
     )  # fmt: skip

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pipeline import ROOT
-from benchmarks.speed import timed
+from benchmarks.speed import time_call
 from finloop.curve.contour import Curve
 from finloop.curve.glyph import glyph
 from finloop.morph.folds import folds
@@ -64,12 +64,12 @@ def main() -> None:
     for a, b in pairs[:40:8]:  # compiles
         simple_morph(a, b, FRAMES, POINTS)
         physical(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
-    straight = [timed(partial(linear, a, b, FRAMES, POINTS)) for a, b in pairs]
+    straight = [time_call(partial(linear, a, b, FRAMES, POINTS)) for a, b in pairs]
     way = [path_length(frames) for _, frames in straight]
     swung = [
-        timed(partial(physical, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)) for a, b in pairs
+        time_call(partial(physical, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)) for a, b in pairs
     ]
-    found = [timed(partial(simple_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
+    found = [time_call(partial(simple_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
     rows = [
         row(
             name,

@@ -42,14 +42,14 @@ def vectors_of(data: Path) -> Vectors:
     """What the stage `jumps` compares rows by, (n, d)."""
     p = settings("jumps")
     with Project(data.parent) as project:
-        source = InMemory.of(project.film_reel, project.poses, p.look_px)
+        source = InMemory.from_reel(project.film_reel, project.poses, p.look_px)
         made = parts(source, p, Threads(THREADS))
         return signatures(made, project.film_reel.step_ends, p)[0].astype(np.float32)
 
 
 def ours() -> Iterator[tuple[str, Search]]:
     """finloop, which takes its own settings from the vectors."""
-    yield "cells or all", lambda v: Nearest.of(v).search(v, NEAREST + 1)
+    yield "cells or all", lambda v: Nearest.from_vectors(v).search(v, NEAREST + 1)
 
 
 def flat() -> Iterator[tuple[str, Search]]:
@@ -105,8 +105,8 @@ def others(near: Ints, rows: Ints) -> list[Ints]:
     return [one[one != row][:NEAREST] for one, row in zip(near, rows, strict=True)]
 
 
-def measured(vectors: Vectors) -> pd.DataFrame:
-    """A row a library: its setting, recall, seconds and processor seconds."""
+def measure_libraries(vectors: Vectors) -> pd.DataFrame:
+    """Return one row per library: its setting, recall, seconds and processor seconds."""
     rows = spread(np.arange(len(vectors)), TRIED)
     true = others(faiss.knn(vectors[rows], vectors, NEAREST + 1)[1], rows)
     table = []
@@ -134,7 +134,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", nargs="*", type=Path, default=[ROOT / "data"])
     folders = parser.parse_args().data
-    table = pd.concat([measured(vectors_of(one.resolve())) for one in folders], ignore_index=True)
+    table = pd.concat(
+        [measure_libraries(vectors_of(one.resolve())) for one in folders], ignore_index=True
+    )
     print(table.round(3).to_string(index=False))
     table.round(3).to_csv(ROOT / "benchmarks/neighbours.csv", index=False)
 

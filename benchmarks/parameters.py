@@ -27,7 +27,7 @@ from benchmarks.pipeline import ROOT, paths
 from finloop.base.settings import WORDS, variants
 from finloop.edit.modes import MODES
 from stages.code import module_of
-from stages.compose import composed
+from stages.compose import compose_params
 from stages.settings import _literal
 
 FILM = [
@@ -217,7 +217,7 @@ def run_stage(folder: Path, word: str) -> str | None:
 
 def write_params(folder: Path, overrides: list[str]) -> dict[str, Any]:
     """Write params.yaml with overrides, and return it; FinloopError if they are refused."""
-    text = composed(["~local", *overrides])
+    text = compose_params(["~local", *overrides])
     (folder / "params.yaml").write_text(text, encoding="utf-8")
     values: dict[str, Any] = yaml.safe_load(text)
     return values

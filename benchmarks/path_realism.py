@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.matching import MODE, changed, material, settings_without_path
+from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.paths import shapes, tracks
 from benchmarks.pipeline import write_table
 from finloop.animate.paths import lay
@@ -28,7 +28,7 @@ from finloop.plan.settings import AllSettings
 from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
-from finloop.realism.lists import Work, filmed
+from finloop.realism.lists import Work, film_lists
 from stages.cluster import workers
 from stages.realism import WORKERS_NEED, Pictures, instrument_of, swimming_of, verdicts_of
 from stages.settings import load
@@ -45,8 +45,8 @@ class Swimming(NamedTuple):
     route: Route | None
 
 
-def swum(player: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
-    """An animation: along a path while it lasts, or wandering."""
+def animate_route(player: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
+    """Animate a fish along a route while the route lasts, or wandering without one."""
     made = swim(player, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
         way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
@@ -86,7 +86,7 @@ def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, l
         made, left, seed = works.setdefault(f"{MODE}, {name}", []), seconds * rate, 0
         while left > rate:
             by, route = ways[seed % len(ways)]
-            work = swum(by.player, round(min(left, PIECE_S * rate)), seed, route)
+            work = animate_route(by.player, round(min(left, PIECE_S * rate)), seed, route)
             made.append(work)
             left, seed = left - len(work[0]), seed + 1
     return works
@@ -94,10 +94,10 @@ def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, l
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All comparisons of the film in the present folder."""
-    p, q = load("realism"), changed(settings_without_path(), path_film=False)
+    p, q = load("realism"), replace_settings(settings_without_path(), path_film=False)
     project = Project()
     rate, features = project.rate_hz, project.features
-    works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
+    works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
     with project, workers(WORKERS_NEED) as crew:
         made = material(project, q)
@@ -105,7 +105,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         size = plans.pictures.reel.size
         works |= animations(routes_of(made, plans, q), amount)
         pictures, instrument = Pictures(project), instrument_of(project)
-        drawn = instrument.of_animations(size)
+        drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, crew)
         sample = compare.sample(measured[FILM], features, rate, p)

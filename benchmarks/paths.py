@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from benchmarks.matching import MODE, changed, material, settings_without_path
+from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import film_table
 from finloop.animate.paths import lay, track_line
 from finloop.animate.shoal import swim
@@ -107,8 +107,8 @@ def cut(line: Line, part: slice) -> Line:
     )  # fmt: skip
 
 
-def timed(line: Line, speed_px: float) -> Line:
-    """A line that is swum at a constant speed [px/s], once."""
+def add_times(line: Line, speed_px: float) -> Line:
+    """Return the line with times [s], swum once at a constant speed [px/s]."""
     x, y = line.x, line.y
     if line.closed:
         x, y = np.append(x, x[0]), np.append(y, y[0])
@@ -121,7 +121,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     waters = plans.world
     path = lay(line, waters.tank, waters.motion, None)
     ticks = round(SECONDS * waters.motion.rate_hz)
-    if path.route.timed:
+    if path.route.is_timed:
         ticks = min(ticks, len(path.route.when))
     player = plans.player
     swum = swim(player, [], ticks, np.random.default_rng(0), path.route)
@@ -135,7 +135,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]
     return {
-        "film": film, "path": name, "timed": path.route.timed, "mode": MODE,
+        "film": film, "path": name, "timed": path.route.is_timed, "mode": MODE,
         **{key.removeprefix("path_"): value for key, value in numbers.items()},
         "seconds": len(table) / waters.motion.rate_hz,
         "jumps_per_s": len(jumps) / max(played, 1) * waters.motion.rate_hz,
@@ -146,7 +146,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All paths of the film in the present folder."""
-    p = changed(settings_without_path(), path_film=False)
+    p = replace_settings(settings_without_path(), path_film=False)
     with Project() as project:
         made = material(project, p)
         plans = matching_animator(made, p)
@@ -155,7 +155,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         speed_px = float(np.median(swims)) * motion.body_length_px
         for name, line in shapes(plans, np.random.default_rng(0)):
             yield measure(film, name, line, plans)
-            yield measure(film, name, timed(line, speed_px), plans)
+            yield measure(film, name, add_times(line, speed_px), plans)
         for name, line in tracks(made, plans):
             without = matching_animator(made._replace(lines=[line]), p)
             yield measure(film, name, line._replace(time_s=None, heading_deg=None), without)

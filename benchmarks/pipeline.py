@@ -82,8 +82,8 @@ def with_those_before(last: Iterable[str]) -> list[str]:
     return [word for word in stages if word in wanted]
 
 
-def needed(last: Iterable[str]) -> list[str]:
-    """Return stages and all that they wait for, without those that only check or draw."""
+def data_stages(last: Iterable[str]) -> list[str]:
+    """Return the given stages and all they depend on, without those that only check or draw."""
     return [word for word in with_those_before(last) if makes_data(word)]
 
 

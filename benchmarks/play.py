@@ -24,7 +24,7 @@ from websockets.typing import Origin
 
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.live.door import bound
+from finloop.live.door import bind_socket
 from finloop.live.message import SetGoal
 from finloop.live.server import Host, Server
 from finloop.live.view import View
@@ -38,7 +38,7 @@ Row = tuple[str, str, str, float]
 @contextmanager
 def serving(view: View) -> Iterator[ClientConnection]:
     """The server in a thread, and a page that looks on."""
-    with bound(0) as listens:
+    with bind_socket(0) as listens:
         up, address = threading.Event(), f"127.0.0.1:{listens.getsockname()[1]}"
         server = Server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
         runs = threading.Thread(target=server.serve_on)
@@ -116,8 +116,8 @@ def flood(page: ClientConnection) -> tuple[float, float, int]:
     return MESSAGES / took, process.memory_info().rss / 2**20 - before, state_of(page)["bad"] - bad
 
 
-def measured(what: str) -> Iterator[Row]:
-    """The rows of the results in the present folder."""
+def measure_view(what: str) -> Iterator[Row]:
+    """Yield the rows of the table for the results in the current folder."""
     with open_view("matching", FISH, 0) as view:
         frames(view)  # compiles, and fills the caches
         took = frames(view)
@@ -147,12 +147,12 @@ def main() -> None:
         for word in STAGES:
             stage(scratch, word)
         with chdir(scratch):
-            rows = list(measured("drawn carp, colour"))
+            rows = list(measure_view("drawn carp, colour"))
     if (ROOT / "data/gateways").exists():
         with tempfile.TemporaryDirectory() as name, chdir(name):
             prepare(Path(name), [])
             Path("data").symlink_to(ROOT / "data")
-            rows += measured("results in data/")
+            rows += measure_view("results in data/")
     table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])
     print(table.to_string(index=False))
     table.to_csv(Path(__file__).with_name("play.csv"), index=False, float_format="%.4g")

@@ -16,13 +16,13 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from benchmarks.speed import paired
+from benchmarks.speed import time_pairs
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
 from finloop.distance.picture import SPAN
 from finloop.features.table import USED, features
 from finloop.project import Project
-from finloop.puppet import Pose, draw, filmed
+from finloop.puppet import Pose, draw, poses_from_features
 
 SIZE, ROWS, LEAST_HZ, MOST_RATIO = 110, 300, 3000, 4
 FILMS = {
@@ -39,19 +39,19 @@ def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]
         stage(folder, word)
     with Project(folder) as project:
         tracks, rate = project.tracks(USED), project.rate_hz
-        poses = filmed(*features(tracks, rate, settings("features")))
+        poses = poses_from_features(*features(tracks, rate, settings("features")))
         rows = np.random.default_rng(0).integers(len(poses), size=ROWS).tolist()
         return [project.cutouts[row] for row in rows], [poses[row] for row in rows]
 
 
-def drawn(cutouts: list[Cutout], own: list[Pose], targets: list[Pose], sharp: bool) -> None:
-    """Every frame in its target's pose."""
+def draw_frames(cutouts: list[Cutout], own: list[Pose], targets: list[Pose], sharp: bool) -> None:
+    """Draw every frame in the pose of its target."""
     for cutout, pose, target in zip(cutouts, own, targets, strict=True):
         draw(cutout, pose, target, (SIZE, SIZE), sharp=sharp)
 
 
-def remapped(cutouts: list[Cutout], maps: tuple[np.ndarray, np.ndarray], flag: int) -> None:
-    """As many pictures of the same size by cv2.remap alone."""
+def remap_frames(cutouts: list[Cutout], maps: tuple[np.ndarray, np.ndarray], flag: int) -> None:
+    """Remap as many pictures of the same size with cv2.remap alone."""
     for cutout in cutouts:
         cv2.remap(cutout.pixels, *maps, flag)
 
@@ -65,16 +65,16 @@ def main() -> None:
     for name, overrides in FILMS.items():
         with tempfile.TemporaryDirectory() as folder:
             cutouts, own = frames(Path(folder), overrides)
-        targets = [pose.at(middle, middle, 0, SIZE / SPAN) for pose in own[1:] + own[:1]]
+        targets = [pose.move_to(middle, middle, 0, SIZE / SPAN) for pose in own[1:] + own[:1]]
 
         for ours_name, theirs_name in (
             ("linear", "linear"),
             ("cubic", "linear"),
             ("cubic", "cubic"),
         ):
-            mine, theirs, ratio, _ = paired(
-                partial(drawn, cutouts, own, targets, ours_name == "cubic"),
-                partial(remapped, cutouts, (u, v), FILTERS[theirs_name]),
+            mine, theirs, ratio, _ = time_pairs(
+                partial(draw_frames, cutouts, own, targets, ours_name == "cubic"),
+                partial(remap_frames, cutouts, (u, v), FILTERS[theirs_name]),
             )
             what = f"{name}, {ours_name} / cv2.remap, {theirs_name}"
             results.append((what, ROWS / mine, ROWS / theirs, ratio))

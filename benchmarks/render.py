@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from benchmarks.speed import paired, timed
+from benchmarks.speed import time_call, time_pairs
 from finloop.base.settings import settings
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, Goal
@@ -128,7 +128,7 @@ def coders(background: np.ndarray, way: list[Placed], folder: Path) -> None:
         ("mp4", Mp4Writer(folder / "a.mp4", shape, RATE, 20)),
         ("webp, 480 px wide", WebpWriter(folder / "a.webp", shape, RATE, 480, 75)),
     ):
-        print(f"{name}: {len(frames) / timed(partial(write, writer))[0]:.0f} frames/s")
+        print(f"{name}: {len(frames) / time_call(partial(write, writer))[0]:.0f} frames/s")
 
 
 def main() -> None:
@@ -153,7 +153,7 @@ def main() -> None:
                     np.copyto(copy, frame)
 
             for what, work in ways_to_draw(background, gallery, bodies).items():
-                ours, limit, ratio, _ = paired(work, copies)
+                ours, limit, ratio, _ = time_pairs(work, copies)
                 rows.append((what, TICKS / ours, TICKS / limit, ratio))
             coders(background, swim(gallery, bodies), folder)
     columns = ["drawn", "frames_per_s", "copies_per_s", "time_ratio"]

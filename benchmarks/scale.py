@@ -23,7 +23,7 @@ import yaml
 from matplotlib.figure import Figure
 
 from benchmarks.pipeline import ROOT, prepare
-from benchmarks.varied import varied
+from benchmarks.varied import write_film
 
 PICTURES = (10_000, 100_000, 1_000_000)
 FORGOTTEN = {"gait", "report"}  # gait: of several thousand pictures no more than of a hundred
@@ -52,8 +52,8 @@ def later_stages() -> list[str]:
     return words
 
 
-def measured(folder: Path, word: str) -> dict[str, float]:
-    """Run a stage or program in a folder: time, memory, disk. SystemExit if it fails."""
+def measure_stage(folder: Path, word: str) -> dict[str, float]:
+    """Run a stage or program; return its time, memory and disk. SystemExit if it fails."""
     log = folder / f"{word}.log"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
@@ -103,7 +103,7 @@ def make_film(folder: Path, home: Path, pictures: int) -> None:
     if (folder / "conf").exists():
         return
     start = time.perf_counter()
-    varied(home.resolve(), folder / "data", pictures)
+    write_film(home.resolve(), folder / "data", pictures)
     took, disk = time.perf_counter() - start, _on_disk(folder / "data") / 2**30
     keep(folder, FILM, {"seconds": took, "disk_gib": disk})
     prepare(folder, ["clip=zebrafish"])
@@ -117,10 +117,10 @@ def keep(folder: Path, word: str, numbers: dict[str, float]) -> None:
 
 
 def figures(folder: Path, word: str) -> dict[str, float]:
-    """The figures of a stage, `measured` now or, in a folder that is kept, before."""
+    """The figures of a stage, `measure_stage` now or, in a folder that is kept, before."""
     path = folder / "figures" / f"{word}.json"
     if not path.exists():
-        keep(folder, word, measured(folder, word))
+        keep(folder, word, measure_stage(folder, word))
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -165,8 +165,8 @@ def whole(table: pd.DataFrame) -> pd.DataFrame:
     return sums.assign(stage=TOGETHER)
 
 
-def drawn(table: pd.DataFrame) -> Figure:
-    """Processor time and memory of every stage over the number of pictures.
+def plot_growth(table: pd.DataFrame) -> Figure:
+    """Plot processor time and memory of every stage over the number of pictures.
 
     Dashed: n log n, and the memory that is wanted.
     """
@@ -200,7 +200,7 @@ def report(table: pd.DataFrame) -> None:
             k = exponent(rows["pictures"], rows["processor_s"])
             print(f"{word}: processor time ~ pictures^{k:.2f}")
     table.round(3).to_csv(_TABLE, index=False)
-    drawn(table).savefig(_TABLE.with_suffix(".png"), dpi=100)
+    plot_growth(table).savefig(_TABLE.with_suffix(".png"), dpi=100)
 
 
 def main() -> None:

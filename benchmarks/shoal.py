@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.company import summary
-from benchmarks.matching import MODE, changed, material, settings_without_path
+from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import nearest, overlaps, places
 from finloop.animate.places import random_goals
@@ -29,8 +29,8 @@ SHOALS = ((8, 1.0, 600.0, 30.0), (64, 1 / 3, 120.0, 60.0))
 WARM_UP = 20  # ticks, after which everything is compiled
 
 
-def swum(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
-    """Return what fish do."""
+def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
+    """Return overlaps, goals, distances, speeds and planning time of animated fish, as a row."""
     waters, player = plans.world, plans.player
     p, rate, ticks = waters.settings, waters.motion.rate_hz, waters.duration
     goals = random_goals(waters, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
@@ -59,8 +59,8 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     with Project() as project:
         made = material(project, p)
         for fish, size, seconds, goal_s in SHOALS:
-            own = changed(p, fish=fish, size=size, seconds=seconds, overlap=False)
-            row = swum(matching_animator(made, own), goal_s)
+            own = replace_settings(p, fish=fish, size=size, seconds=seconds, overlap=False)
+            row = measure_group(matching_animator(made, own), goal_s)
             print(row, flush=True)
             yield {"film": film, "size": size, **row}
 

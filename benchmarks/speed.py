@@ -36,8 +36,8 @@ from finloop.extract.film import (
     Film,
     batches,
     cutouts,
-    decoded,
     detections,
+    fill_lost_frames,
     rows,
     tracks,
 )
@@ -60,22 +60,22 @@ PAIRS, LONG_PAIRS = 5, 3
 TIMES = 10  # as long as zebrafish A
 
 
-def timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    """Seconds that `work` took, and what it returned."""
+def time_call(work: Callable[[], Any]) -> tuple[float, Any]:
+    """Return the seconds that `work` takes, and its result."""
     start = time.perf_counter()
     result = work()
     return time.perf_counter() - start, result
 
 
-def paired(
+def time_pairs(
     ours: Callable[[], Any], theirs: Callable[[], Any], pairs: int = PAIRS
 ) -> tuple[float, float, float, Any]:
-    """Median seconds of both and median of the ratios ours / theirs; ours' result."""
+    """Return the median seconds of both, the median ratio ours / theirs, and ours' result."""
     ours(), theirs()
     times = []
     for _ in range(pairs):
-        mine, result = timed(ours)
-        times.append((mine, timed(theirs)[0]))
+        mine, result = time_call(ours)
+        times.append((mine, time_call(theirs)[0]))
     return (
         median(a for a, _ in times),
         median(b for _, b in times),
@@ -107,7 +107,9 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     detector = Detector(arena, typical, how)
     whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
     found = detections(whole, scene, detector, Processes(THREADS))
-    linked = tracks(decoded(found, []), typical, how, [start for start, _ in facts.segments[1:]])
+    linked = tracks(
+        fill_lost_frames(found, []), typical, how, [start for start, _ in facts.segments[1:]]
+    )
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):
             write(rows(lot), cutouts(lot))
@@ -117,13 +119,13 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     return len(measured)
 
 
-def lengthened(folder: Path) -> None:
-    """Make the clip in a folder `TIMES` as long: it is shown again and again."""
+def lengthen_clip(folder: Path) -> None:
+    """Make the clip in a folder `TIMES` as long by repeating it."""
     clip = folder / "data/clip"
     facts = load_facts(clip / "facts.json")
     segments = [(k * facts.frames, (k + 1) * facts.frames) for k in range(TIMES)]
     longer = replace(facts, frames=TIMES * facts.frames, segments=tuple(segments))
-    with VideoWriter.of(clip / "long.mp4", longer) as writer:
+    with VideoWriter.from_facts(clip / "long.mp4", longer) as writer:
         for _ in range(TIMES):
             for frame in read_frames(clip / "clip.mp4"):
                 writer.write(frame)
@@ -191,14 +193,14 @@ def main() -> None:
         stage(scratch, "clip")
         clip, source = scratch / "data/clip", zebrafish_clips("A", cache_folder())[0]
         for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):
-            mine, theirs, ratio, fish = paired(
+            mine, theirs, ratio, fish = time_pairs(
                 lambda: extract_and_features(clip, scratch, how, then), partial(decode, path)
             )
             print(f"zebrafish A: {fish} fish-frames, {fish / mine:.0f} fish/s")
             results.append((f"extract + features / only decoding the {name}", mine, theirs, ratio))
-        lengthened(scratch)
+        lengthen_clip(scratch)
         long = partial(both_stages, scratch), partial(decode, clip / "clip.mp4")
-        mine, theirs, ratio, fish = paired(*long, LONG_PAIRS)
+        mine, theirs, ratio, fish = time_pairs(*long, LONG_PAIRS)
         print(f"{TIMES} times as long: {fish} fish-frames, {fish / mine:.0f} fish/s")
         results.append(("both stages as commands, of a film ten times as long / only decoding it",
                         mine, theirs, ratio))  # fmt: skip
@@ -208,7 +210,7 @@ def main() -> None:
             ("skan.summarize", lambda: skan_lengths(masks)),
             ("scikit-image + longest path", lambda: longest_paths(masks)),
         ):
-            mine, theirs, ratio, _ = paired(
+            mine, theirs, ratio, _ = time_pairs(
                 lambda: [trace(m, f, how.points, 6.0) for m, f in outlines], work
             )
             print(

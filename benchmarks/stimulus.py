@@ -236,8 +236,8 @@ def steps_of(record: Record) -> np.ndarray:
     return np.array(steps)
 
 
-def spoiled() -> Iterator[Row]:
-    """Whether fish jump that follow an animal of which much is lost, late, or not told for long."""
+def measure_poor_input() -> Iterator[Row]:
+    """Yield whether fish jump while they follow an animal with lost, late or missing input."""
     seconds, steps = 60.0, {}
     conditions = {
         "wander": {"seconds": seconds, "motion": {"wander": True}},
@@ -371,7 +371,7 @@ def main() -> None:
     parts: dict[str, Callable[[], Iterator[Row]]] = {
         "loop": lambda: iter([*closed_loop(1, 60), *closed_loop(8, 60)]),
         "flood": flood,
-        "spoiled": spoiled,
+        "spoiled": measure_poor_input,
         "replays": replays,
         "long": lambda: long_show(8, asked.minutes),
     }

@@ -43,7 +43,7 @@ def main() -> None:
                 took = []
                 for tick in range(count):
                     start, worked = time.perf_counter(), time.process_time()
-                    frame = scene.frame([fish.at(tick)], view, tick, times[tick])
+                    frame = scene.frame([fish.shape_at(tick)], view, tick, times[tick])
                     if writer is not None:
                         writer.write(frame)
                     took.append((time.perf_counter() - start, time.process_time() - worked))

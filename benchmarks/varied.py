@@ -24,12 +24,12 @@ from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.picture import load_picture, save_picture
-from finloop.io.record import load_json, load_record, made_by
+from finloop.io.record import load_json, load_record, remake_hint
 from finloop.io.table import load_lists, load_table, table_writer
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, load_facts, save_facts
-from finloop.pose.film import POSES, FilmPoses, restored
+from finloop.pose.film import POSES, FilmPoses, restore_poses
 from finloop.puppet.drawing import Laid, line
-from finloop.puppet.pose import Pose, mirrored
+from finloop.puppet.pose import Pose, mirror_posture
 
 WORKERS = 2
 
@@ -45,7 +45,7 @@ class Base:
 
     @classmethod
     @cache
-    def of(cls, home: Path) -> "Base":
+    def from_folder(cls, home: Path) -> "Base":
         """Load it; FinloopError where a stage up to `pose` has not been run."""
         points = load_record(home / "extract/scene.json", SceneFacts, "extract").points
         tracks = load_table(home / "extract" / TRACKS_NAME, tracks_schema(points))
@@ -58,8 +58,8 @@ class Base:
         (codes,) = load_lists(home / "pose/poses.parquet", POSES, "codes")
         poses = load_json(
             home / "pose/shapes.json",
-            lambda facts: restored(features, codes, facts),
-            *made_by("pose"),
+            lambda facts: restore_poses(features, codes, facts),
+            *remake_hint("pose"),
         )
         facts = load_facts(home / "clip" / FACTS_NAME)
         return cls(home, tracks, poses, int(np.ceil(np.hypot(facts.width_px, facts.height_px))))
@@ -76,7 +76,7 @@ class Variation:
     mirror: bool
 
     @classmethod
-    def drawn(cls, number: int) -> "Variation":
+    def from_number(cls, number: int) -> "Variation":
         """The variation of a copy; the first is the film itself."""
         if not number:
             return cls(0.0, 1.0, 1.0, 1.0, False)
@@ -85,8 +85,8 @@ class Variation:
         bend, size, light = (float(rng.uniform(1 - by, 1 + by)) for by in (0.2, 0.1, 0.15))
         return cls(turn_rad, bend, size, light, bool(rng.integers(2)))
 
-    def placed(self, points: Floats, base: Base) -> Floats:
-        """Points (…, 2) of the film in the picture of the copy."""
+    def transform_points(self, points: Floats, base: Base) -> Floats:
+        """Move points (…, 2) of the film to where they lie in the picture of the copy."""
         facts = load_facts(base.home / "clip" / FACTS_NAME)
         away = points - (facts.width_px / 2, facts.height_px / 2)
         if self.mirror:
@@ -96,12 +96,12 @@ class Variation:
         return np.stack([cos * x + sin * y, cos * y - sin * x], -1) + base.side / 2
 
 
-def varied(home: Path, folder: Path, pictures: int) -> None:
+def write_film(home: Path, folder: Path, pictures: int) -> None:
     """Write data/clip and data/extract of a film of `pictures` pictures into a folder.
 
     home: the folder `data` of a film that has been run up to `pose`.
     """
-    base = Base.of(home)
+    base = Base.from_folder(home)
     clip, extract = folder / "clip", folder / "extract"
     clip.mkdir(parents=True)
     extract.mkdir()
@@ -152,14 +152,14 @@ def _square(source: Path, target: Path, side: int) -> None:
 
 def _copy(home: Path, number: int) -> tuple[pd.DataFrame, list[Cutout]]:
     """The table of tracks and the cut-outs of one copy."""
-    base, how = Base.of(home), Variation.drawn(number)
+    base, how = Base.from_folder(home), Variation.from_number(number)
     frames = load_facts(home / "clip" / FACTS_NAME).frames
     tracks, pose = base.tracks, base.poses.pose
     mean = base.poses.shapes.mean
     posture = mean + how.bend * (pose.posture - mean)
     if how.mirror:
-        posture = mirrored(posture)
-    x, y = how.placed(tracks[["x_px", "y_px"]].to_numpy(float), base).T
+        posture = mirror_posture(posture)
+    x, y = how.transform_points(tracks[["x_px", "y_px"]].to_numpy(float), base).T
     heading = (-1 if how.mirror else 1) * pose.heading_rad + how.turn_rad
     target = Pose(x, y, heading, how.size * pose.size_px, posture)
     first = number * (int(tracks["track_id"].max()) + 1)
@@ -172,19 +172,19 @@ def _copy(home: Path, number: int) -> tuple[pd.DataFrame, list[Cutout]]:
         length_px=tracks["length_px"] * np.float32(how.size),
         half_width_px=_lists(lists_to_array(tracks["half_width_px"]) * how.size),
     )  # fmt: skip
-    outline = how.placed(lists_to_points(tracks, "outline").astype(float), base)
+    outline = how.transform_points(lists_to_points(tracks, "outline").astype(float), base)
     for name, points in (("backbone", target.backbone_px()), ("outline", outline)):
         for axis, values in zip("xy", np.moveaxis(points, -1, 0), strict=True):
             table[f"{name}_{axis}_px"] = _lists(values)
     keys = table[["track_id", "frame"]].to_numpy().tolist()
     with open_cutouts(home / "extract" / CUTOUTS_NAME) as store:
-        return table, list(_drawn(base, store, target, how, keys))
+        return table, list(_draw_cutouts(base, store, target, how, keys))
 
 
-def _drawn(
+def _draw_cutouts(
     base: Base, store: CutoutStore, target: Pose, how: Variation, keys: list[list[int]]
 ) -> Iterator[Cutout]:
-    """The copy's cut-outs, cropped to what shows the fish."""
+    """Yield the copy's cut-outs, cropped to what shows the fish."""
     for row, (track_id, frame) in enumerate(keys):
         one = store[row]
         source = line(base.poses.pose[row], one.x0_px, one.y0_px)

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.matching import MODE, changed, material, settings_without_path
+from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.features.table import delta_of
@@ -69,7 +69,7 @@ def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def film_tables(folder: Path) -> pd.DataFrame:
     """All shoals beside the film in a folder."""
-    p = changed(settings_without_path(), seconds=SECONDS, trials=0, follow=[])
+    p = replace_settings(settings_without_path(), seconds=SECONDS, trials=0, follow=[])
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
         made = material(project, p)
@@ -83,7 +83,7 @@ def film_tables(folder: Path) -> pd.DataFrame:
         for rule in ("zones", "none"):
             for seed in range(SEEDS):
                 # One goal a fish at most: afterwards it wanders.
-                swum = changed(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
+                swum = replace_settings(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
                 plans = matching_animator(made, swum)
                 edit = plans.plan(plans.goals())[1]
                 where = edit[["x_px", "y_px"]].to_numpy(float)

@@ -19,15 +19,15 @@ from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.given import Followed, nothing_used
+from finloop.extract.given import Followed, no_silhouette_error
 from finloop.extract.samples import Typical, Verdict, survey
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.given_tracks import check_given, given_metrics, load_given, save_given
+from finloop.given_tracks import check_given, load_given, place_metrics, save_given
 from finloop.io.cutouts import packed_size
 from finloop.io.film_writer import film_writer
 from finloop.io.picture import save_picture
-from finloop.io.pieces import Pieces, packed
+from finloop.io.pieces import Pieces, pack_piece
 from finloop.io.record import save_record
 from finloop.io.space import refuse_small
 from finloop.io.table import arrow_table
@@ -52,7 +52,7 @@ _LOOKED_AT = 8  # frames, at most, by which the room on the disk is estimated
 class Extraction(NamedTuple):
     """What was found in a clip: its scene, how silhouettes were judged, frames of each track.
 
-    given: what became of the places in a file of tracks, see `given_metrics`; empty without one.
+    given: what became of the places in a file of tracks, see `place_metrics`; empty without one.
     lost: numbers of the frames that could not be decoded.
     """
 
@@ -105,7 +105,7 @@ def extract(
     follower = Followed(tracks.given, typical.length_px, p.least_frames) if tracks else None
 
     def tracked() -> Iterator[list[film.TrackedFish]]:
-        stream = film.decoded(film.detections(whole, scene, detector, workers), lost)
+        stream = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
         linked = (
             follower.tracks(stream, cuts) if follower else film.tracks(stream, typical, p, cuts)
         )
@@ -120,20 +120,20 @@ def extract(
             write(film.rows(fish), film.cutouts(fish))
     if not lengths:
         if tracks and follower:
-            raise nothing_used(tracks.given, follower, p.least_frames)
-        raise film.nothing_followed(p, verdicts)
+            raise no_silhouette_error(tracks.given, follower, p.least_frames)
+        raise film.no_track_error(p, verdicts)
     tank = scene_facts(scene, typical, p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
     numbers = {}
     if tracks and follower and agreement:
         save_given(folder, tracks.given, p.points)
-        numbers = given_metrics(tracks, follower, agreement)
+        numbers = place_metrics(tracks, follower, agreement)
     return Extraction(tank, verdicts, lengths, numbers, lost)
 
 
-def said_of_lost(lost: Sequence[int], facts: VideoFacts) -> str:
-    """Which frames could not be decoded, by number and time."""
+def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
+    """Describe which frames could not be decoded, by number and time."""
     runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
     named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
@@ -181,7 +181,7 @@ def _refuse_small_disk(
         size = 2 * (table.nbytes + sum(map(packed_size, film.cutouts(fish))))
     written = 0
     if pieces is not None:
-        size += len(packed(list(sample)))
+        size += len(pack_piece(list(sample)))
         written = pieces.size()
     wanted = size / len(sample) * frames - written
     refuse_small(folder, wanted, f"what is found in {frames} frames", "take a shorter film")

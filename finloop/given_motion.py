@@ -22,15 +22,15 @@ from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.retarget.film import Material, own_track
 from finloop.retarget.settings import Settings
-from finloop.retarget.track import Track, chosen, of_lines, track_of
+from finloop.retarget.track import Track, choose_animal, track_from_backbones, track_of
 
 _SCENE, _TRACKS = "extract/scene.json", "extract/tracks.parquet"
 _FEATURES, _FACTS = "features/features.parquet", f"clip/{FACTS_NAME}"
 _LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
 
 
-def given_motion(film: Material, p: Settings) -> Track:
-    """The track of `retarget.tracks`; FinloopError as of whatever reads it.
+def load_track(film: Material, p: Settings) -> Track:
+    """Load the track that `retarget.tracks` names; raise FinloopError where it cannot be read.
 
     film: the one that is drawn.
     """
@@ -43,7 +43,7 @@ def given_motion(film: Material, p: Settings) -> Track:
     path = Path(p.tracks).expanduser()
     folder = film_folder(path)
     if folder is not None:
-        return _of_film(folder, steps, p)
+        return _load_film_track(folder, steps, p)
     rate = p.rate_hz or film.rate_hz
     software = None if p.software == "auto" else p.software
     return track_of(load_poses(path, software, rate, "retarget.tracks"), rate, steps, p)
@@ -60,8 +60,8 @@ def film_files(folder: Path) -> list[Path]:
     return [folder / name for name in (_SCENE, _TRACKS, _FEATURES, _FACTS)]
 
 
-def _of_film(folder: Path, steps: int, p: Settings) -> Track:
-    """A track of another film, whose folder data/ this is."""
+def _load_film_track(folder: Path, steps: int, p: Settings) -> Track:
+    """Load a track of another film, whose folder data/ this is."""
     scene = load_record(folder / _SCENE, SceneFacts, "extract")
     features = load_table(folder / _FEATURES, FEATURES)
     rate = p.rate_hz or load_facts(folder / _FACTS).frame_rate_hz
@@ -78,12 +78,12 @@ def _of_film(folder: Path, steps: int, p: Settings) -> Track:
     line = np.where(first[:, None, None], line[:, ::-1], line)
     frame = features["frame"].to_numpy(np.int64)[rows]
     name = f"track {features['track_id'].iloc[rows[0]]} of {folder}"
-    return of_lines(name, rate, frame, line, steps)
+    return track_from_backbones(name, rate, frame, line, steps)
 
 
 def _rows(features: pd.DataFrame, p: Settings) -> Ints:
     """The rows of the track that is named, or of the longest."""
     counts = features["track_id"].value_counts().sort_index()
     names = [str(one) for one in counts.index]
-    number = chosen(p.animal, names, counts.to_numpy())
+    number = choose_animal(p.animal, names, counts.to_numpy())
     return np.flatnonzero((features["track_id"] == counts.index[number]).to_numpy())

@@ -14,8 +14,8 @@ from finloop.io.line import load_line
 from finloop.plan.settings import Settings
 
 
-def given_lines(p: Settings, features: pd.DataFrame) -> list[Line | None]:
-    """The line of each fish by `matching.path`, None where it has none.
+def load_lines(p: Settings, features: pd.DataFrame) -> list[Line | None]:
+    """Load the line of each fish from `matching.path`, None where it has none.
 
     Times are left out where fish are to swim at their own pace. FinloopError if there are more
     lines than fish, and as of whatever reads them.

@@ -14,7 +14,7 @@ import numpy as np
 from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.fit import FilmSize, Fit, fit, given_of, refuse_other_film
+from finloop.extract.fit import FilmSize, Fit, fit, map_poses_to_clip, refuse_other_film
 from finloop.extract.given import Followed, Given, Outcome
 from finloop.extract.settings import Settings
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
@@ -64,7 +64,7 @@ def load_given(clip: Path, facts: VideoFacts, p: Settings) -> GivenTracks:
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
     source_frames = load_table(clip / FRAMES_NAME, FRAMES)["source_frame"].to_numpy(np.int64)
     size = FilmSize(facts.source_frames, facts.width_px, facts.height_px)
-    return GivenTracks(*given_of(poses, source_frames, size, p), size)
+    return GivenTracks(*map_poses_to_clip(poses, source_frames, size, p), size)
 
 
 def check_given(
@@ -95,8 +95,8 @@ def save_given(folder: Path, given: Given, points: int) -> None:
     save_table(folder / GIVEN_NAME, rows, GIVEN)
 
 
-def given_metrics(tracks: GivenTracks, followed: Followed, agreement: Fit) -> dict[str, float]:
-    """The outcomes of the places of the file, for metrics.json."""
+def place_metrics(tracks: GivenTracks, followed: Followed, agreement: Fit) -> dict[str, float]:
+    """Return the outcomes of the places in the file, for metrics.json."""
     total = Counter[Outcome]()
     for (_, outcome), count in followed.outcomes.items():
         total[outcome] += count

@@ -15,7 +15,7 @@ import numpy as np
 
 from finloop.base.arrays import Mask, Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, check
-from finloop.clip.doubled import Doubled, doubled
+from finloop.clip.doubled import Doubled, find_repeats
 from finloop.clip.mend import Calm, field_of, new_pictures, repairs
 from finloop.clip.quality import Tally
 from finloop.clip.settings import File, Settings
@@ -71,7 +71,7 @@ def make_clip(
     """
     with watch("clip", source.facts.frames) as advance:
         facts, tally, arena = normalise(source, p, folder, advance)
-    filmed, tank = _checked(facts, tally, folder)
+    filmed, tank = _check_clip(facts, tally, folder)
     result = ClipResult(facts, tally, arena, filmed, filmed, frozenset())
     if not isinstance(p, File):
         return result
@@ -87,16 +87,16 @@ def make_clip(
         if "deinterlace" in todo:
             fields = field_of(result.quality)
         if "undouble" in todo:
-            twice = doubled(np.array(result.tally.changes))
+            twice = find_repeats(np.array(result.tally.changes))
         if todo & _TAKING:
             calm = Calm(tank, "even_light" in todo, "steady" in todo)
-        again = _again(p, fields, twice, calm)
+        again = _reopen_film(p, fields, twice, calm)
         with watch("mend", again.facts.frames) as advance:
             facts, tally, arena = normalise(again, p, folder, advance)
         if calm:
-            arena = arena & calm.filmed()
+            arena = arena & calm.common_mask()
             save_mask(folder / ARENA_NAME, arena)
-        quality, tank = _checked(facts, tally, folder)
+        quality, tank = _check_clip(facts, tally, folder)
         result = ClipResult(facts, tally, arena, filmed, quality, result.mended | todo)
     return result
 
@@ -107,8 +107,8 @@ def _frame_by_frame(facts: VideoFacts) -> bool:
     return not retimed and len(facts.segments) == 1
 
 
-def _again(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> Source:
-    """The film once more, its frames mended on the way."""
+def _reopen_film(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> Source:
+    """Open the film once more, with its frames mended on the way."""
     source = open_source(p, fields)
     facts, takes = source.facts, source.takes
     if twice is not None:
@@ -129,8 +129,8 @@ def _simple(rate: float, frames: int) -> Fraction:
     )
 
 
-def _checked(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
-    """Check the clip in a folder; the measures of each frame and the tank are written there."""
+def _check_clip(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
+    """Check the clip in a folder; write the measures of each frame and the tank there."""
     reader = partial(read_frames, folder / CLIP_NAME)
     samples = list(tally.samples.values())
     clip = Clip(reader, facts.frame_rate_hz, samples, tally.lights, tally.changes)

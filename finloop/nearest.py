@@ -36,8 +36,8 @@ class Nearest:
     recall: float
 
     @classmethod
-    def of(cls, vectors: Floats | Vectors, most: int = MOST) -> "Nearest":
-        """Vectors, put into cells where there are more than `most`."""
+    def from_vectors(cls, vectors: Floats | Vectors, most: int = MOST) -> "Nearest":
+        """Index vectors (m, d), in cells where there are more than `most`."""
         vectors = np.ascontiguousarray(vectors, np.float32)
         m, d = vectors.shape
         if m <= most:
@@ -58,7 +58,7 @@ class Nearest:
         return cls(index, recall)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (faiss.serialize_index(self.index), self.recall)
+        return _unpickle, (faiss.serialize_index(self.index), self.recall)
 
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
         """The numbers (k, count) of the vectors nearest to each query (k, d); −1: no more."""
@@ -78,19 +78,19 @@ class Nearest:
         count = min(count, last)
         near = self.search(queries, count)
         values, enough = choice(np.arange(len(queries)), near)
-        pending = np.flatnonzero(~enough & _more(near))
+        pending = np.flatnonzero(~enough & _may_have_more(near))
         while len(pending) and count < last:
             count = min(_MORE * count, last)
             near = self.search(queries[pending], count)
             more, enough = choice(pending, near)
             for array, update in zip(values, more, strict=True):
                 array[pending] = update
-            pending = pending[~enough & _more(near)]
+            pending = pending[~enough & _may_have_more(near)]
         return values
 
 
-def _more(near: Ints) -> Mask:
-    """Whether (k,) there may be further vectors than these (k, l)."""
+def _may_have_more(near: Ints) -> Mask:
+    """Return whether (k,) there may be further vectors than these (k, l)."""
     return near[:, -1] >= 0 if near.shape[1] else np.zeros(len(near), bool)
 
 
@@ -104,8 +104,8 @@ def parts_of(n: int, stretch: int, most: int = MOST) -> Ints:
     return np.arange(n) // stretch % count
 
 
-def _restored(index: NDArray[np.uint8], recall: float) -> Nearest:
-    """What was pickled."""
+def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
+    """Restore a pickled index."""
     return Nearest(faiss.deserialize_index(index), recall)
 
 

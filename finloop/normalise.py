@@ -92,7 +92,7 @@ def normalise(
     facts = source.facts
     arena = _arena(p, facts.width_px, facts.height_px)
     with ExitStack() as stack:
-        writer = stack.enter_context(VideoWriter.of(folder / CLIP_NAME, facts))
+        writer = stack.enter_context(VideoWriter.from_facts(folder / CLIP_NAME, facts))
         truth = None
         if isinstance(p, Carp):
             truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
@@ -160,7 +160,9 @@ def _films(p: Zebrafish | File, fields: Order) -> Source:
     )
     loss = Loss()
     starts = accumulate(lengths, initial=0)
-    takes = [_counted_on(f.numbered(loss), start) for f, start in zip(films, starts, strict=False)]
+    takes = [
+        _counted_on(f.stream_numbered(loss), start) for f, start in zip(films, starts, strict=False)
+    ]
     return Source(facts, takes, loss, [])
 
 

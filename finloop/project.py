@@ -16,7 +16,7 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.io.edit_list import load_edit
-from finloop.io.record import load_json, load_records, made_by
+from finloop.io.record import load_json, load_records, remake_hint
 from finloop.run_files import RunFiles
 
 if TYPE_CHECKING:  # what properties return; they import it themselves
@@ -77,7 +77,7 @@ class Project(RunFiles):
         if self._kept[key].empty and mode != RETARGET:
             why = load_json(
                 self.data / f"animate/{mode}/reason.json", lambda facts: str(facts["reason"]),
-                *made_by(f"modes-{mode}"),
+                *remake_hint(f"modes-{mode}"),
             )  # fmt: skip
             raise FinloopError(
                 f"{stage}.mode is {mode}, and there is no animation of it: {why}",
@@ -101,7 +101,7 @@ class Project(RunFiles):
     def size(self, mode: str) -> float:
         """Return how many times as large as filmed a mode draws its fish."""
         path = self.data / f"animate/{mode}/drawn.json"
-        return load_json(path, lambda facts: float(facts["size"]), *made_by(f"modes-{mode}"))
+        return load_json(path, lambda facts: float(facts["size"]), *remake_hint(f"modes-{mode}"))
 
     def edit_with_sources(
         self, mode: str, stage: str, columns: Sequence[str] = PLACES, sprites: bool = False,

@@ -78,8 +78,8 @@ class Reel:
     def __len__(self) -> int:
         return len(self.features)
 
-    def sized(self, size: float) -> "Reel":
-        """The same film and sprites, drawn so many times as large as filmed."""
+    def scale_to(self, size: float) -> "Reel":
+        """Return the same film and sprites, drawn so many times as large as filmed."""
         sprites = self.sprites
         if len(sprites):
             sprites = sprites.assign(scale=sprites["scale"] * (size / self.size))
@@ -124,8 +124,8 @@ class Reel:
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames
 
-    def after(self, row: ArrayLike) -> Rows:
-        """The next frame of the same track; where there is none, the row itself."""
+    def next_rows(self, row: ArrayLike) -> Rows:
+        """Return the next frame of the same track; where there is none, the row itself."""
         rows = np.asarray(row, np.intp)
         return rows + self.goes_on[rows]
 
@@ -145,10 +145,10 @@ class Reel:
         the right.
         """
         heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
-        return self.headed(rows, heading, size)
+        return self.align_pictures(rows, heading, size)
 
-    def headed(self, rows: Rows, heading_deg: Reals, size: int) -> Pictures:
-        """Pictures (k, size, size, c) of some rows, of which these headings are turned right."""
+    def align_pictures(self, rows: Rows, heading_deg: Reals, size: int) -> Pictures:
+        """Return pictures (k, size, size, c) of rows, turned so that these headings point right."""
         channels = self.film[0].pixels.shape[2]
         pictures = np.empty(
             (len(rows), size, size, channels), np.float32
@@ -211,6 +211,6 @@ class Reel:
             row, side = int(sprite.row), -1 if sprite.mirrored else 1
             turn = -sprite.heading_deg - side * sprite.turn_deg * self.goes_on[row]
             # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
-            picture = self.frame(int(self.after(row)), size, length, turn + side * ahead)
+            picture = self.frame(int(self.next_rows(row)), size, length, turn + side * ahead)
             pictures.append(picture[::side])
         return np.stack(pictures)

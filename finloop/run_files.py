@@ -16,7 +16,7 @@ from finloop.io.cutouts import CutoutStore, open_cutouts
 from finloop.io.mapped import open_array
 from finloop.io.parameters import parameters, read_parameters
 from finloop.io.picture import load_picture
-from finloop.io.record import load_json, load_record, made_by
+from finloop.io.record import load_json, load_record, remake_hint
 from finloop.io.table import load_lists, load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, load_mask
 
@@ -110,8 +110,8 @@ class RunFiles:
         return self._kept[key]
 
     @cached_property
-    def given(self) -> pd.DataFrame | None:
-        """What another program's tracks say of the n rows; None where there are none."""
+    def external_tracks(self) -> pd.DataFrame | None:
+        """Return what another program's tracks say of the n rows; None where there are none."""
         from finloop.extract.table import GIVEN, GIVEN_NAME
 
         path = self.data / "extract" / GIVEN_NAME
@@ -141,15 +141,15 @@ class RunFiles:
     @cached_property
     def poses(self) -> FilmPoses:
         """The postures of the n rows."""
-        from finloop.pose.film import POSES, restored
+        from finloop.pose.film import POSES, restore_poses
 
         folder, features = self.data / "pose", self.features
         (codes,) = load_lists(folder / "poses.parquet", POSES, "codes")
         postures = open_array(folder / "postures.npy", (len(features), None), "float64")
         return load_json(
             folder / "shapes.json",
-            lambda facts: restored(features, codes, facts, postures),
-            *made_by("pose"),
+            lambda facts: restore_poses(features, codes, facts, postures),
+            *remake_hint("pose"),
         )
 
     @cached_property
@@ -252,10 +252,10 @@ class RunFiles:
 
         FinloopError if the film shows too little.
         """
-        from finloop.forecast.film import film_states, shown_mirror
+        from finloop.forecast.film import film_states, posture_mirror
 
         poses, p = self.poses, self.settings("forecast")
-        mirror = shown_mirror(poses, self.look)
+        mirror = posture_mirror(poses, self.look)
         return film_states(self.features, poses.codes, mirror, self.rate_hz, p)
 
     @property
@@ -294,7 +294,7 @@ class RunFiles:
                 Zones(**entry["zones"]), steps_of(table, entry["forward"], entry["onward"]),
                 entry["horizon_frames"], entry["alike"],
             ),
-            *made_by("calibrate"),
+            *remake_hint("calibrate"),
         )  # fmt: skip
 
 

@@ -90,29 +90,29 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
                 continue
             grey = film.facts.colour and not whole.colour
             with open_cutouts(film.home / CUTOUTS_NAME) as store:
-                film_levels = levels(_some(store, film.rows), grey)
+                film_levels = levels(_sample_cutouts(store, film.rows), grey)
                 light = film_levels if light is None else light
                 length = film.scene.typical_length_px
                 like = likeness(length, scene.typical_length_px, film_levels, light, grey)
-                table = _numbered(film, like, sum(earlier.tracks for earlier in contributions))
+                table = _number_tracks(film, like, sum(earlier.tracks for earlier in contributions))
                 write(table)
                 if write_given:
-                    write_given(_given(film, table, like))
+                    write_given(_external_rows(film, table, like))
                 _copy(cutouts, store, film.rows, table, like)
             tracks = table["track_id"].nunique()
             contributions.append(Contribution(part.name, len(film.rows), tracks, like))
     return contributions
 
 
-def _numbered(film: Film, like: Likeness, tracks: int) -> pd.DataFrame:
-    """A film's tracks as of the first film's fish, numbered after the `tracks` of others."""
+def _number_tracks(film: Film, like: Likeness, tracks: int) -> pd.DataFrame:
+    """Scale a film's tracks to the first film's fish, and number them after `tracks` others."""
     table = measured_alike(film.table, like)
     number = np.unique(table["track_id"], return_inverse=True)[1]
     return table.assign(track_id=(number + tracks).astype("int32"))
 
 
-def _given(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
-    """The rows of another program's tracks of a film, in the order of the common table.
+def _external_rows(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
+    """Return the rows of another program's tracks of a film, in the order of the common table.
 
     An animal's name begins with that of its film, for every film has an animal number 1.
     """
@@ -135,8 +135,8 @@ def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
     return Film(part, facts, scene, table.assign(frame=at.astype("int32")), rows, home)
 
 
-def _some(store: CutoutStore, rows: Rows) -> Iterator[Cutout]:
-    """Cut-outs spread over these rows."""
+def _sample_cutouts(store: CutoutStore, rows: Rows) -> Iterator[Cutout]:
+    """Yield cut-outs spread over these rows."""
     for row in np.unique(np.linspace(0, len(rows) - 1, _SAMPLE).astype(int)):
         yield store[int(rows[row])]
 

@@ -43,21 +43,21 @@ from finloop.calibrate.film import film_shoal
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
-from finloop.distance.map import PAIRS, STEPS, mapped
+from finloop.distance.map import PAIRS, STEPS, map_rows
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
-from finloop.extraction import BACKGROUND_NAME, extract, said_of_lost
+from finloop.extraction import BACKGROUND_NAME, describe_lost_frames, extract
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
 from finloop.footage import Film, Tracks, draw_carp, make_folder, open_film, open_store
-from finloop.forecast.film import film_states, shown_mirror
+from finloop.forecast.film import film_states, posture_mirror
 from finloop.forecast.learning import learn as train
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split as hold_out
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
-from finloop.given_path import given_lines
+from finloop.given_path import load_lines
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
@@ -102,7 +102,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     with whole_folder(home) as part:
         lost = extract(film.folder, p, part, Threads(workers)).lost
     if lost:
-        warnings.warn(said_of_lost(lost, film.facts), stacklevel=2)
+        warnings.warn(describe_lost_frames(lost, film.facts), stacklevel=2)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
     background = load_picture(home / BACKGROUND_NAME)
     path = home / GIVEN_NAME
@@ -140,7 +140,7 @@ def make_sprites(
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmers(features, tracks.table, p)
-    look = partial(Reel(features, film).headed, size=p.picture_px)
+    look = partial(Reel(features, film).align_pictures, size=p.picture_px)
     sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
     home = make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
@@ -181,7 +181,7 @@ def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
     `changes`: of `finloop.gateways.settings.Settings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
-    near = nearness(reel, mapped(reel.features, similar.steps), facts.size, facts.pose)
+    near = nearness(reel, map_rows(reel.features, similar.steps), facts.size, facts.pose)
     ways = gateways(near, reel.sprites, reel.features, facts.step_median, p)
     return as_loaded(ways, GATEWAYS)
 
@@ -200,7 +200,7 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
     `changes`: of `finloop.jumps.settings.Settings`.
     """
     p = settings("jumps", **changes)
-    result = film_jumps(InMemory.of(reel, poses, p.look_px), p)
+    result = film_jumps(InMemory.from_reel(reel, poses, p.look_px), p)
     return result._replace(jumps=as_loaded(result.jumps, JUMPS))
 
 
@@ -213,7 +213,7 @@ def foretell(
     no fish in it moves or turns, or no two rows of it look alike.
     """
     p = settings("forecast", **changes)
-    mirror = shown_mirror(poses, jumps.look)
+    mirror = posture_mirror(poses, jumps.look)
     states = film_states(features, poses.codes, mirror, rate_hz, p)
     foreteller, _ = train(states, hold_out(states, p), p)
     return sampler(states, foreteller, similar_rows(states, jumps.look, jumps.visible, p), p)
@@ -270,7 +270,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
             Material(
                 tracks.film.rate_hz, tracks.film.arena, Reel(reel.features, reel.film), outline_px,
                 similar.facts, similar.steps, jumps.jumps, poses, forecast,
-                given_lines(p["matching"], reel.features), tracks.film.facts.mm_per_px, shoaling,
+                load_lines(p["matching"], reel.features), tracks.film.facts.mm_per_px, shoaling,
                 tracks.background,
             ),
             merge_settings(p["animate"], p["matching"]),

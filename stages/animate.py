@@ -14,7 +14,7 @@ from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
-from finloop.io.record import load_json, made_by
+from finloop.io.record import load_json, remake_hint
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.modes.phases import learn_phases, state_shares
 from finloop.plan import path_measures
@@ -35,7 +35,7 @@ def mode_numbers(mode: str) -> dict[str, float]:
     """Return the measures of a mode's animation, and of its trials."""
     numbers: dict[str, float] = {}
     for name in ("measures", "trials"):
-        numbers |= load_json(ANIMATE / mode / f"{name}.json", dict, *made_by(f"modes-{mode}"))
+        numbers |= load_json(ANIMATE / mode / f"{name}.json", dict, *remake_hint(f"modes-{mode}"))
     return numbers
 
 
@@ -43,14 +43,14 @@ def film_numbers(project: Project, motion: Motion, moved: tuple) -> dict[str, fl
     """Return the film by its own measures. moved: of `measures.motion_of_film`."""
     features, rate = project.features, project.rate_hz
     steps = project.steps[["headed", "as_filmed"]].dropna()
-    numbers = measures.of_film(features, moved, steps["as_filmed"].to_numpy(float), motion)
+    numbers = measures.measure_film(features, moved, steps["as_filmed"].to_numpy(float), motion)
     try:
         phases = learn_phases(features, rate, motion.delta, project.settings("network"))
         numbers |= state_shares(features, phases)
     except FinloopError:  # it shows no straight swimming
         pass
     if project.settings("matching").fish > 1:
-        numbers |= encounters.of_film(features)
+        numbers |= encounters.measure_film_clearance(features)
     return numbers | {"drawn_size": min(map(project.size, played_modes()), default=1.0)}
 
 
@@ -80,7 +80,7 @@ def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
     for mode, described in MODES.items():
         if mode not in numbers:
             reason = ANIMATE / mode / "reason.json"
-            why = load_json(reason, dict, *made_by(f"modes-{mode}"))["reason"]
+            why = load_json(reason, dict, *remake_hint(f"modes-{mode}"))["reason"]
             rows.append((described.title, why))
             continue
         reached = numbers[mode].get("trials_goals_reached_pct", 100.0)

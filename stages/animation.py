@@ -13,13 +13,13 @@ import pandas as pd
 from finloop.animate import encounters, measures
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.measures import (
-    averaged,
+    average_measures,
+    discontinuity_measures,
     longest_repeat,
-    of_poses,
-    of_rhythm,
-    of_seams,
-    of_states,
-    of_steps,
+    pose_measures,
+    rhythm_measures,
+    state_measures,
+    step_measures,
 )
 from finloop.edit.pictures import drawn_steps, seams
 from finloop.edit.schema import CUT, EDIT, by_fish
@@ -79,7 +79,7 @@ def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
             samples = sample_animations(animator, seconds, p)
             save_table(folder / "samples.parquet", samples, EDIT)
             numbers = measure_trials(open_mode, mode, p.trials, crew)
-            save_json(folder / "trials.json", known(numbers))
+            save_json(folder / "trials.json", finite_numbers(numbers))
         save_table(OUT / f"{mode}.parquet", edit, EDIT)
 
 
@@ -115,12 +115,12 @@ def save_animation(
     film_motion = measures.motion_of_film(project.features, player.world.motion)
     each = zip(by_fish(edit), animator.goals_of(goals), strict=True)
     rows = [
-        measures.of_plan(one, own, player, film_motion)
+        measures.measure_plan(one, own, player, film_motion)
         | measure_pictures(one, animator, steps, project.rate_hz)
         for one, own in each
     ]
-    numbers = averaged(rows) | save_more(folder, animator, swims, edit)
-    save_json(folder / "measures.json", known(numbers))
+    numbers = average_measures(rows) | save_more(folder, animator, swims, edit)
+    save_json(folder / "measures.json", finite_numbers(numbers))
     moved = [measures.motion_of_edit(one, player) for one in by_fish(edit)]
     speed, turn_rate = np.concatenate(moved, axis=1)
     moves = measures.kinematics({mode: (speed, turn_rate)})
@@ -128,8 +128,8 @@ def save_animation(
     return edit
 
 
-def known(numbers: dict[str, float]) -> dict[str, float]:
-    """Return the numbers that exist: not those of turns where there were none."""
+def finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
+    """Return the finite numbers, without those of turns where there were none."""
     return {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
 
 
@@ -140,11 +140,11 @@ def measure_pictures(
     pictures = animator.pictures
     joins, jumps = seams(edit, pictures)
     return {
-        **of_steps(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
-        **of_seams(joins, steps["headed"].to_numpy(float)),
-        **of_poses(edit, pictures.bodies.poses.shapes),
-        **of_states(edit),
-        **of_rhythm(edit, jumps, rate_hz),
+        **step_measures(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
+        **discontinuity_measures(joins, steps["headed"].to_numpy(float)),
+        **pose_measures(edit, pictures.bodies.poses.shapes),
+        **state_measures(edit),
+        **rhythm_measures(edit, jumps, rate_hz),
         "longest_exact_repeat_s": longest_repeat(edit) / rate_hz,
     }
 
@@ -163,8 +163,8 @@ def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]
         for seed in seeds:
             edit, goals = animator.trial(seed)
             each = zip(by_fish(edit), goals, strict=True)
-            own = [measures.of_plan(*one, player, film_motion) for one in each]
-            rows.append(averaged(own) | encounters.of_shoal(edit, player))
+            own = [measures.measure_plan(*one, player, film_motion) for one in each]
+            rows.append(average_measures(own) | encounters.measure_clearance(edit, player))
     return rows
 
 

@@ -16,7 +16,7 @@ from finloop.clip.quality import psnr_db
 from finloop.clip.settings import File, Settings
 from finloop.clip.verdict import REPAIRS, findings
 from finloop.io.atomic import whole_folder
-from finloop.io.footage.listed import listed, names, refuse_grown, stamps
+from finloop.io.footage.listed import list_films, names, refuse_grown, stamps
 from finloop.io.several import FILMS, Part, folders, join_clips
 from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
@@ -36,7 +36,7 @@ FACTS = (  # among the metrics
 def main() -> None:
     """Make data/clip/, reports/clip/metrics.json and findings.csv; say how good the film is."""
     p: Settings = load("clip")
-    films = once(films_of(p)) if isinstance(p, File) else []
+    films = drop_repeated_films(films_of(p)) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
             numbers = write_clips(films, folder)
@@ -50,11 +50,13 @@ def main() -> None:
 
 def films_of(p: File) -> list[File]:
     """The parameters of each film: a path, a folder, a pattern or a list names them."""
-    return [replace(of_path, path=str(film)) for path, of_path in p.each() for film in listed(path)]
+    return [
+        replace(of_path, path=str(film)) for path, of_path in p.each() for film in list_films(path)
+    ]
 
 
-def once(films: list[File]) -> list[File]:
-    """The films without those that are there already, with the same values; these are named."""
+def drop_repeated_films(films: list[File]) -> list[File]:
+    """Return the films without repeats that have the same values, and warn of each repeat."""
     taken = dict[File, File]()
     for film in films:
         key = replace(film, path=str(film.film.resolve()))
@@ -80,7 +82,7 @@ def write_clip(p: Settings, source: Source, folder: Path, watch: Watch) -> dict[
         refuse_grown(p.film, before)
     coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
     return (
-        of_facts(facts)
+        fact_metrics(facts)
         | clip.numbers
         | {
             "brightness_mean_level": tally.brightness_mean,
@@ -98,7 +100,7 @@ def say(numbers: dict[str, float]) -> None:
     for name, _ in folders(CLIP):
         prefix = f"{name}_" if name else ""
         mended = {word for word in REPAIRS if numbers[f"{prefix}mended_{word}"]}
-        now, filmed = (Quality.of(numbers, prefix + part) for part in ("", "filmed_"))
+        now, filmed = (Quality.from_metrics(numbers, prefix + part) for part in ("", "filmed_"))
         for finding in findings(now, filmed, mended):
             rows.append({"film": name} | finding.row if name else finding.row)
             print(f"finloop: {name + ': ' if name else ''}{finding.line}", file=sys.stderr)
@@ -133,11 +135,11 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     failed = sum(bool(part.error) for part in parts)
     tank = next(part for part in parts if not part.error)
     print(f"finloop: the animation is shown in the tank of {tank.name}", file=sys.stderr)
-    return numbers | of_facts(whole) | {"films": len(films) - failed, "films_left_out": failed}
+    return numbers | fact_metrics(whole) | {"films": len(films) - failed, "films_left_out": failed}
 
 
-def of_facts(facts: VideoFacts) -> dict[str, float]:
-    """Metrics that are facts of the clip."""
+def fact_metrics(facts: VideoFacts) -> dict[str, float]:
+    """Return the metrics that are facts of the clip."""
     return {name: getattr(facts, name) for name in FACTS} | {
         "duration_s": facts.frames / facts.frame_rate_hz,
         "segments": len(facts.segments),

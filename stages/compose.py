@@ -27,8 +27,8 @@ from stages.experiment import FOLDER, Experiment
 from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, all_problems
 
 
-def composed(overrides: list[str]) -> str:
-    """The text of params.yaml for these overrides; FinloopError where one of them is refused."""
+def compose_params(overrides: list[str]) -> str:
+    """Return the text of params.yaml for overrides; raise FinloopError if one is refused."""
     root = Path.cwd()
     with TemporaryDirectory() as folder:
         output = Path(folder) / PARAMS.name
@@ -45,7 +45,7 @@ def experiment(name: str) -> Experiment:
     FinloopError if there is no such file (the others are listed), or what it says is wrong.
     """
     override = f"+{FOLDER}={name}"
-    composed([override])  # is it right in itself; and loads the schema of a sweep
+    compose_params([override])  # is it right in itself; and loads the schema of a sweep
     with initialize_config_dir(str(Path.cwd() / CONF), version_base=None):
         whole = compose("config", [override], return_hydra_config=True)
     if whole.hydra.runtime.choices["hydra/sweeper"] != "finloop":
@@ -97,7 +97,7 @@ def compare(overrides: list[str]) -> None:
         if problems := all_problems(values):
             raise refusal(problems)
         return
-    if not same_but_files(values, yaml.safe_load(composed(overrides))):
+    if not same_but_files(values, yaml.safe_load(compose_params(overrides))):
         raise FinloopError(
             f"{PARAMS} is not the composition of {CONF}/", "the two equal", "make params"
         )
@@ -118,7 +118,7 @@ def main() -> None:
     if arguments.check:
         compare(arguments.overrides)
         return
-    text = composed(arguments.overrides)
+    text = compose_params(arguments.overrides)
     with whole_file(PARAMS) as part:
         part.write_text(text, encoding="utf-8")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.distance.compare import blocks, compare
-from finloop.distance.map import EXACT, PAIRS, STEPS, computed
+from finloop.distance.map import EXACT, PAIRS, STEPS, count_pairs
 from finloop.distance.picture import apart
 from finloop.distance.settings import Settings
 from finloop.io.atomic import whole_folder
@@ -52,7 +52,7 @@ def main() -> None:
         save_record(folder / "facts.json", facts)
 
     frames = len(steps)
-    count, pairs_computed = frames * (frames - 1) // 2, computed(todo)
+    count, pairs_computed = frames * (frames - 1) // 2, count_pairs(todo)
     save_metrics(
         REPORT / "metrics.json",
         {

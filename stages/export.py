@@ -12,7 +12,16 @@ from typing import Any
 import pandas as pd
 
 from finloop.export.keypoints import deeplabcut
-from finloop.export.pictures import READABLE, Alone, Image, cut_out, cycle, flat, readable, way
+from finloop.export.pictures import (
+    READABLE,
+    Alone,
+    Image,
+    bounding_box,
+    cut_out,
+    cycle,
+    flat,
+    readable,
+)
 from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
 from finloop.io.atomic import save_bytes, whole_folder
@@ -58,13 +67,13 @@ def films(folder: Path, p: Settings, project: Project, drawn: EditSources) -> di
     ticks = edit["tick"].nunique()
     with progress("export", ticks + sum(len(rows) for rows, _ in cycles.values())) as advance:
         tank = Alone(facts.height_px, facts.width_px, channels)
-        crop = way(frames(edit, gallery), tank)
+        crop = bounding_box(frames(edit, gallery), tank)
         pictures = cut_out(frames(edit, gallery), tank, crop)
         film(p.mode, pictures, crop, round(p.webp_seconds * rate))
         made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
         for word, (steps, half) in cycles.items():
             alone = Alone(2 * half + 1, 2 * half + 1, channels)
-            crop = way(steps, alone)
+            crop = bounding_box(steps, alone)
             film(word, cut_out(steps, alone, crop), crop, len(steps))
             made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
             made[word] |= {"loops": word not in SIDES}
@@ -88,7 +97,7 @@ def save_alone(folder: Path, p: Settings, project: Project, drawn: EditSources) 
     rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
     states = drawn_of(rows, drawn.bodies)
     motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
-    pictures = PagePictures(project.gallery(drawn), project.size(p.mode)).of(motion)
+    pictures = PagePictures(project.gallery(drawn), project.size(p.mode)).load_pictures(motion)
     rate = float(facts.frame_rate)
     text = alone_page("finloop", rate, project.background, pictures, motion)
     save_bytes(folder / "stimulus.html", text.encode())
@@ -96,8 +105,8 @@ def save_alone(folder: Path, p: Settings, project: Project, drawn: EditSources) 
 
 def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
     """Return the name of every row's animal: another program's, or `animal_` and its number."""
-    if project.given is not None:
-        return project.given["animal"]
+    if project.external_tracks is not None:
+        return project.external_tracks["animal"]
     told = project.identities
     digits = len(str(told["identity"].max()))
     name = "animal_" + told["identity"].astype(str).str.zfill(digits)

@@ -19,7 +19,7 @@ from finloop.extract.alike import Likeness
 from finloop.extract.film import FollowedNoneError
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import Settings
-from finloop.extraction import Extraction, extract, said_of_lost
+from finloop.extraction import Extraction, describe_lost_frames, extract
 from finloop.given_tracks import tracks_of
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import Stamp, stamps
@@ -52,21 +52,21 @@ def main() -> None:
         if parts_of(CLIP):
             numbers, films = extract_films(CLIP, settings, crew, folder)
         else:
-            pieces = Pieces(PIECES / name_of(made_from(CLIP, settings)))
+            pieces = Pieces(PIECES / name_of(track_inputs(CLIP, settings)))
             keep_only(PIECES, [pieces.folder.name])
             numbers = extract_film(CLIP, settings, crew, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             contribution = Contribution(
                 name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness()
             )
-            films = [of_film(contribution)]
+            films = [film_row(contribution)]
     keep_only(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
 
 
-def made_from(clip: Path, own: Settings) -> dict[str, Any]:
-    """All that the tracks of a clip's folder are made from."""
+def track_inputs(clip: Path, own: Settings) -> dict[str, Any]:
+    """Return everything that the tracks of a clip's folder are made from."""
     key = clip / KEY_NAME  # of one of several films
     film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
     tracks = stamps_of(Path(own.tracks_path).expanduser()) if own.tracks_path else None
@@ -95,8 +95,8 @@ def extract_film(
         print(f"finloop: note: {note}", file=sys.stderr)
     if extraction.lost:
         print(
-            f"finloop: WARNING: {said_of_lost(extraction.lost, facts)}. To make the clip again: "
-            "`dvc repro --force clip`",
+            f"finloop: WARNING: {describe_lost_frames(extraction.lost, facts)}. "
+            "To make the clip again: `dvc repro --force clip`",
             file=sys.stderr,
         )
     return {"frames": facts.frames, **metrics(extraction)}
@@ -135,7 +135,7 @@ def extract_films(
                 if settings.tracks_path:
                     path = tracks_of(Path(part.path), settings.tracks_path)
                     own = replace(settings, tracks_path=path)
-                todo.append((part, own, made_from(clip / FILMS / part.name, own)))
+                todo.append((part, own, track_inputs(clip / FILMS / part.name, own)))
     keep_only(PIECES, [name_of(key) for _, _, key in todo])
     for part, own, key in todo:
         home = Path(FILMS) / part.name
@@ -150,7 +150,7 @@ def extract_films(
     numbers["tracks"] = sum(item.tracks for item in contributions)
     numbers |= {"films": len(contributions), "films_left_out": len(errors)}
     return numbers, [
-        *map(of_film, contributions),
+        *map(film_row, contributions),
         *({"film": name, "left_out_because": error} for name, error in errors.items()),
     ]
 
@@ -165,8 +165,8 @@ def left_out(part: Part, errors: dict[str, str]) -> Iterator[None]:
         errors[part.name] = error.came
 
 
-def of_film(contribution: Contribution) -> dict[str, Any]:
-    """A row of films.csv."""
+def film_row(contribution: Contribution) -> dict[str, Any]:
+    """Return a row of films.csv."""
     gains = contribution.like.gains or (1.0,)
     return {
         "film": contribution.name,

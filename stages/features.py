@@ -28,7 +28,7 @@ def main() -> None:
     """Make data/features/, reports/features/."""
     settings: Settings = load("features")
     project = Project()
-    facts, tracks, given = project.facts, project.tracks(USED), project.given
+    facts, tracks, given = project.facts, project.tracks(USED), project.external_tracks
     table, backbones = features(tracks, facts.frame_rate_hz, settings, given)
     save_table(TABLE, table, FEATURES)
 

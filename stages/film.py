@@ -18,8 +18,8 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
-from finloop.io.footage.listed import listed
-from stages.compose import composed
+from finloop.io.footage.listed import list_films
+from stages.compose import compose_params
 from stages.settings import LOCAL, PARAMS
 
 REPORT = Path("reports/index.html")
@@ -38,7 +38,7 @@ def films_in(text: str) -> list[str]:
             WANTED,
             "give the path as it is, or close quotes",
         ) from error
-    missing = [film for name in names for film in listed(name) if not film.exists()]
+    missing = [film for name in names for film in list_films(name) if not film.exists()]
     if missing:
         raise FinloopError(
             f"there is nothing at {', '.join(str(film.absolute()) for film in missing)}",
@@ -114,7 +114,7 @@ def main() -> None:
         show_report(REPORT)
         return
     print(f"finloop: {name_films(films_in(os.environ.get('FILM', '')), LOCAL)}")
-    text = composed(sys.argv[1:])
+    text = compose_params(sys.argv[1:])
     with whole_file(PARAMS) as part:
         part.write_text(text, encoding="utf-8")
 

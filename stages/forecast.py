@@ -54,7 +54,7 @@ def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[st
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
     if not len(rows):
         return {}
-    states, codes = assess.ahead(film, model, rows), poses.codes[rows].copy()
+    states, codes = assess.roll_out_means(film, model, rows), poses.codes[rows].copy()
     codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
     own = assess.motion_area(poses.shapes.decode(codes)) / features["motion_area"].max()
     true = features["motion_area_rel"].to_numpy(float)
@@ -74,8 +74,8 @@ def quality(
     save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)
     save_table(folder / "free.parquet", assess.free_table(states, rows), assess.FREE)
     return {
-        **assess.of_forecasts(film, ensemble, swim, parts),
-        **assess.of_free_run(states, rows, film, swim),
+        **assess.measure_predictions(film, ensemble, swim, parts),
+        **assess.measure_free_run(states, rows, film, swim),
         **assess.obedience(swim, film, rng),
     }
 

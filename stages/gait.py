@@ -20,7 +20,7 @@ from finloop.gait.film import Film, Keys, hips, samples_of
 from finloop.gait.fit import fit, subcycles_of
 from finloop.gait.limbs import region_contour, trace_contour
 from finloop.gait.model import Gait
-from finloop.gait.outline import of_track, swim
+from finloop.gait.outline import swim, track_outlines
 from finloop.gait.period import Period
 from finloop.gait.record import record_of
 from finloop.gait.settings import Settings
@@ -94,7 +94,7 @@ def outlines(p: Settings) -> tuple[Fit | None, pd.DataFrame]:
     rows, fits = [], []
     with progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
         for number, track in tracks.groupby("track_id"):
-            fish = swim(*of_track(track, heads[heads["track_id"] == number]), rate, p.points)
+            fish = swim(*track_outlines(track, heads[heads["track_id"] == number]), rate, p.points)
             beat, name = fish.period, f"track {number}"
             row = {
                 "track_id": number, "frames": len(track), "frequency_hz": beat.frequency_hz,
@@ -138,8 +138,8 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
     return pictures, phases(walk)[ticks]
 
 
-def recovered(walk: DogFilm, table: pd.DataFrame, p: Settings) -> dict[str, float]:
-    """The largest errors of γ; its true values are written into the table.
+def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: Settings) -> dict[str, float]:
+    """Return the largest errors of γ and write its true values into the table.
 
     Column true: of the exact motion; exact: fitted to exact contours; clock: of the foot alone.
     """
@@ -190,8 +190,10 @@ def limbs(p: Settings, folder: Path) -> tuple[Fit, Pictures | None]:
     return fit_film(walk, name, beat, p, source), pictures
 
 
-def driven(name: str, keys: tuple[str, str], gait: Gait, p: Settings, folder: Path) -> dict:
-    """A drawing in motion, in every format; how far its feet slide."""
+def animate_drawing(
+    name: str, keys: tuple[str, str], gait: Gait, p: Settings, folder: Path
+) -> dict:
+    """Save a drawing in motion in every format, and return how far its feet slide."""
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     result = transfer(first, second, gait, frames, p.points)
@@ -238,7 +240,7 @@ def main() -> None:
         }
         tables = {film: table_of(film, fit.gait) for film, fit in fits.items()}
         if p.limbs == "dog":
-            numbers |= recovered(dog(p), tables["limbs"], p)
+            numbers |= gamma_errors(dog(p), tables["limbs"], p)
         for film, fit in fits.items():
             numbers |= fit.numbers(film)
             save_json(folder / f"{film}.json", record_of(fit.gait), indent=1)
@@ -250,9 +252,9 @@ def main() -> None:
             with whole_folder(REPORT / "outline") as empty:
                 (empty / "none.txt").write_text(why + "\n", encoding="utf-8")
         with progress("gait", 2, "drawings") as advance:
-            numbers |= driven("dog", (p.dog_1, p.dog_2), walker.gait, p, folder)
+            numbers |= animate_drawing("dog", (p.dog_1, p.dog_2), walker.gait, p, folder)
             advance()
-            numbers |= driven("fish", (p.fish_1, p.fish_2), fish, p, folder)
+            numbers |= animate_drawing("fish", (p.fish_1, p.fish_2), fish, p, folder)
             advance()
     save_csv(REPORT / "gamma.csv", pd.concat(tables.values(), ignore_index=True), decimals=4)
     for name in ("by_contour", "by_scale"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import mapped
+from finloop.distance.map import map_rows
 from finloop.gateways.find import GATEWAYS, IN, OUT, gateways, nearest, nearness, numbers
 from finloop.gateways.settings import Settings
 from finloop.io.atomic import whole_folder
@@ -40,7 +40,7 @@ def main() -> None:
     with Project() as project:
         features, sprites, facts = project.features, project.sprites, project.map_facts
         rate_hz, step = project.rate_hz, facts.step_median
-        rows = mapped(features, project.steps)
+        rows = map_rows(features, project.steps)
         with progress("gateways", len(rows)) as advance:
             near = nearness(project.reel, rows, facts.size, facts.pose, advance)
         ways = gateways(near, sprites, features, step, settings)

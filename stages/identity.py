@@ -28,7 +28,7 @@ def main() -> None:
     """Make data/identity/, reports/identity/."""
     p: Settings = load("identity")
     with Project() as project:
-        features, given = project.features, project.given
+        features, given = project.features, project.external_tracks
         cuts = [start for start, _ in project.facts.segments[1:]]
         if given is not None:
             table, trial = from_names(features, given["animal"]), dict[str, float]()

@@ -5,7 +5,7 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 import sys
 from pathlib import Path
 
-from finloop.distance.map import mapped
+from finloop.distance.map import map_rows
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_file, whole_folder
 from finloop.io.table import save_csv, save_table
@@ -21,8 +21,8 @@ FOLDER, REPORT = Path("data/loops"), Path("reports/loops")
 WAYS = 5  # ways from the last end to the first
 
 
-def nothing(none: NoLoops) -> None:
-    """Write empty tables and the reason: there are no loops, and the network mode needs none."""
+def write_empty_tables(none: NoLoops) -> None:
+    """Write empty tables and the reason why there are no loops."""
     print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", LOOPS.empty(), LOOPS)
@@ -46,7 +46,7 @@ def main() -> None:
     try:
         loops, counts = find(similar, features, project.rate_hz, step, settings)
     except NoLoops as none:
-        nothing(none)
+        write_empty_tables(none)
         return
     graph = loop_graph(loops, track)
     with whole_folder(FOLDER) as folder:
@@ -59,7 +59,7 @@ def main() -> None:
         graph, *far_ends(graph), WAYS, jump_frames=least_frames(delta_of(features), settings)
     )
     save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
-    rows = mapped(features, project.steps)
+    rows = map_rows(features, project.steps)
     save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts, rows))
 
 

@@ -8,20 +8,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.curve.contour import Curve, area, resampled
+from finloop.curve.contour import Curve, area, resample_curve
 from finloop.curve.dynamics import energy, solve
 from finloop.curve.filters import CUBIC
 from finloop.curve.glyph import glyph
 from finloop.curve.problem import Material, Options, Problem
 from finloop.curve.stiffness import connection, off_diagonal, stiffness
-from finloop.curve.wavelet import truncated
+from finloop.curve.wavelet import drop_details
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_figure, save_picture
 from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
 from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
-from finloop.morph.match import matched
+from finloop.morph.match import match_curves
 from finloop.morph.settings import Settings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
 from finloop.plots.morph import sheet
@@ -60,7 +60,7 @@ def hoop(p: Settings) -> dict[str, float]:
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(area(outline)) / np.pi)
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    shape, rest = matched(outline, Curve(ring, True), HOOP_POINTS)
+    shape, rest = match_curves(outline, Curve(ring, True), HOOP_POINTS)
     shape = shape - shape.mean(axis=0) - rest
     # Mode m swings m √(e₀/ρ) times in a time of 1: the oval, m = 2, once.
     material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
@@ -84,7 +84,7 @@ def hoop(p: Settings) -> dict[str, float]:
     save_figure(REPORT / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
     few = ticks[::2]
     coarse = [
-        (count, truncated(frames[few], p.wavelet, int(np.log2(HOOP_POINTS // count))))
+        (count, drop_details(frames[few], p.wavelet, int(np.log2(HOOP_POINTS // count))))
         for count in CONTROL
     ]
     save_figure(REPORT / "fig7.png", figure7(coarse, times[few], "the same, of few control points"))
@@ -94,7 +94,7 @@ def hoop(p: Settings) -> dict[str, float]:
 def curves(p: Settings) -> dict[str, float]:
     """Figs. 2 and 3, and how much of K lies off its diagonal."""
     outline = max(glyph(p.glyph), key=lambda letter: len(letter.points))
-    letter: Curve = resampled(outline, GLYPH_POINTS)
+    letter: Curve = resample_curve(outline, GLYPH_POINTS)
     save_figure(
         REPORT / "fig2.png", figure2(letter, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
     )

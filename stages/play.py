@@ -18,7 +18,7 @@ import finloop.live
 from finloop.edit.modes import MODES, PAPER
 from finloop.edit.pictures import fade_distance
 from finloop.edit.schema import FRAME, SPRITE
-from finloop.live.door import HOST, bound
+from finloop.live.door import HOST, bind_socket
 from finloop.live.message import MOST_FISH
 from finloop.live.server import Server
 from finloop.live.tank import LiveTank, rehearse
@@ -69,7 +69,7 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
 def main() -> None:
     """Serve the live tank until Ctrl-C."""
     asked = _parser().parse_args()
-    with bound(asked.port) as listens:
+    with bind_socket(asked.port) as listens:
         url = f"http://{HOST}:{listens.getsockname()[1]}/"
         print("play: reading what the stages have made ...", file=sys.stderr)
 

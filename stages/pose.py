@@ -13,7 +13,7 @@ from finloop.io.mapped import new_array, save_array
 from finloop.io.record import save_record
 from finloop.io.table import read_lists, save_table
 from finloop.pose import film_poses
-from finloop.pose.film import POSES, USED, restored
+from finloop.pose.film import POSES, USED, restore_poses
 from finloop.pose.settings import Settings
 from finloop.project import Project
 from stages.settings import load
@@ -33,10 +33,10 @@ def main() -> None:
         save_table(folder / "poses.parquet", poses.table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)
         # As they would be worked out from the files, to the last bit.
-        again = restored(features, poses.codes, asdict(poses.facts))
+        again = restore_poses(features, poses.codes, asdict(poses.facts))
         save_array(folder / "postures.npy", again.pose.posture)
         save_outlines(folder / "outlines.npy", project)
-    explained = 100 * poses.shapes.explained
+    explained = 100 * poses.shapes.variance_shares
     numbers = {
         "shapes": len(explained),
         "first_shape_pct": float(explained[0]),

@@ -28,7 +28,7 @@ from finloop.realism.auc import roc
 from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.examples import FILM
 from finloop.realism.instrument import Instrument, Swimming, measure_list, swimming
-from finloop.realism.lists import Work, animated, filmed
+from finloop.realism.lists import Work, animation_lists, film_lists
 from finloop.realism.settings import Settings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
@@ -161,14 +161,14 @@ def instrument_of(project: Project) -> Instrument:
 def compare_swimming(p: Settings, q: AnimateSettings, project: Project, crew: Workers) -> None:
     """Compare film and animations; write the report."""
     rate, features = project.rate_hz, project.features
-    works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
+    works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     instrument = instrument_of(project)
     instruments = {FILM: instrument}
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():
-            works[mode] = animated(load_table(path, EDIT))
-            instruments[mode] = instrument.of_animations(project.size(mode))
+            works[mode] = animation_lists(load_table(path, EDIT))
+            instruments[mode] = instrument.adapt_to_animation(project.size(mode))
     pictures = Pictures(project)
     swum = swimming_of(works, pictures, instruments, crew)
     if FILM not in swum:

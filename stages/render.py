@@ -48,7 +48,7 @@ def films(
         for writer, _, _ in outputs:
             stack.enter_context(writer)
         for tick, fish in enumerate(shown):
-            change.append(steps.to(clean.show(*fish)))
+            change.append(steps.measure_step(clean.show(*fish)))
             if p.marks:
                 marks.show(tick, *fish)
             for writer, painter, most in outputs:

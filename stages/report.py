@@ -18,9 +18,9 @@ from finloop.io.film_small import small_film
 from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.report.figures import CHAPTERS, Chapter, Figure
-from finloop.report.page import WebP, data_uri, rendered, webp
+from finloop.report.page import WebP, data_uri, render_template, webp
 from finloop.report.settings import Settings
-from finloop.report.tables import Table, headline, measures, number, of_frame, of_numbers
+from finloop.report.tables import Table, data_frame_table, headline, measures, metrics_table, number
 from stages.settings import load, overrides, read
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
@@ -66,7 +66,7 @@ def sections(p: Settings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], 
         coded = ordered_map(load_webp, figures, Threads(THREADS))
         pictures = list(zip(figures, coded, strict=True))
         tables = [
-            of_frame(pd.read_csv(path), caption)
+            data_frame_table(pd.read_csv(path), caption)
             for name, caption in TABLES.get(chapter.id, ())
             if (path := REPORTS / name).is_file()
         ]
@@ -145,10 +145,10 @@ def main() -> None:
         "poster": webp(poster, p.picture_width_px, p.picture_quality),
         "film_text": film_in_words(mode, film_path == marked_film),
         "headline": headline(numbers["animate"] | numbers["realism"], mode),
-        "doubts": of_frame(pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"),
+        "doubts": data_frame_table(pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"),
         "measures": measures(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,
-        "table_2": of_frame(pd.read_csv(TIMES), TIMES_TITLE, 3),
+        "table_2": data_frame_table(pd.read_csv(TIMES), TIMES_TITLE, 3),
         "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",
         "parameters": parameters(values),
         "commands": [
@@ -156,10 +156,10 @@ def main() -> None:
             ".venv/bin/dvc exp run" + changes,
             "xdg-open reports/index.html",
         ],
-        "numbers": [of_numbers(part, word) for word, part in numbers.items() if part],
+        "numbers": [metrics_table(part, word) for word, part in numbers.items() if part],
         "licence": SOURCES[source][1],
     }
-    text = rendered("report.html.j2", page).encode()
+    text = render_template("report.html.j2", page).encode()
     if len(text) > p.most_mb * 1e6:
         raise FinloopError(
             f"the page would be {len(text) / 1e6:.1f} MB",

@@ -6,15 +6,15 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from finloop.edit.measures import of_seams, of_steps
+from finloop.edit.measures import discontinuity_measures, step_measures
 from finloop.edit.pictures import drawn_steps, seams
 from finloop.edit.schema import EDIT
-from finloop.given_motion import given_motion
+from finloop.given_motion import load_track
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.project import Project
-from finloop.retarget import ASKED, Material, Parts, Retargeted, retargeted
+from finloop.retarget import ASKED, Material, Parts, Retargeted, retarget_track
 from finloop.retarget.settings import Settings
 from stages.settings import load
 
@@ -30,18 +30,18 @@ def material(project: Project) -> Material:
     )  # fmt: skip
 
 
-def of_film(p: Settings) -> Retargeted:
-    """The track of the parameters, swum by the fish of the film."""
+def retarget_film(p: Settings) -> Retargeted:
+    """Retarget the track of the parameters to the fish of the film."""
     with Project() as project:
         steps, film = project.steps[["headed", "as_filmed"]].dropna(), material(project)
         others = Parts(load("jumps"), load("animate"), load("matching").join)
-        swum = retargeted(given_motion(film, p), film, p, others)
+        swum = retarget_track(load_track(film, p), film, p, others)
         mine = drawn_steps(swum.edit, film.pictures)
         joins, _ = seams(swum.edit, film.pictures)
     numbers = {
         **swum.numbers,
-        **of_steps(mine, steps["as_filmed"].to_numpy(float)),
-        **of_seams(joins, steps["headed"].to_numpy(float)),
+        **step_measures(mine, steps["as_filmed"].to_numpy(float)),
+        **discontinuity_measures(joins, steps["headed"].to_numpy(float)),
     }
     return swum._replace(numbers=numbers)
 
@@ -70,7 +70,7 @@ def main() -> None:
     if p.tracks is None:
         swum = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})
     else:
-        swum = of_film(p)
+        swum = retarget_film(p)
         for note in notes(swum.numbers):
             print(f"retarget: {note}", file=sys.stderr)
     with whole_folder(OUT) as folder:

@@ -62,7 +62,7 @@ def main() -> None:
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
         table, delta = swimmers(features, project.tracks(TRACKS), settings), delta_of(features)
-        look = partial(project.film_reel.headed, size=settings.picture_px)
+        look = partial(project.film_reel.align_pictures, size=settings.picture_px)
         choices = choose(table, look, delta, settings)
         sprites = sprite_table(table, choices, settings)
         with (

@@ -81,11 +81,11 @@ def _films(clip: Mapping[str, Any]) -> list[Path]:
     paths = clip.get("path")
     if not paths:
         return []
-    from finloop.io.footage.listed import listed
+    from finloop.io.footage.listed import list_films
 
     several = [paths] if isinstance(paths, str) else paths
     names = [item if isinstance(item, str) else item["path"] for item in several]
-    return [film for path in names for film in listed(path)]
+    return [film for path in names for film in list_films(path)]
 
 
 def digest(paths: Iterable[Path]) -> str | None:

@@ -24,11 +24,11 @@ from finloop.base.line import PX
 from finloop.given_path import line_of
 from finloop.io.atomic import save_bytes
 from finloop.io.journal import save_journal
-from finloop.live.door import HOST, AppServer, Door, bound
+from finloop.live.door import HOST, AppServer, Door, bind_socket
 from finloop.project import Project
 from finloop.stimulus.apps import calibration_app, replay_app, session_app
 from finloop.stimulus.course import whole_motion
-from finloop.stimulus.inputs import guarded, open_osc, open_udp
+from finloop.stimulus.inputs import guard_input, open_osc, open_udp
 from finloop.stimulus.listing import listing
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.order import trials
@@ -61,20 +61,20 @@ def show(asked: argparse.Namespace) -> None:
     plan = load_protocol(asked.protocol)
     print(listing(plan, trials(plan)))
     known = known_display(asked.display, plan.display.calibrated)
-    with bound(asked.port, asked.listen) as listens, open_scene(plan) as made:
-        ways = _recorded(asked, made, plan)
+    with bind_socket(asked.port, asked.listen) as listens, open_scene(plan) as made:
+        ways = _track_messages(asked, made, plan)
         with _session(asked, plan, made, RealClock(), display=_plain(known)) as session:
             store = display_file(asked.display)
             room = Show(session, asked.display, store)
             session.attach(room.send, Outlet(room.tell).send)
             door = _door(asked, listens)
             session.link = _address(asked, listens, door, "show")
-            hear = guarded(session.hear, lambda error: server.fail(error))
+            hear = guard_input(session.hear, lambda error: server.fail(error))
             inputs = _inputs(asked, door, hear, ways)
             served = session_app(
                 door, room, lambda: inputs(session), lambda error: server.fail(error)
             )
-            server = AppServer(served, listens, _started(asked, listens, door))
+            server = AppServer(served, listens, _make_announcer(asked, listens, door))
             _serve(server)
 
 
@@ -83,7 +83,7 @@ def dry(asked: argparse.Namespace) -> None:
     plan = load_protocol(asked.protocol)
     print(listing(plan, trials(plan)))
     with open_scene(plan) as made:
-        clock = Dry(again_and_again(_recorded(asked, made, plan)))
+        clock = Dry(again_and_again(_track_messages(asked, made, plan)))
         with _session(asked, plan, made, clock, dry=True) as session:
             clock.hear, session.patient = session.hear, False
             session.start()
@@ -122,14 +122,14 @@ def replay(asked: argparse.Namespace) -> None:
 
 
 def _replay(asked: argparse.Namespace, room: Replay) -> None:
-    with bound(asked.port) as listens:
+    with bind_socket(asked.port) as listens:
         door = Door(listens.getsockname()[1])
 
         def end() -> None:
             server.should_exit = True
 
         served = replay_app(door, room, end, lambda error: server.fail(error))
-        server = AppServer(served, listens, _started(asked, listens, door))
+        server = AppServer(served, listens, _make_announcer(asked, listens, door))
         _serve(server)
     print(
         f"replay: {room.shown} frames drawn, pixels of {room.compared} compared, "
@@ -145,8 +145,8 @@ def page(asked: argparse.Namespace) -> None:
     with open_scene(plan) as made:
         motion = whole_motion(made.scene, plan, trials(plan))
         text = alone_page(
-            plan.name, made.scene.rate_hz, made.tank.floor, made.pictures.of(motion), motion,
-            looks_of(plan), loops=False,
+            plan.name, made.scene.rate_hz, made.tank.floor, made.pictures.load_pictures(motion),
+            motion, looks_of(plan), loops=False,
         )  # fmt: skip
     save_bytes(asked.out, text.encode())
     print(f"stimulus: {asked.out} plays by itself")
@@ -160,7 +160,7 @@ def recover(asked: argparse.Namespace) -> None:
 def calibrate(asked: argparse.Namespace) -> None:
     """Calibrate a display, until it is stored."""
     known = known_display(asked.display, False)
-    with bound(asked.port, asked.listen) as listens, open_scene() as made:
+    with bind_socket(asked.port, asked.listen) as listens, open_scene() as made:
         feed = made.feed(
             [], 0, display=_plain(known), mode="calibrate", digest=False, name=asked.display,
             keys=[],
@@ -169,7 +169,7 @@ def calibrate(asked: argparse.Namespace) -> None:
         room = Calibration(feed, path, lambda: print(f"calibrate: stored in {path}"))
         door = _door(asked, listens)
         served = calibration_app(door, room, lambda error: server.fail(error))
-        server = AppServer(served, listens, _started(asked, listens, door))
+        server = AppServer(served, listens, _make_announcer(asked, listens, door))
         _serve(server)
 
 
@@ -214,10 +214,10 @@ def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
     print(f"stimulus: the session is in {path}, in words in {path.with_suffix('.md')}")
 
 
-def _recorded(
+def _track_messages(
     asked: argparse.Namespace, made: FilmedScene, plan: Protocol
 ) -> list[tuple[float, str]]:
-    """What a recorded track says, as a tracker would, and when."""
+    """Return what a recorded track reports, as a tracker would, and when."""
     if asked.animal is None:
         return []
     if plan.animals is None:
@@ -239,7 +239,9 @@ def _inputs(
     """Tasks that bring what trackers say, by UDP, by OSC, or from a recorded track."""
 
     async def listen(opens: Any, port: int) -> None:
-        transport = await opens(bound(port, asked.listen, socket.SOCK_DGRAM), hear, door.token)
+        transport = await opens(
+            bind_socket(port, asked.listen, socket.SOCK_DGRAM), hear, door.token
+        )
         try:
             await asyncio.Event().wait()
         finally:
@@ -273,7 +275,9 @@ def _address(asked: Any, listens: socket.socket, door: Door, page: str = "") -> 
     return f"http://{host}:{port}/{page}" + (f"?token={door.token}" if door.token else "")
 
 
-def _started(asked: argparse.Namespace, listens: socket.socket, door: Door) -> Callable[[], None]:
+def _make_announcer(
+    asked: argparse.Namespace, listens: socket.socket, door: Door
+) -> Callable[[], None]:
     def said() -> None:
         url = _address(asked, listens, door)
         print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)

@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 from finloop.base.errors import FinloopError
 from stages.compare import OUT, compare, experiments, git, head
-from stages.compose import composed, experiment
+from stages.compose import compose_params, experiment
 from stages.settings import LOCAL, PARAMS, overrides, read
 
 # The command `dvc`, in a process that does not outlive this one. It is short, and makes many small
@@ -98,7 +98,7 @@ def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str,
     there = experiments()
     for name, changes in runs.items():
         try:
-            params = composed(changes)
+            params = compose_params(changes)
         except FinloopError as error:
             failures[name] = str(error)
             continue

@@ -87,10 +87,10 @@ def main() -> None:
         with Scene(background, room, size, len(fish)) as scene:
 
             def picture(camera: str, tick: int) -> np.ndarray:
-                worn = [one.at(tick) for one in fish]
+                worn = [one.shape_at(tick) for one in fish]
                 return scene.frame(worn, cameras[camera], tick, time[tick])
 
-            save_picture(folder / "still.png", picture(FOLLOW, first.bent()))
+            save_picture(folder / "still.png", picture(FOLLOW, first.find_bent_tick()))
             moments = np.linspace(0, ticks - 1, 2 * MOMENTS + 1).astype(int)[1::2]
             rows = [[picture(name, int(tick)) for tick in moments] for name in PRESETS]
             with (

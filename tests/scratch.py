@@ -23,7 +23,7 @@ from finloop.io.video import (
     save_facts,
     save_mask,
 )
-from stages.compose import composed
+from stages.compose import compose_params
 from stages.settings import CONF, PARAMS, all_problems
 
 
@@ -31,7 +31,7 @@ from stages.settings import CONF, PARAMS, all_problems
 def _composed(overrides: tuple[str, ...]) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
-        return composed(["~local", *overrides])
+        return compose_params(["~local", *overrides])
 
 
 def composed_once(overrides: Sequence[str]) -> str:
@@ -80,7 +80,7 @@ def put_clip(
     )  # fmt: skip
     clip = folder / "data/clip"
     shutil.rmtree(clip, ignore_errors=True)
-    with VideoWriter.of(clip / CLIP_NAME, facts) as writer:
+    with VideoWriter.from_facts(clip / CLIP_NAME, facts) as writer:
         for frame in frames:
             writer.write(frame)
     save_facts(clip / FACTS_NAME, facts)

@@ -26,11 +26,11 @@ from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
 from finloop.animate.arena import (
     goes_on,
+    is_area_complete,
     place_goals,
-    roamed,
-    settled,
     size_for,
     tank,
+    tank_area,
     where,
 )
 from finloop.animate.kinematics import Ahead, Target, Turning
@@ -77,31 +77,31 @@ def disc(radius: float) -> np.ndarray:
 
 def test_without_an_arena_the_fish_is_where_animals_were_filmed():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
-    there = roamed(whole, wide, "auto")
+    there = tank_area(whole, wide, "auto")
     rows, columns = np.mgrid[:160, :200]
     away = np.hypot(columns - 100, rows - 80)
     assert there[away < 68].all() and not there[away > 71].any()
     given = columns > 50  # an arena that was given is believed
-    assert np.array_equal(roamed(given, wide, "auto"), given)
-    assert np.array_equal(roamed(given, wide, "filmed"), given & there)
-    assert roamed(whole, wide, "arena").all()
-    assert roamed(whole, disc(20.0), "auto").all()  # it held its place
+    assert np.array_equal(tank_area(given, wide, "auto"), given)
+    assert np.array_equal(tank_area(given, wide, "filmed"), given & there)
+    assert tank_area(whole, wide, "arena").all()
+    assert tank_area(whole, disc(20.0), "auto").all()  # it held its place
 
 
 def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it_ends():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
     order = np.argsort(wide[:, 0, 0])  # from left to right: each half of the film shows a half
-    assert settled(wide) and not settled(wide[order])
+    assert is_area_complete(wide) and not is_area_complete(wide[order])
     floor = np.random.default_rng(0).integers(140, 160, (160, 200)).astype(np.uint8)
-    assert roamed(whole, wide[order], "auto", floor).all()
-    there = roamed(whole, wide, "auto", floor)
-    assert np.array_equal(roamed(whole, wide[order], "filmed", floor), there) and not there.all()
-    assert np.array_equal(roamed(whole, wide[order], "auto"), there)  # the floor is not known
+    assert tank_area(whole, wide[order], "auto", floor).all()
+    there = tank_area(whole, wide, "auto", floor)
+    assert np.array_equal(tank_area(whole, wide[order], "filmed", floor), there) and not there.all()
+    assert np.array_equal(tank_area(whole, wide[order], "auto"), there)  # the floor is not known
     both = np.concatenate([wide[order], wide[order][::-1]])  # and back again
-    assert settled(both) and np.array_equal(roamed(whole, both, "auto", floor), there)
+    assert is_area_complete(both) and np.array_equal(tank_area(whole, both, "auto", floor), there)
     rests = np.concatenate([wide, wide[order][:20].repeat(2, 0)])
-    assert settled(rests)  # a half that adds little shows that there is little to add
-    assert not settled(wide[:1])
+    assert is_area_complete(rests)  # a half that adds little shows that there is little to add
+    assert not is_area_complete(wide[:1])
 
 
 @pytest.mark.parametrize(("beyond", "same"), [(0, True), (10, True), (60, False), (-60, False)])
@@ -115,16 +115,16 @@ def test_a_floor_goes_on_where_most_beyond_is_as_bright(beyond, same):
     assert not goes_on(floor, np.ones_like(filmed))
     order = np.argsort(disc(66.0)[:, 0, 0])
     whole, picture = np.ones((160, 200), bool), np.full((160, 200), 150 + beyond, np.uint8)
-    picture[roamed(whole, disc(66.0), "filmed")] = 150
+    picture[tank_area(whole, disc(66.0), "filmed")] = 150
     kept = where(whole, disc(66.0)[order], 30.0, "auto", picture)
     assert kept.all() == (beyond == 0)
 
 
 def test_where_animals_were_filmed_does_not_depend_on_how_many_are_looked_at_at_a_time(monkeypatch):
     whole, wide = np.ones((160, 200), bool), disc(66.0)
-    there = roamed(whole, wide, "filmed")
+    there = tank_area(whole, wide, "filmed")
     monkeypatch.setattr(arena, "_LOT", 3)
-    assert np.array_equal(roamed(whole, wide, "filmed"), there)
+    assert np.array_equal(tank_area(whole, wide, "filmed"), there)
 
 
 def test_the_edge_of_the_picture_is_a_wall():
@@ -143,7 +143,7 @@ def test_of_two_pools_the_larger_is_the_tank():
 
 def test_a_fish_that_does_not_fit_into_where_it_was_filmed_may_be_anywhere():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
-    filmed = roamed(whole, wide, "auto")
+    filmed = tank_area(whole, wide, "auto")
     assert not filmed.all() and np.array_equal(where(whole, wide, 30.0, "auto"), filmed)
     assert where(whole, wide, 75.0, "auto").all()
     assert np.array_equal(where(whole, wide, 75.0, "filmed"), filmed)  # asked for, so kept to
@@ -235,9 +235,9 @@ FAR = Target(-1e6, -1e6, 5.0, 9.0)
 
 
 def test_ahead_is_along_the_heading_with_y_down_and_left_to_its_left():
-    assert step.ahead(0.0, 0.0, 0.0, 1.0, 0.0) == pytest.approx((1, 0))
-    assert step.ahead(0.0, 0.0, 90.0, 1.0, 0.0) == pytest.approx((0, -1))
-    assert step.ahead(0.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx((0, -1))
+    assert step.offset_point(0.0, 0.0, 0.0, 1.0, 0.0) == pytest.approx((1, 0))
+    assert step.offset_point(0.0, 0.0, 90.0, 1.0, 0.0) == pytest.approx((0, -1))
+    assert step.offset_point(0.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx((0, -1))
     assert step.bearing(0.0, 0.0, 0.0, -5.0) == pytest.approx(90)
 
 
@@ -464,32 +464,32 @@ def straight_list(n: int = 101) -> pd.DataFrame:
 def test_a_straight_way_to_the_goal_has_no_error(player):
     table = straight_list()
     touching = SimpleNamespace(motion=player.world.motion, touch_px=8.0, head_px=0.0)
-    found = measures.of_goals(table, [Goal("A", 500, 300)], touching)
+    found = measures.measure_goals(table, [Goal("A", 500, 300)], touching)
     assert found["goals_reached_pct"] == 100
     assert found["path_error_rms_body_lengths"] == pytest.approx(0)
     assert found["straightness"] == pytest.approx(1)
     assert found["time_to_goal_median_s"] == pytest.approx(98 / RATE)
     off = table.assign(y_px=300 + 2 * LENGTH)
     goals = [Goal("A", 500, 300)]
-    assert measures.of_goals(off, goals, touching)["goals_reached_pct"] == 0
+    assert measures.measure_goals(off, goals, touching)["goals_reached_pct"] == 0
 
 
 def test_goals_count_only_in_their_order(player):
     goals = [Goal("A", 400, 300), Goal("B", 200, 300)]
-    assert np.isnan(measures.reached(straight_list(), goals, 8.0, 0.0)[1])
+    assert np.isnan(measures.arrival_ticks(straight_list(), goals, 8.0, 0.0)[1])
 
 
 def test_turns_without_room_are_counted():
     table = straight_list(4).assign(state="turn", reason=["turn", None, "turn", None])
     table["room"] = [0.5, np.nan, 1.0, np.nan]
-    assert edit_measures.of_turns(table)["turns_with_little_room_pct"] == 50
+    assert edit_measures.turn_measures(table)["turns_with_little_room_pct"] == 50
 
 
 def test_a_turn_that_turns_away_is_found():
     table = straight_list(5).assign(state="turn", heading_deg=[40.0, 30.0, 31.0, 10.0, 0.0])
-    assert edit_measures.of_turns(table)["turns_monotone_pct"] == 0
+    assert edit_measures.turn_measures(table)["turns_monotone_pct"] == 0
     table["heading_deg"] = [40.0, 30.0, 20.0, 10.0, 0.0]
-    assert edit_measures.of_turns(table)["turns_monotone_pct"] == 100
+    assert edit_measures.turn_measures(table)["turns_monotone_pct"] == 100
 
 
 def test_the_distance_of_samples_is_that_of_scipy():
@@ -570,12 +570,12 @@ def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(player):
 
 def test_steps_and_seams_of_the_film_itself_are_one():
     steps = np.random.default_rng(0).uniform(1, 3, 501)
-    assert edit_measures.of_steps(steps, steps)["step_ratio_median"] == 1
-    assert edit_measures.of_seams(steps, steps)["seam_ratio_median"] == 1
-    assert edit_measures.of_seams(steps, steps)["jumps_above_film_p95_pct"] == pytest.approx(
-        5, abs=0.5
-    )
-    assert edit_measures.of_seams(np.zeros(0), steps) == {"jumps": 0}
+    assert edit_measures.step_measures(steps, steps)["step_ratio_median"] == 1
+    assert edit_measures.discontinuity_measures(steps, steps)["seam_ratio_median"] == 1
+    assert edit_measures.discontinuity_measures(steps, steps)[
+        "jumps_above_film_p95_pct"
+    ] == pytest.approx(5, abs=0.5)
+    assert edit_measures.discontinuity_measures(np.zeros(0), steps) == {"jumps": 0}
 
 
 def test_states_of_the_film_sum_to_all_of_it():

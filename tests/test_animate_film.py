@@ -35,7 +35,7 @@ from toy_film import (
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
 from finloop.animate.kinematics import Target, rotate
-from finloop.animate.memory import NEVER, last_on_screen, remembered
+from finloop.animate.memory import NEVER, last_on_screen, remember_rows
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import swim
 from finloop.animate.size import frame_hulls, reach
@@ -59,7 +59,7 @@ from finloop.edit.stretch import Decision
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
-from finloop.plan.plan import Options, considered
+from finloop.plan.plan import Options, option_table
 
 
 def film_player(film_=None, room_=None, **changes):
@@ -344,7 +344,7 @@ def test_goals_are_reached():
         rng = np.random.default_rng(seed)
         goals = random_goals(mode.world, 3, rng)
         found, table = edit_of(mode, goals, 1500, seed)
-        ticks = measures.reached(table, goals, TOUCH, HEAD)
+        ticks = measures.arrival_ticks(table, goals, TOUCH, HEAD)
         done.append(~np.isnan(ticks))
         assert list(found.reached) == [-1 if np.isnan(t) else t for t in ticks]
     assert np.mean(done) >= 0.8
@@ -354,7 +354,9 @@ def test_a_seed_gives_one_animation_and_another_seed_another():
     goals = [Goal("A", 200.0, 200.0)]
     one, same, other = (edit_of(film_player(), goals, 400, seed) for seed in (7, 7, 8))
     pd.testing.assert_frame_equal(one[1], same[1])
-    pd.testing.assert_frame_equal(considered(one[0], 400, 10**6), considered(same[0], 400, 10**6))
+    pd.testing.assert_frame_equal(
+        option_table(one[0], 400, 10**6), option_table(same[0], 400, 10**6)
+    )
     assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
 
 
@@ -366,7 +368,7 @@ def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
     at = np.array([table["x_px"].iloc[0], table["y_px"].iloc[0]])
     assert np.hypot(*(at - goals[0][1:3])) > 250  # far away
     assert list(found.reached) == [-1] and set(table["goal"]) == {"A"}
-    measured = measures.of_goals(table, goals, mode.world)
+    measured = measures.measure_goals(table, goals, mode.world)
     assert measured == {"goals": 1.0, "goals_reached_pct": 0.0}
     assert len(table) == 800 and np.ptp(table["x_px"]) < 120
 
@@ -487,7 +489,7 @@ def test_a_memory_is_what_an_array_of_all_rows_would_remember():
     recent, last, cut = np.zeros((0, 3), np.int64), np.full(40, NEVER), 0
     for tick in range(0, 1200, 6):
         first, ticks, before = int(rng.integers(35)), int(rng.integers(1, 6)), len(recent)
-        recent = remembered(recent, first, first + ticks - 1, tick, float(tick - 90))
+        recent = remember_rows(recent, first, first + ticks - 1, tick, float(tick - 90))
         last[first : first + ticks] = tick + np.arange(ticks)
         assert (np.diff(recent[:, :2].ravel()) >= np.tile([0, 1], len(recent))[:-1]).all()
         mine = np.array([last_on_screen(recent, row, row) for row in range(40)])
@@ -501,9 +503,9 @@ def test_a_memory_is_what_an_array_of_all_rows_would_remember():
 
 
 def test_film_that_plays_on_is_remembered_as_one_stretch():
-    recent = remembered(np.zeros((0, 3), np.int64), 10, 14, 100, 0.0)
-    assert remembered(recent, 15, 19, 105, 0.0).tolist() == [[10, 19, 100]]
-    assert remembered(recent, 15, 19, 106, 0.0).tolist() == [[10, 14, 100], [15, 19, 106]]
+    recent = remember_rows(np.zeros((0, 3), np.int64), 10, 14, 100, 0.0)
+    assert remember_rows(recent, 15, 19, 105, 0.0).tolist() == [[10, 19, 100]]
+    assert remember_rows(recent, 15, 19, 106, 0.0).tolist() == [[10, 14, 100], [15, 19, 106]]
 
 
 # --- a player is pure
@@ -555,7 +557,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
     save_table(tmp_path / "a.parquet", table, EDIT)
     back = load_table(tmp_path / "a.parquet", EDIT)
     assert list(back["tick"]) == list(range(900))
-    weighed = considered(found, 900, rich_film().filmed)
+    weighed = option_table(found, 900, rich_film().filmed)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
     assert (again.groupby("tick")["taken"].sum() == 1).all()

@@ -13,7 +13,7 @@ from finloop.distance.picture import FILM, SPAN, distance, picture
 from finloop.edit.bodies import Bodies
 from finloop.edit.pictures import (
     Pictures,
-    drawn,
+    draw_edit,
     drawn_steps,
     film_next,
     seams,
@@ -236,8 +236,8 @@ def test_a_drawn_cross_fade_lies_between_its_pictures(shown, kind):
 
 
 def test_the_frame_after_a_frame_is_that_of_its_track(shown):
-    assert shown.reel.after([0, 6, 8, 12]).tolist() == [1, 7, 9, 13]
-    assert shown.reel.after([7, 13]).tolist() == [7, 13]
+    assert shown.reel.next_rows([0, 6, 8, 12]).tolist() == [1, 7, 9, 13]
+    assert shown.reel.next_rows([7, 13]).tolist() == [7, 13]
 
 
 def test_natural_play_has_no_seam_however_it_is_turned(shown):
@@ -286,7 +286,7 @@ def test_a_jump_of_sprites_is_what_the_film_does_not_show(shown):
     assert list(film_next(shown.reel.sprites)) == [1, 2, -1, 4, -1]
     edit = edit_of(shown, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
     found, ticks = seams(edit, shown)
-    pose = distance(shown.after, shown.headed)
+    pose = distance(shown.sprite_successors, shown.right_facing_sprites)
     assert list(ticks) == [3, 4, 6]
     assert found == pytest.approx([pose[2, 0], pose[0, 0], pose[1, 3]], rel=1e-5)
 
@@ -313,7 +313,7 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
     """The edit list, every tick posed as it was filmed."""
     edit = edit.copy()
     for tick, row in enumerate(edit.itertuples()):
-        body = shown.bodies.shown(*row[1:5], row.mirrored)
+        body = shown.bodies.edit_row_body(*row[1:5], row.mirrored)
         edit.at[tick, "pose"] = shown.bodies.codes(body)
     return edit
 
@@ -321,7 +321,9 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
 def test_in_its_own_pose_a_picture_is_drawn_as_without_one(shown):
     edit = edit_of(shown, *((FRAME, row, 33.0 * row) for row in range(5)))
     edit["mirrored"] = [False, True, False, True, False]
-    for one, posed in zip(drawn(edit, shown), drawn(in_own_pose(edit, shown), shown), strict=True):
+    for one, posed in zip(
+        draw_edit(edit, shown), draw_edit(in_own_pose(edit, shown), shown), strict=True
+    ):
         assert np.abs(one - posed).max() < 0.02
     assert len(seams(in_own_pose(edit, shown), shown)[0]) == 4
 
@@ -329,7 +331,9 @@ def test_in_its_own_pose_a_picture_is_drawn_as_without_one(shown):
 def test_a_sprite_in_its_own_pose_is_its_row_turned(shown):
     edit = edit_of(shown, *((SPRITE, number, 40.0 * number) for number in range(4)))
     step = drawn_steps(edit_of(shown, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), shown)[0]
-    for one, posed in zip(drawn(edit, shown), drawn(in_own_pose(edit, shown), shown), strict=True):
+    for one, posed in zip(
+        draw_edit(edit, shown), draw_edit(in_own_pose(edit, shown), shown), strict=True
+    ):
         assert np.linalg.norm(one - posed) < 2 * step  # the stored one was sampled twice
 
 

@@ -20,7 +20,7 @@ from rlottie_python import LottieAnimation
 import finloop.io.animation
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import Paint, Shape, paint, painted, shapes
+from finloop.base.paint import Paint, Shape, paint, paint_layers, shapes
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import there_and_back
@@ -63,7 +63,7 @@ def wanted(morph, frame, scale=1.0):
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
     drawn = [(one, [morph.layers[name][frame] for name in one.layers]) for one in what]
     size = round(morph.height * scale), round(morph.width * scale)
-    return painted(drawn, size, scale).astype(int)
+    return paint_layers(drawn, size, scale).astype(int)
 
 
 def saved(tmp_path, ending, morph=None, **kinds):
@@ -74,9 +74,8 @@ def saved(tmp_path, ending, morph=None, **kinds):
 
 def test_frames_that_are_equal_are_painted_once(tmp_path, monkeypatch):
     count = []
-    paint_picture = finloop.io.animation.painted
     monkeypatch.setattr(
-        finloop.io.animation, "painted", lambda *a: count.append(1) or paint_picture(*a)
+        finloop.io.animation, "paint_layers", lambda *a: count.append(1) or paint_layers(*a)
     )
     saved(tmp_path, ".webp", there_and_back(a_morph()))
     assert len(count) == FRAMES
@@ -278,7 +277,7 @@ BLACK = Paint((0, 0, 0), None, 1, 1, 1)
 def picture(contours, how=BLACK, size=(64, 64), scale=1.0, closed=True):
     names = tuple(str(k) for k in range(len(contours)))
     shape = Shape("a", names, (closed,) * len(contours), how)
-    return painted([(shape, contours)], size, scale)
+    return paint_layers([(shape, contours)], size, scale)
 
 
 def ink(contours, *arguments, **kinds):
@@ -309,8 +308,8 @@ def test_a_shift_by_whole_pixels_shifts_the_picture():
 def test_later_shapes_cover_earlier_ones_and_opacity_lets_through():
     red, green = Paint((255, 0, 0), None, 1, 1, 1), Paint((0, 255, 0), None, 0.5, 1, 1)
     both = [(Shape("a", ("a",), (True,), how), [ring(32, 32, 20)]) for how in (red, green)]
-    assert painted(both, (64, 64), 1)[32, 32].tolist() == [128, 128, 0]
-    assert painted(both[::-1], (64, 64), 1)[32, 32].tolist() == [255, 0, 0]
+    assert paint_layers(both, (64, 64), 1)[32, 32].tolist() == [128, 128, 0]
+    assert paint_layers(both[::-1], (64, 64), 1)[32, 32].tolist() == [255, 0, 0]
 
 
 def test_what_lies_outside_is_cut_off():
@@ -366,9 +365,9 @@ def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
         calls.append(1)
         if len(calls) > 3:
             raise RuntimeError("half way")
-        return painted(*arguments, **kinds)
+        return paint_layers(*arguments, **kinds)
 
-    monkeypatch.setattr(finloop.io.animation, "painted", fails)
+    monkeypatch.setattr(finloop.io.animation, "paint_layers", fails)
     monkeypatch.setattr("pathlib.Path.write_bytes", lambda *a, **k: 1 / 0)
     with pytest.raises((RuntimeError, ZeroDivisionError)):
         save_animation(path, a_morph(), RATE, 64)

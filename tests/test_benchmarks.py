@@ -80,7 +80,7 @@ def test_a_film_that_fails_is_a_row_and_the_next_one_is_run(tmp_path, monkeypatc
             raise SystemExit("stage failed:\nfinloop: no fish\n  do:     take some")
         return {"rows": 7}
 
-    monkeypatch.setattr(films, "ended", ended)
+    monkeypatch.setattr(films, "run_pipeline", ended)
     monkeypatch.setattr(films, "_TABLE", tmp_path / "films.csv")
     for row in films.results([("one", ["bad"]), ("98 frames", None)], tmp_path, ["render"]):
         films.keep(pd.DataFrame([row]))
@@ -191,7 +191,7 @@ def test_a_stage_that_has_figures_is_not_run_again(tmp_path, monkeypatch):
         runs.append(word)
         return {"seconds": 1.5}
 
-    monkeypatch.setattr(scale, "measured", measured)
+    monkeypatch.setattr(scale, "measure_stage", measured)
     assert [scale.figures(tmp_path, "jumps") for _ in range(2)] == [{"seconds": 1.5}] * 2
     assert runs == ["jumps"]
 

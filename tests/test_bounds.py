@@ -15,7 +15,7 @@ from toy_film import (
 
 from finloop.animate.arena import inside, tank
 from finloop.animate.company import discs_of
-from finloop.animate.encounters import placed
+from finloop.animate.encounters import place_outline
 from finloop.animate.kinematics import Target
 from finloop.plan.walls import bounds_of, fits, kept_inside, push_inside
 
@@ -35,7 +35,7 @@ def pool():
 def shown_inside(arena, hull, place, mirrored=False):
     """Whether every pixel of an outline is inside."""
     mask = np.zeros((400, 500), np.uint8)
-    corners = placed(hull, *place, mirrored) + 50
+    corners = place_outline(hull, *place, mirrored) + 50
     cv2.fillPoly(mask, [np.rint(16 * corners).astype(np.int32)], 1, shift=4)
     return bool(np.pad(arena, 50)[mask[:340, :420] > 0].all()) and not mask[340:].any()
 
@@ -111,7 +111,7 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
     places = []
     while fish.tick < 500:
-        fish = player._after(fish, keeper.keep_clear(fish, ahead, rng))
+        fish = player._fish_after(fish, keeper.keep_clear(fish, ahead, rng))
         places.append((fish.x, fish.y, fish.heading))
         assert fits(waters.bounds, fish.row, *places[-1])
     steps = -np.diff(np.array(places)[:, 0])

@@ -16,7 +16,7 @@ import stages.plots.calibrate
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.calibrate.film import film_shoal, horizon_frames
-from finloop.calibrate.fit import Rings, crossed, fitted, regression, without_company
+from finloop.calibrate.fit import Rings, cross_validate, fit_zones, regression, without_company
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.features.table import FEATURES
@@ -85,7 +85,7 @@ FILM = shoal()
 
 
 def test_zones_that_fish_swim_by_are_found_again():
-    found = fitted(FILM, settings("calibrate", **TRIED))
+    found = fit_zones(FILM, settings("calibrate", **TRIED))
     assert found.zones.radii == TRUE.radii
     assert found.zones.blind_deg == TRUE.blind_deg
     assert found.zones.weights == pytest.approx(TRUE.weights, rel=0.25)
@@ -94,14 +94,14 @@ def test_zones_that_fish_swim_by_are_found_again():
 
 
 def test_fish_that_pay_no_attention_have_no_zones_that_foretell():
-    found = fitted(shoal(NO_ZONES), settings("calibrate", **TRIED))
+    found = fit_zones(shoal(NO_ZONES), settings("calibrate", **TRIED))
     assert found.explained_held_out < 0.005
     assert max(found.zones.weights) < 0.1
 
 
 def test_what_is_given_is_kept_and_the_rest_is_fitted():
     p = settings("calibrate", **TRIED, attraction=7.0, attraction_weight=0.8, blind_deg=90.0)
-    found = fitted(FILM, p).zones
+    found = fit_zones(FILM, p).zones
     assert (found.attraction, found.attraction_weight, found.blind_deg) == (7.0, 0.8, 90.0)
     assert found.repulsion_weight == pytest.approx(1.2, rel=0.3)
 
@@ -117,7 +117,7 @@ def test_what_is_given_is_kept_and_the_rest_is_fitted():
 )
 def test_zones_beyond_the_list_are_fitted_round_what_is_given(asked):
     few = TRIED | {"blind_angles_deg": [0.0]} | asked
-    zones = fitted(FILM, settings("calibrate", **few)).zones
+    zones = fit_zones(FILM, settings("calibrate", **few)).zones
     for name in {*asked} - {"radii"}:
         assert getattr(zones, name) == asked[name]
     assert list(zones.radii) == sorted(zones.radii)
@@ -127,14 +127,14 @@ def test_the_mirror_image_of_a_film_has_the_same_zones():
     table = swim(TRUE)
     mirrored = table.assign(x_px=299 - table["x_px"], heading_deg=180 - table["heading_deg"])
     p = settings("calibrate", **TRIED)
-    here, there = (fitted(film_shoal(one, ARENA, 1, 1.0), p) for one in (table, mirrored))
+    here, there = (fit_zones(film_shoal(one, ARENA, 1, 1.0), p) for one in (table, mirrored))
     assert there.zones.radii == here.zones.radii
     assert there.zones.weights == pytest.approx(here.zones.weights, rel=1e-3)
 
 
 def test_rings_say_what_zones_say():
     rows = FILM.lessons(True, 300)
-    seen = FILM.seen(rows)
+    seen = FILM.visible_neighbours(rows)
     rings = Rings(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
     for radii in [(0.5, 2.0, 8.0), (0.0, 0.0, 8.0), (0.5, 0.5, 0.5), (0.0, 2.0, 2.0)]:
         assert rings.means(radii) == pytest.approx(zone_means(seen, radii, 90.0), abs=1e-9)
@@ -161,11 +161,15 @@ def test_what_fits_by_chance_is_found_out_by_the_other_part():
             np.subtract(*(regression(one, wall, after, free)[1] for one in (pulls, nothing)))
         )
         cross.append(
-            np.subtract(*(crossed(one, wall, after, free, parts) for one in (pulls, nothing)))
+            np.subtract(
+                *(cross_validate(one, wall, after, free, parts) for one in (pulls, nothing))
+            )
         )
         drawn = after + 2 * pulls[:, 0]
         true.append(
-            np.subtract(*(crossed(one, wall, drawn, free, parts) for one in (pulls, nothing)))
+            np.subtract(
+                *(cross_validate(one, wall, drawn, free, parts) for one in (pulls, nothing))
+            )
         )
     assert np.mean(own) < 0  # what was fitted to fits better with anything than with nothing
     assert np.mean(cross) > 0
@@ -179,7 +183,9 @@ def test_company_is_that_of_the_frame_and_a_while_later_of_the_track():
     rows = FILM.lessons(False, 50)
     assert (FILM.frame[rows] >= 750).all()
     assert (FILM.frame[FILM.later[rows]] == FILM.frame[rows] + 1).all()
-    assert np.isfinite(FILM.seen(rows).distance).sum(axis=1).tolist() == [5] * len(rows)
+    assert np.isfinite(FILM.visible_neighbours(rows).distance).sum(axis=1).tolist() == [5] * len(
+        rows
+    )
     assert FILM.fish == 6
 
 
@@ -236,7 +242,7 @@ def test_fish_that_are_points_shoal_as_the_film_does():
 def test_own_steps_leave_nothing_to_the_company():
     steps = own_steps(FILM, FILM.whole_steps(3000), TRUE)
     assert steps.onward == pytest.approx(OWN, rel=0.15)
-    pulls = pull(FILM.seen(FILM.whole_steps(3000)), TRUE)
+    pulls = pull(FILM.visible_neighbours(FILM.whole_steps(3000)), TRUE)
     whole = own_steps(FILM, FILM.whole_steps(3000), NO_ZONES)
     left, before = (float((one.turn * pulls.conj()).real.mean()) for one in (steps, whole))
     assert before > 0.1 and abs(left) < 0.3 * before

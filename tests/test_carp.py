@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from finloop.base.settings import settings
-from finloop.drawn.carp.draw import blurred, draw
+from finloop.drawn.carp.draw import blur_drawing, draw
 from finloop.drawn.carp.film import (
     bend_of,
     curvature_of,
@@ -453,5 +453,5 @@ def test_the_fish_stands_out_from_the_floor_and_its_shadow_less():
             darker = floor[window] - frames[number][window]
             assert np.quantile(darker[cut.coverage > 0.99], 0.05) > 35
             assert truth[number][0]["mask_area_px"] == pytest.approx(cut.area_px())
-            shade = darker[blurred(cut)[1] < 1e-3]
+            shade = darker[blur_drawing(cut)[1] < 1e-3]
             assert 8 < shade.max() < 40

@@ -6,11 +6,11 @@ import pytest
 
 from finloop.base.settings import settings
 from finloop.clip.check import CHECK, LENGTH, RUNS, Clip, check, runs
-from finloop.clip.doubled import doubled
+from finloop.clip.doubled import find_repeats
 from finloop.clip.fields import field_order
 from finloop.clip.light import gain, in_light, light
 from finloop.clip.quality import Tally
-from finloop.clip.shake import UNKNOWN, Shift, marks, shift, steadied
+from finloop.clip.shake import UNKNOWN, Shift, marks, shift, undo_shift
 from finloop.clip.verdict import findings
 from finloop.drawn.carp.film import film
 
@@ -107,8 +107,8 @@ def test_a_zoom_is_seen_as_parts_that_move_apart():
 def test_a_frame_is_moved_back():
     tank = floor()
     shot, by = seen(tank, 2.6, -1.3), Shift(2.6, -1.3, 0)
-    back = steadied(shot, by)
-    assert np.array_equal(steadied(shot, by, 3), back[::3, ::3])
+    back = undo_shift(shot, by)
+    assert np.array_equal(undo_shift(shot, by, 3), back[::3, ::3])
     off = back.astype(float) - seen(tank)
     assert np.abs(off[6:-6, 6:-6]).mean() < 3
 
@@ -126,7 +126,7 @@ def changes(times: np.ndarray, speed: np.ndarray) -> np.ndarray:
 def test_a_conversion_to_a_higher_rate_is_undone(rate):
     speed = 8 + 5 * np.sin(np.arange(3000) / 9)
     times = np.floor(np.arange(2000) * rate + 0.3).astype(int)
-    found = doubled(changes(times, speed))
+    found = find_repeats(changes(times, speed))
     assert found.rate == pytest.approx(rate, abs=1e-4)
     assert 100 * found.share == pytest.approx(100 * (1 - rate), abs=1)
     right = np.diff(times, prepend=-1) == 0
@@ -138,8 +138,8 @@ def test_a_conversion_to_a_higher_rate_is_undone(rate):
 
 def test_an_animal_that_moves_by_fits_and_starts_doubles_nothing():
     speed = np.abs(10 * np.sin(np.arange(1500) ** 1.5 / 900)) + RNG.uniform(0.1, 0.3, 1500)
-    assert doubled(changes(np.arange(1500), speed)).share < 0.01
-    assert doubled(np.array([np.nan, 0.0, 0.0, 0.0])).share == 0
+    assert find_repeats(changes(np.arange(1500), speed)).share < 0.01
+    assert find_repeats(np.array([np.nan, 0.0, 0.0, 0.0])).share == 0
 
 
 def test_an_animal_that_rests_and_darts_away_doubles_nothing():
@@ -148,14 +148,14 @@ def test_an_animal_that_rests_and_darts_away_doubles_nothing():
     starts = np.cumsum(RNG.integers(13, 30, 50))
     for start in starts:
         speed[start : start + 7] = RNG.uniform(6, 12) * np.sin(np.linspace(0.7, 3, 7))
-    assert doubled(changes(np.arange(1500), speed)).share < 0.01
+    assert find_repeats(changes(np.arange(1500), speed)).share < 0.01
 
 
 def test_stutter_is_told_from_a_conversion():
     times = np.arange(1500)
     late = RNG.choice(np.arange(1, 1500), 150, replace=False)
     times[late] = times[late - 1]
-    found = doubled(changes(times, np.full(1500, 9.0)))
+    found = find_repeats(changes(times, np.full(1500, 9.0)))
     assert found.share > 0.05 and np.isnan(found.rate) and not found.repeats.any()
 
 
@@ -214,7 +214,7 @@ def test_each_fault_is_found_and_no_other(carp):
     ) == {"flicker"}
     jitter = RNG.uniform(-2, 2, (64, 2))
     assert faults(
-        [steadied(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
+        [undo_shift(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
     ) == {"shake"}
     assert faults([carp[k * 2 // 3] for k in range(64)]) == {"doubled"}
     assert faults([woven(a, b, True) for a, b in zip(carp[0::2], carp[1::2], strict=True)]) == {

@@ -48,7 +48,7 @@ from finloop.io.footage.coding import (
     Turn,
     chroma_fraction,
     deep_levels,
-    stretched,
+    stretch_levels,
     turn_of,
 )
 from finloop.io.footage.timing import frame_rate_of
@@ -135,7 +135,7 @@ def test_all_eight_ways_to_lie(way):
     for shape in [(3, 4), (3, 4, 3)]:
         picture = np.arange(math.prod(shape)).reshape(shape)
         np.testing.assert_array_equal(turn(picture), reference(picture))
-    assert turn.mirrored == ("mirrored" in way)
+    assert turn.is_mirrored == ("mirrored" in way)
     turned = {"left": 90, "upside": 180, "right": 270}
     assert turn.rotation_deg == next((turned[word] for word in way.split() if word in turned), 0)
 
@@ -200,12 +200,12 @@ def test_deep_levels_ignore_hot_pixels():
     low, high = deep_levels([frame, frame])
     assert (abs(low - 1000) < 3, abs(high - 3000) < 3) == (True, True)
     flat = np.full((4, 4), 7, np.uint16)
-    assert not stretched(flat, *deep_levels([flat])).any()
+    assert not stretch_levels(flat, *deep_levels([flat])).any()
 
 
 def test_stretching():
     frame = np.array([[0, 1000, 1500, 2000, 65535]], np.uint16)
-    np.testing.assert_array_equal(stretched(frame, 1000, 2000), [[0, 0, 128, 255, 255]])
+    np.testing.assert_array_equal(stretch_levels(frame, 1000, 2000), [[0, 0, 128, 255, 255]])
 
 
 def test_tally_is_bounded_and_spread():
@@ -433,7 +433,7 @@ def test_variable_rate_becomes_constant(tmp_path, kind):
     assert shown == [0, 1, 2, 3, 3, 4, 4, 4, 5, 6, 8, 9]
     assert (timing.repeated, timing.dropped) == (3, 1)
     assert footage.frames_expected == pytest.approx(12, abs=1)
-    counted = nearest_in_time(footage.numbered(Loss()), Fraction(30), Timing())
+    counted = nearest_in_time(footage.stream_numbered(Loss()), Fraction(30), Timing())
     assert [number for number, _ in counted] == shown
     assert footage.frames_in_source == 10
 
@@ -479,7 +479,7 @@ def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
     monkeypatch.setattr(footage_film, "in_range", counted)
     assert numbers(read(footage)[1]) == list(range(40, 50))
     assert decoded < 60
-    assert [number for _, (number, _) in footage.numbered(Loss())] == list(range(240, 250))
+    assert [number for _, (number, _) in footage.stream_numbered(Loss())] == list(range(240, 250))
 
 
 def test_a_title_in_another_encoding_is_no_obstacle(tmp_path):
@@ -519,7 +519,7 @@ def test_a_folder_of_pictures_in_natural_order(tmp_path):
     assert not footage.colour
     part = open_footage(folder, frame_rate_hz=50, start_s=0.1, end_s=0.2)
     assert numbers(read(part)[1]) == [5, 6, 7, 8, 9]
-    assert [number for _, (number, _) in part.numbered(Loss())] == [5, 6, 7, 8, 9]
+    assert [number for _, (number, _) in part.stream_numbered(Loss())] == [5, 6, 7, 8, 9]
 
 
 def test_pictures_in_colour(tmp_path):
@@ -992,7 +992,7 @@ def test_an_even_film_is_refused(run_stage, tmp_path, level):
 
 
 def test_a_film_of_broken_frames_is_refused(run_stage, monkeypatch, avi):
-    monkeypatch.setattr(footage_film, "decoded", lambda *_: iter([None, None]))
+    monkeypatch.setattr(footage_film, "decode_film", lambda *_: iter([None, None]))
     monkeypatch.setattr(
         footage_film, "survey", lambda *_: footage_film.Survey(
             WIDTH, HEIGHT, 0.0, Turn(), True, False, 0.0, 0.0, None

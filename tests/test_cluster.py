@@ -42,7 +42,7 @@ def home(tmp_path, monkeypatch):
     """The facts of this process, and its folder."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data").mkdir()
-    return Home.here(tmp_path, START, ["PATH"])
+    return Home.from_process(tmp_path, START, ["PATH"])
 
 
 # --- a worker, in this process
@@ -121,7 +121,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def cluster(folder):
     """Two workers of Dask."""
-    with dask_workers(LOCAL, Home.here(folder, START, []), 2, ["jobs"]) as crew:
+    with dask_workers(LOCAL, Home.from_process(folder, START, []), 2, ["jobs"]) as crew:
         yield crew
 
 
@@ -171,7 +171,7 @@ def test_a_piece_that_kills_every_worker_is_one_message(cluster, monkeypatch):
 
 @needs_dask
 def test_a_cluster_of_other_code_or_folder_is_refused_before_it_works(cluster, folder, monkeypatch):
-    home = Home.here(folder, START, [])
+    home = Home.from_process(folder, START, [])
     other = Home(home.folder, START, {**home.facts, "code": "other"})
     with pytest.raises(FinloopError, match="code: ") as caught:
         with dask_workers(of_address(cluster), other, 2):

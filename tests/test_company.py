@@ -19,7 +19,7 @@ from finloop.animate.company import (
     lasting_ticks,
     near_first,
 )
-from finloop.animate.encounters import overlap, placed
+from finloop.animate.encounters import overlap, place_outline
 from finloop.animate.kinematics import Target
 from finloop.base.errors import FinloopError
 from finloop.edit.schema import FRAME
@@ -34,7 +34,7 @@ EDGE = 1.5  # px around every body
 
 def known(ways, start, discs, stays):
     """The company of fish whose ways begin at a tick."""
-    return company_of(Plans.of(ways, start).others(-1, start), start, discs, stays)
+    return company_of(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
 
 
 SPOT = Target(0.0, 0.0, 0.0, 0.0)
@@ -83,14 +83,14 @@ def test_sprites_are_looked_up_after_the_frames_and_their_mirror_images():
     frames = Stretch(0, way, np.array([2, 7]), False, SPOT, False, Decision(""), FRAME)
     sprites = Stretch(0, way, np.array([0, 1]), False, SPOT, False, Decision(""))
     assert frames.pictures.tolist() == [2, 7] and sprites.pictures.tolist() == [-1, -2]
-    assert frames.shown.tolist() == [[0, 1, 2, 2], [3, 4, 5, 7]]
+    assert frames.path_and_pictures.tolist() == [[0, 1, 2, 2], [3, 4, 5, 7]]
 
 
 def test_of_a_way_that_is_over_its_last_tick_is_left():
     way = np.arange(9.0).reshape(3, 3)
     one = Stretch(0, way, np.arange(3), False, SPOT, False, Decision(""), FRAME)
     for gone, left in ((0, 3), (1, 2), (2, 1), (3, 1), (9, 1)):
-        assert one.rest(gone).tolist() == one.shown[-left:].tolist()
+        assert one.rest(gone).tolist() == one.path_and_pictures[-left:].tolist()
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -107,7 +107,10 @@ def test_who_is_clear_of_another_does_not_overlap_it(seed):
         apart = clear(company, one, *a, 0)
         back = clear(known([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
         assert apart == back  # whoever asks
-        one_there, other_there = placed(outlines[own], *a, flip), placed(outlines[theirs], *b, flop)
+        one_there, other_there = (
+            place_outline(outlines[own], *a, flip),
+            place_outline(outlines[theirs], *b, flop),
+        )
         shared = overlap(one_there, other_there)
         assert not (apart and shared)
         met += not apart
@@ -225,8 +228,8 @@ def company_players(overlap_=False):
 def outlines_of(tank):
     """What all fish look like on screen."""
     for fish in tank.fish:
-        row = fish.at(tank.tick)
-        yield placed(HULL, row.x_px, row.y_px, row.heading_deg, False)
+        row = fish.row_at(tank.tick)
+        yield place_outline(HULL, row.x_px, row.y_px, row.heading_deg, False)
 
 
 def overlaps(tank) -> int:
@@ -243,11 +246,13 @@ def test_nobody_swims_through_another():
         for tick in range(240):
             if tick % 7 == 0:  # sent about all the time, the moment before it meets another, too
                 tank.send(int(rng.integers(6)), *rng.uniform((200, 100), (600, 500)))
-            before = [(fish.at(tank.tick).x_px, fish.at(tank.tick).y_px) for fish in tank.fish]
-            tank.on()
+            before = [
+                (fish.row_at(tank.tick).x_px, fish.row_at(tank.tick).y_px) for fish in tank.fish
+            ]
+            tank.advance()
             met[through] += overlaps(tank)
             still += sum(
-                (row := fish.at(tank.tick)).x_px == x and row.y_px == y
+                (row := fish.row_at(tank.tick)).x_px == x and row.y_px == y
                 for fish, (x, y) in zip(tank.fish, before, strict=True)
             )
         assert len(tank.fish) == 6 and still < 0.3 * 6 * 240
@@ -260,7 +265,7 @@ def test_two_fish_sent_to_each_other_pass():
         for number, x in enumerate((280.0, 520.0) if passed % 2 else (520.0, 280.0)):
             tank.send(number, x, 300.0)
         for _ in range(600):
-            tank.on()
+            tank.advance()
             assert not overlaps(tank)
             if all(fish.reached for fish in tank.fish):
                 passed += 1
@@ -274,7 +279,7 @@ def test_along_one_path_they_follow_each_other():
     tank.follow(None, [(float(x), float(y)) for x, y in ring])
     on_it = 0
     for _ in range(300):
-        tank.on()
+        tank.advance()
         assert not overlaps(tank)
         on_it += sum(fish.errand.begun for fish in tank.fish)
     assert on_it > 300
@@ -283,24 +288,24 @@ def test_along_one_path_they_follow_each_other():
 def test_together_they_swim_on_from_the_past_as_they_did():
     tank = LiveTank(company_players(), MODE, 4, 2)
     for _ in range(150):
-        tank.on()
-    was = [[fish.at(tick).x_px for tick in range(151)] for fish in tank.fish]
+        tank.advance()
+    was = [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish]
     tank.back_to(60)
     while tank.tick < 150:
-        tank.on()
-    assert [[fish.at(tick).x_px for tick in range(151)] for fish in tank.fish] == was
+        tank.advance()
+    assert [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish] == was
 
 
 def kept_plan(tank, monkeypatch, wish) -> int:
     """The tick at which a wish is refused, as others rely on the plan; three ticks of it are left."""
-    while len(tank.fish[0].way(tank.tick)) < 4:
-        tank.on()
-    plan = tank.fish[0].way(tank.tick)
+    while len(tank.fish[0].path_from(tank.tick)) < 4:
+        tank.advance()
+    plan = tank.fish[0].path_from(tank.tick)
     wish()
     with monkeypatch.context() as patch:
         patch.setattr(Planner, "is_clear", lambda *_: False)
-        tank.on()
-    assert np.array_equal(tank.fish[0].way(tank.tick), plan[1:])
+        tank.advance()
+    assert np.array_equal(tank.fish[0].path_from(tank.tick), plan[1:])
     return tank.tick
 
 
@@ -310,12 +315,12 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
     for number in range(8):
         tank.send(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
         while not fish.reached:
-            tank.on()
-            ends = fish.choice(tank.tick).stretch.touched and len(fish.way(tank.tick)) > 4
+            tank.advance()
+            ends = fish.choice(tank.tick).stretch.touched and len(fish.path_from(tank.tick)) > 4
             if ends:
                 kept_plan(tank, monkeypatch, lambda: tank.send(0, 400.0, 120.0))
-                while len(fish.way(tank.tick)) > 1:
-                    tank.on()
+                while len(fish.path_from(tank.tick)) > 1:
+                    tank.advance()
                 assert not fish.reached
                 kept += 1
                 break
@@ -325,19 +330,19 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
 def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
     tank = LiveTank(company_players(), MODE, 2, 2)
     for _ in range(30):
-        tank.on()
+        tank.advance()
 
     def elsewhere():
         tank.send(0, 220.0, 480.0)
 
     begin = kept_plan(tank, monkeypatch, elsewhere)
     for _ in range(40):
-        tank.on()
-    was = [[one.at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
+        tank.advance()
+    was = [[one.row_at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
     tank.back_to(begin)
     for _ in range(40):
-        tank.on()
-    now = [[one.at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
+        tank.advance()
+    now = [[one.row_at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
     assert repr(now) == repr(was)
 
 
@@ -347,7 +352,7 @@ def test_more_fish_than_fit():
     player = matching_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH)))
     tank = LiveTank({MODE: player}, MODE, 40, 0)
     assert 1 <= len(tank.fish) < 40
-    fish = [one.way(tank.tick) for one in tank.fish]
+    fish = [one.path_from(tank.tick) for one in tank.fish]
     everywhere = [
         np.array([[x, y, 0.0, 0.0]]) for x in range(10, 120, 10) for y in range(10, 70, 10)
     ]
@@ -355,5 +360,5 @@ def test_more_fish_than_fit():
         player.begin(
             np.random.default_rng(0),
             None,
-            player.company(Plans.of(fish + everywhere, 0).others(-1, 0), 0),
+            player.company(Plans.from_paths(fish + everywhere, 0).others(-1, 0), 0),
         )

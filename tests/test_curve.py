@@ -6,9 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from finloop.base.drawing import checked
+from finloop.base.drawing import clean_curve
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area, clockwise, length, resampled, reversed, steps
+from finloop.curve.contour import (
+    Curve,
+    area,
+    clockwise,
+    length,
+    resample_curve,
+    reverse_curve,
+    steps,
+)
 from finloop.curve.glyph import glyph
 
 SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])  # right, down, left: clockwise on a screen
@@ -18,7 +26,7 @@ ANY = arrays(np.float64, st.tuples(st.integers(3, 12), st.just(2)), elements=st.
 def drawn(points, closed):
     """The curve, or None where the points are too few to be one."""
     try:
-        return checked(Curve(points, closed), "drawn")
+        return clean_curve(Curve(points, closed), "drawn")
     except FinloopError:
         return None
 
@@ -28,13 +36,13 @@ def test_a_square():
     assert length(closed) == 8
     assert length(opened) == 6
     assert area(closed) == 4
-    assert area(reversed(closed)) == -4
-    assert np.array_equal(clockwise(reversed(closed)).points, SQUARE)
-    assert np.array_equal(clockwise(reversed(opened)).points, SQUARE[::-1])
-    assert np.array_equal(reversed(closed).points, SQUARE[[0, 3, 2, 1]])
-    middle = resampled(closed, 8).points
+    assert area(reverse_curve(closed)) == -4
+    assert np.array_equal(clockwise(reverse_curve(closed)).points, SQUARE)
+    assert np.array_equal(clockwise(reverse_curve(opened)).points, SQUARE[::-1])
+    assert np.array_equal(reverse_curve(closed).points, SQUARE[[0, 3, 2, 1]])
+    middle = resample_curve(closed, 8).points
     assert np.allclose(middle[:4], [[0, 0], [1, 0], [2, 0], [2, 1]])
-    assert np.allclose(resampled(opened, 4).points, SQUARE)
+    assert np.allclose(resample_curve(opened, 4).points, SQUARE)
 
 
 def test_a_fine_circle_has_the_circles_length_and_area():
@@ -54,11 +62,13 @@ def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
     moved = Curve(curve.points @ turn + (3, -7), closed)
     assert length(moved) == pytest.approx(scale * length(curve))
     assert area(moved) == pytest.approx(scale**2 * area(curve), abs=1e-9 * length(moved) ** 2)
-    back = reversed(reversed(curve))
+    back = reverse_curve(reverse_curve(curve))
     assert np.array_equal(back.points, curve.points)
-    assert area(reversed(curve)) == pytest.approx(-area(curve), abs=1e-9)
-    assert length(reversed(curve)) == pytest.approx(length(curve))
-    assert np.allclose(resampled(moved, 16).points, resampled(curve, 16).points @ turn + (3, -7))
+    assert area(reverse_curve(curve)) == pytest.approx(-area(curve), abs=1e-9)
+    assert length(reverse_curve(curve)) == pytest.approx(length(curve))
+    assert np.allclose(
+        resample_curve(moved, 16).points, resample_curve(curve, 16).points @ turn + (3, -7)
+    )
     if closed:
         other = Curve(np.roll(curve.points, -start, axis=0), True)
         assert area(other) == pytest.approx(area(curve), abs=1e-9)
@@ -72,7 +82,7 @@ def test_resampled_points_are_evenly_spaced_along_the_polyline(points, closed, n
     curve = drawn(points, closed)
     if curve is None:
         return
-    new = resampled(curve, n)
+    new = resample_curve(curve, n)
     assert new.points.shape == (n, 2)
     assert np.array_equal(new.points[0], curve.points[0])
     if not closed:
@@ -93,8 +103,8 @@ def test_resampled_points_are_evenly_spaced_along_the_polyline(points, closed, n
 
 def test_points_that_repeat_are_dropped():
     points = np.array([[0.0, 0], [0, 0], [1, 0], [1, 1], [1, 1], [0, 0]])
-    assert len(checked(Curve(points, True), "a").points) == 3
-    assert len(checked(Curve(points, False), "a").points) == 4
+    assert len(clean_curve(Curve(points, True), "a").points) == 3
+    assert len(clean_curve(Curve(points, False), "a").points) == 4
 
 
 @pytest.mark.parametrize(
@@ -114,13 +124,13 @@ def test_points_that_repeat_are_dropped():
 )
 def test_what_is_no_curve_is_refused_by_name(points, closed, word):
     with pytest.raises(FinloopError, match=word) as refused:
-        checked(Curve(np.array(points, float), closed), "brow")
+        clean_curve(Curve(np.array(points, float), closed), "brow")
     assert "brow" in str(refused.value)
 
 
 def test_resampling_needs_points():
     with pytest.raises(FinloopError, match="at least 3"):
-        resampled(Curve(SQUARE, True), 2)
+        resample_curve(Curve(SQUARE, True), 2)
 
 
 def test_glyphs_are_outlines_the_right_way_up():

@@ -16,7 +16,7 @@ from finloop.curve.integrate import schulz
 from finloop.curve.oscillator import Oscillators, forced_motion, motion, response
 from finloop.curve.problem import METHODS, Material, Options, Problem
 from finloop.curve.stiffness import eigenvalues, stiffness_phi
-from finloop.curve.wavelet import control, from_control, mirrored
+from finloop.curve.wavelet import close_by_mirroring, control, from_control
 from finloop.plots.curve import figure6, figure7
 
 TIGHT = Options(rtol=1e-8, integrator="DOP853", substeps=30)
@@ -255,8 +255,8 @@ def test_shifts_and_turns_do_not_matter(method):
 
 def test_an_open_curve_has_free_ends_and_stays_its_own_mirror_image():
     t = np.linspace(0, 1, 32)
-    line = mirrored(np.stack([t, 0 * t], axis=1))
-    bend = mirrored(np.stack([0 * t, (t - 0.3) ** 2], axis=1))
+    line = close_by_mirroring(np.stack([t, 0 * t], axis=1))
+    bend = close_by_mirroring(np.stack([0 * t, (t - 0.3) ** 2], axis=1))
     motion = solve(Problem(line, bend, LIGHT, TIMES))
     assert np.allclose(motion.displacement[:, :32], motion.displacement[:, :31:-1], atol=1e-12)
     assert np.abs(motion.displacement[-1, :32] - bend[:32]).max() > 0.01

@@ -10,10 +10,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import clockwise, resampled
+from finloop.curve.contour import clockwise, resample_curve
 from finloop.curve.filters import CUBIC, filter_bank
 from finloop.curve.glyph import glyph
-from finloop.curve.wavelet import back, control, forward, from_control, mirrored, scales, truncated
+from finloop.curve.wavelet import (
+    back,
+    close_by_mirroring,
+    control,
+    drop_details,
+    forward,
+    from_control,
+    scales,
+)
 from finloop.plots.curve import figure2
 
 ALL = [w for w in pywt.wavelist(kind="discrete") if w != "dmey"] + [CUBIC]
@@ -121,26 +129,26 @@ def test_truncation():
     t = 2 * np.pi * np.arange(256) / 256
     smooth = np.stack([np.cos(t), np.sin(2 * t)], axis=1)
     for wavelet in SOME:
-        assert np.allclose(truncated(smooth, wavelet, 0), smooth)
-        rough = truncated(curves(256), wavelet, 3)
-        assert np.allclose(truncated(rough, wavelet, 3), rough)  # a projection
+        assert np.allclose(drop_details(smooth, wavelet, 0), smooth)
+        rough = drop_details(curves(256), wavelet, 3)
+        assert np.allclose(drop_details(rough, wavelet, 3), rough)  # a projection
         kept = control(smooth + 5, wavelet, 3)
         assert kept.shape == (32, 2)
         assert np.allclose(kept.mean(axis=0), 5, atol=1e-3)  # in the unit of the points
-        assert np.allclose(from_control(kept, wavelet, 3), truncated(smooth + 5, wavelet, 3))
-        assert np.allclose(truncated(np.ones((64, 2)), wavelet, 6), 1)
-    errors = [np.abs(truncated(smooth, "db4", k) - smooth).max() for k in (1, 2, 3, 4, 5)]
+        assert np.allclose(from_control(kept, wavelet, 3), drop_details(smooth + 5, wavelet, 3))
+        assert np.allclose(drop_details(np.ones((64, 2)), wavelet, 6), 1)
+    errors = [np.abs(drop_details(smooth, "db4", k) - smooth).max() for k in (1, 2, 3, 4, 5)]
     assert errors == sorted(errors)
     assert errors[1] < 1e-3
 
 
 def test_an_open_curve_keeps_its_ends_apart():
     line = np.stack([np.linspace(0, 1, 64), np.linspace(0, 3, 64)], axis=1)
-    there = mirrored(line)
+    there = close_by_mirroring(line)
     assert np.array_equal(there[:64], line)
     assert np.array_equal(there[64:], line[::-1])
-    off = np.abs(truncated(line, "db4", 3, closed=False) - line).max()
-    joined = np.abs(truncated(line, "db4", 3) - line).max()
+    off = np.abs(drop_details(line, "db4", 3, closed=False) - line).max()
+    joined = np.abs(drop_details(line, "db4", 3) - line).max()
     assert off < 0.15
     assert joined > 5 * off
 
@@ -166,13 +174,13 @@ def test_what_cannot_be_transformed_is_refused(n, wavelet, levels, word):
 
 def test_figure_2_has_both_families_and_five_scales():
     (three,) = glyph("3")
-    curve = resampled(clockwise(three), 1024)
+    curve = resample_curve(clockwise(three), 1024)
     figure = figure2(curve, [(CUBIC, "spline"), ("db4", "D8")])
     assert len(figure.axes) == 10
     x, y = figure.axes[0].lines[0].get_data()
     assert np.array_equal(np.stack([x, y], axis=1)[:-1], curve.points)
     drawn = np.stack(figure.axes[9].lines[0].get_data(), axis=1)[:-1]
-    assert np.allclose(drawn, truncated(curve.points, "db4", 6))
+    assert np.allclose(drawn, drop_details(curve.points, "db4", 6))
     off = [
         np.abs(np.stack(ax.lines[0].get_data(), axis=1)[:-1] - curve.points).max()
         for ax in figure.axes[:5]

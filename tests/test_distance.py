@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.distance.picture import SPAN, centred, distance, steps, typical_length
+from finloop.distance.picture import SPAN, centre_cutout, distance, steps, typical_length
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -45,13 +45,13 @@ def test_steps_are_the_distances_of_neighbours():
 
 
 def test_where_in_its_cut_out_a_fish_lies_does_not_matter():
-    a = centred(fish(40, at=(45, 30)), (45, 30), 40, 64)
-    b = centred(fish(40, at=(40, 25)), (40, 25), 40, 64)
+    a = centre_cutout(fish(40, at=(45, 30)), (45, 30), 40, 64)
+    b = centre_cutout(fish(40, at=(40, 25)), (40, 25), 40, 64)
     assert b == pytest.approx(a, abs=1e-5)
 
 
 def test_the_mass_centre_comes_to_the_middle():
-    picture = centred(fish(40), (45, 30), 40, 65)
+    picture = centre_cutout(fish(40), (45, 30), 40, 65)
     rows, columns = np.nonzero(picture[..., 1] > 0.5)
     wide = 65 / SPAN
     assert columns.min() == pytest.approx(32 - wide / 2, abs=1.6)
@@ -60,14 +60,14 @@ def test_the_mass_centre_comes_to_the_middle():
 
 
 def test_fish_of_any_size_come_out_equally_long():
-    small = centred(fish(40), (45, 30), 40, 64)
-    large = centred(cv2.resize(fish(40), None, fx=3, fy=3), (45 * 3 + 1, 30 * 3 + 1), 120, 64)
+    small = centre_cutout(fish(40), (45, 30), 40, 64)
+    large = centre_cutout(cv2.resize(fish(40), None, fx=3, fy=3), (45 * 3 + 1, 30 * 3 + 1), 120, 64)
     assert np.abs(large - small).mean() < 0.03 * (small > 0).mean()
 
 
 def test_a_quarter_turn_is_anticlockwise_as_seen():
-    plain = centred(fish(40), (45, 30), 40, 64)
-    turned = centred(fish(40), (45, 30), 40, 64, 90)
+    plain = centre_cutout(fish(40), (45, 30), 40, 64)
+    turned = centre_cutout(fish(40), (45, 30), 40, 64, 90)
     assert turned == pytest.approx(np.rot90(plain), abs=1 / 255)
 
 

@@ -20,10 +20,10 @@ from finloop.distance.map import (
     about_mean,
     alike,
     bands,
-    computed,
+    count_pairs,
     full,
     kinds,
-    mapped,
+    map_rows,
     order,
     pair_table,
     similar,
@@ -72,8 +72,8 @@ def test_the_full_map_is_symmetric_where_a_product_is_not(monkeypatch):
         block = squared(*arguments)
         return block * (1 + 1e-6 * rng.random(block.shape, np.float32))
 
-    squared = finloop.distance.map._squared
-    monkeypatch.setattr(finloop.distance.map, "_squared", rounded)
+    squared = finloop.distance.map._distance_squares
+    monkeypatch.setattr(finloop.distance.map, "_distance_squares", rounded)
     distances = full(random_pictures(rng, 1300))
     assert (distances == distances.T).all()
     assert (distances.diagonal() == 0).all()
@@ -141,8 +141,8 @@ def test_what_is_skipped_is_not_computed():
         assert len({*kind[one], *kind[other]}) == 1
         assert area[other].max() - area[one].min() <= 0.1 + np.ptp(area[one])
     wanted = np.count_nonzero(np.triu(alike(kind, area, 0.1), 1))
-    assert wanted <= computed(blocks) < 1.6 * wanted < 0.1 * len(kind) ** 2 / 2
-    assert computed(bands(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
+    assert wanted <= count_pairs(blocks) < 1.6 * wanted < 0.1 * len(kind) ** 2 / 2
+    assert count_pairs(bands(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
 
 
 def test_pairs_farther_apart_than_most_are_left_out():
@@ -287,7 +287,7 @@ def test_the_map_of_a_part_is_that_part_of_the_map(here, pose, capsys):
     whole, every, _, _ = made(here, *small)
     pairs, steps, _, metrics = made(here, *small, "distance.most_pictures=40")
     features = load_table(here / "data/features/features.parquet", FEATURES)
-    rows = mapped(features, steps)
+    rows = map_rows(features, steps)
     assert len(rows) == len(steps) == metrics["frames"] < len(features)
     assert metrics["film_mapped_pct"] == pytest.approx(100 * len(rows) / len(features), rel=1e-3)
     assert "distance.most_pictures" in capsys.readouterr().err

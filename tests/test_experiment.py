@@ -19,7 +19,7 @@ from finloop.edit.modes import MODES
 from finloop.realism.windows import HALVES
 from finloop.report.compare import OBJECTIVES, comparison, curves, html, parallel, pareto
 from stages import compose
-from stages.compose import composed
+from stages.compose import compose_params
 from stages.experiment import Experiment, choices
 from stages.settings import overrides as overrides_of
 
@@ -28,13 +28,13 @@ SWEEPS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
 
 @cache  # composing takes Hydra a third of a second
 def made(*overrides: str) -> dict[str, Any]:
-    return yaml.load(composed(list(overrides)), yaml.CSafeLoader)
+    return yaml.load(compose_params(list(overrides)), yaml.CSafeLoader)
 
 
 @pytest.fixture(autouse=True)
 def in_root(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(compose, "composed", lambda overrides: made(*overrides))
+    monkeypatch.setattr(compose, "compose_params", lambda overrides: made(*overrides))
 
 
 def usual() -> dict[str, Any]:
@@ -139,10 +139,10 @@ def test_what_is_usual_composes_from_no_override():
                      "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.keep=null", "morph.back=false"]],
 )  # fmt: skip
 def test_what_was_changed_composes_to_the_same_again(overrides):
-    text = composed(["~local", *overrides])
+    text = compose_params(["~local", *overrides])
     again = overrides_of(yaml.safe_load(text))
     assert again
-    assert composed(["~local", *again]) == text
+    assert compose_params(["~local", *again]) == text
 
 
 # --- which are best

@@ -24,7 +24,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.edit.schema import EDIT
 from finloop.export.keypoints import deeplabcut
-from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
+from finloop.export.pictures import READABLE, Alone, bounding_box, cut_out, cycle, readable
 from finloop.export.tracks import poses
 from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
@@ -97,7 +97,7 @@ def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
 def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
     tank = np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, channels - 1), np.uint8)
     alone, painter = Alone(HEIGHT, WIDTH, channels - 1), Painter(tank)
-    crop = way(journey(channels), alone)
+    crop = bounding_box(journey(channels), alone)
     for fish, frame in zip(journey(channels), cut_out(journey(channels), alone, crop), strict=True):
         painter.show(*fish)
         alpha = frame[..., 3:] / 255
@@ -105,15 +105,15 @@ def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
             frame[..., 3:] < 16, frame[..., 3:], 0
         )  # their colour is their neighbours'
         shown = tank.repeat(4 - len(tank.shape) + (channels == 2) * 2, axis=2).astype(float)
-        shown[crop.of] = alpha * frame[..., :3] + (1 - alpha) * shown[crop.of]
+        shown[crop.slices] = alpha * frame[..., :3] + (1 - alpha) * shown[crop.slices]
         error = np.abs(shown - painter.canvas)
-        error[crop.of] -= faint
+        error[crop.slices] -= faint
         assert error.max() <= 2
 
 
 def test_the_crop_holds_all_there_is_and_little_more():
     alone = Alone(HEIGHT, WIDTH, 1)
-    crop = way(journey(2), alone)
+    crop = bounding_box(journey(2), alone)
     seen = np.zeros((HEIGHT, WIDTH), bool)
     for frame in cut_out(journey(2), alone, Box(0, 0, HEIGHT, WIDTH)):
         seen |= frame[..., 3] > 0
@@ -133,7 +133,7 @@ def test_nothing_is_left_of_the_frame_before_and_a_fish_outside_is_not_there():
     assert centre(frames[1][..., 3].astype(float)) == pytest.approx([60, 50], abs=0.3)
     assert frames[1][..., 3].sum() == frames[0][..., 3].sum()
     away = [rows[2]]
-    assert next(cut_out(away, alone, way(away, alone))).shape == (1, 1, 4)
+    assert next(cut_out(away, alone, bounding_box(away, alone))).shape == (1, 1, 4)
 
 
 def test_colour_reaches_out_under_the_edge():
@@ -141,7 +141,7 @@ def test_colour_reaches_out_under_the_edge():
     pixels = np.full((8, 8, 2), 255, np.uint8)
     pixels[..., 0] = 200
     row = Placed(40.0, 40.0, Turned(picture(pixels, 3.5, 3.5), 20.0), None, 0.0)
-    frame = next(cut_out([[row]], alone := Alone(HEIGHT, WIDTH, 1), way([[row]], alone)))
+    frame = next(cut_out([[row]], alone := Alone(HEIGHT, WIDTH, 1), bounding_box([[row]], alone)))
     solid = (frame[..., 3] >= 16).astype(np.uint8)
     beside = (cv2.dilate(solid, np.ones((5, 5))) > solid).astype(bool)
     assert (frame[beside][:, 3] == 0).any() and (frame[beside][:, 3] > 0).any()
@@ -651,7 +651,7 @@ def test_a_cycle_keeps_the_mass_centre_in_the_middle():
     gallery = Gallery({"sprite": Shelf(store, own[None].repeat(12, 0), ORIENTATIONS)})
     steps, half = cycle(sprite_table(), "left", gallery)
     alone = Alone(2 * half + 1, 2 * half + 1, 1)
-    crop = way(steps, alone)
+    crop = bounding_box(steps, alone)
     assert len(steps) == 3 and {one.fish.scale for (one,) in steps} == {1.2}
     for frame in cut_out(steps, alone, crop):
         at = centre(frame[..., 3].astype(float)) + (crop.left, crop.top)

@@ -35,7 +35,6 @@ from finloop.drawn.carp.film import film
 from finloop.extract import film as extract
 from finloop.extract.background import (
     Scene,
-    brightened,
     difference,
     flat_background,
     in_light_of,
@@ -43,6 +42,7 @@ from finloop.extract.background import (
     median_background,
     patched_background,
     sample_size,
+    scale_brightness,
     survey_noise,
 )
 from finloop.extract.film import (
@@ -54,7 +54,7 @@ from finloop.extract.film import (
     tracks,
 )
 from finloop.extract.samples import Typical, judge, survey, typical_fish
-from finloop.extract.segment import Ends, Silhouette, matte, measure, premultiplied, silhouettes
+from finloop.extract.segment import Ends, Silhouette, matte, measure, premultiply, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
@@ -148,7 +148,7 @@ def test_the_median_takes_the_noise_down_in_any_order_of_frames():
 
 def test_a_film_in_changing_light_has_one_background():
     tank = floor()
-    frames = [brightened(tank, gain) for gain in (1.0, 0.85, 1.15, 0.9, 1.1)]
+    frames = [scale_brightness(tank, gain) for gain in (1.0, 0.85, 1.15, 0.9, 1.1)]
     assert np.abs(median_background(frames).astype(int) - tank).max() <= 2
 
 
@@ -158,13 +158,13 @@ def test_the_light_is_measured_past_the_fish(colour):
     fish = laid(tank, coverage(80, 60, 20), 30)
     assert light(tank, tank) == 1.0
     for gain in (0.8, 0.95, 1.1, 1.3):
-        assert light(brightened(fish, gain), tank) == pytest.approx(gain, rel=0.01)
+        assert light(scale_brightness(fish, gain), tank) == pytest.approx(gain, rel=0.01)
 
 
 def test_a_steady_light_costs_nothing():
     tank = floor()
-    assert light(brightened(tank, 1.002), tank) == 1.0  # a third of a grey level
-    assert brightened(tank, 1.0) is tank
+    assert light(scale_brightness(tank, 1.002), tank) == 1.0  # a third of a grey level
+    assert scale_brightness(tank, 1.0) is tank
     scene = scene_of(tank)
     assert in_light_of(scene, tank).background is tank
 
@@ -177,7 +177,7 @@ def test_a_black_picture_has_no_light():
 @pytest.mark.parametrize("gain", [0.8, 1.2])
 def test_light_alone_is_no_difference(gain):
     tank = floor()
-    frame = brightened(tank, gain)
+    frame = scale_brightness(tank, gain)
     assert difference(frame, scene_of(tank, "both")).min() > 20
     for polarity in ("dark", "bright", "both"):
         assert difference(frame, in_light_of(scene_of(tank, polarity), frame)).max() <= 2
@@ -517,7 +517,7 @@ def test_premultiplied_by_the_true_alpha_is_exact(colour):
     alpha = rng.integers(0, 256, SIZE, np.uint8)
     ink = rng.integers(0, 256, tank.shape)
     frame = laid(tank, alpha / 255, ink)
-    cutout = premultiplied(frame, tank, alpha)
+    cutout = premultiply(frame, tank, alpha)
     assert cutout.shape == (*SIZE, 4 if colour else 2)
     assert np.all(cutout[..., :-1] <= alpha[..., None])
     share = alpha[..., None] / 255

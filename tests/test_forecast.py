@@ -14,13 +14,13 @@ from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, swum, unseen
 from finloop.base.errors import FinloopError
 from finloop.forecast import neighbours
 from finloop.forecast.assess import (
-    ahead,
     autocorrelation,
     ensembles,
     longest_repeat,
+    measure_free_run,
+    measure_predictions,
     obedience,
-    of_forecasts,
-    of_free_run,
+    roll_out_means,
 )
 from finloop.forecast.film import MOTION, film_states
 from finloop.forecast.learning import learn
@@ -322,7 +322,7 @@ def test_a_fish_stays_within_the_films_states(film, swim):
     states, rows = free_run(swim, 3000, rng())
     usual = film.states[film.rows]
     assert (states >= usual.min(0)).all() and (states <= usual.max(0)).all()
-    assert of_free_run(states, rows, film, swim)["free_clamped_pct"] < 2
+    assert measure_free_run(states, rows, film, swim)["free_clamped_pct"] < 2
 
 
 def test_a_fish_that_is_left_free_moves_as_the_film_does(film, swim):
@@ -336,7 +336,7 @@ def test_a_fish_that_is_left_free_moves_as_the_film_does(film, swim):
 
 def test_no_second_is_swum_twice(film, swim):
     states, rows = free_run(swim, 3000, rng())
-    numbers = of_free_run(states, rows, film, swim)
+    numbers = measure_free_run(states, rows, film, swim)
     assert numbers["free_longest_exact_repeat_s"] <= 1.0
 
 
@@ -358,7 +358,7 @@ def test_where_the_film_ends_a_fish_goes_over(swim):
 def test_the_spread_is_that_of_the_law(film, learnt, swim):
     """The truth lies in the inner half of its forecasts half of the time."""
     told = ensembles(film, swim, learnt[1], rng())
-    numbers = of_forecasts(film, told, swim, learnt[1])
+    numbers = measure_predictions(film, told, swim, learnt[1])
     assert numbers["truth_in_inner_50_pct"] == pytest.approx(50, abs=6)
     assert numbers["truth_in_inner_80_pct"] == pytest.approx(80, abs=6)
     assert numbers["held_out_log_likelihood"] > numbers["persistence_log_likelihood"]
@@ -368,7 +368,7 @@ def test_the_spread_is_that_of_the_law(film, learnt, swim):
 def test_ahead_of_one_tick_is_the_mean(film, learnt):
     model, sides = learnt
     rows = sides.held_out[:10]
-    one = ahead(replace(film, delta=1), model, rows)
+    one = roll_out_means(replace(film, delta=1), model, rows)
     assert np.allclose(one, model.mean(film.past(rows), film.control[rows]))
 
 

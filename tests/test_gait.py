@@ -8,14 +8,14 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.gait.clock import clock
-from finloop.gait.descriptor import between, descriptor, scale_slices
+from finloop.gait.descriptor import descriptor, interpolate_contours, scale_slices
 from finloop.gait.model import (
     Gait,
     Layout,
     at_phases,
     cycle,
     four_keys,
-    mirrored,
+    mirror_contours,
     partner,
     reversal,
     subcycle,
@@ -58,13 +58,15 @@ def test_partner_is_the_other_side_if_it_is_there():
 
 def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
     points = np.random.default_rng(7).normal(size=(3, 16, 2))
-    flipped = mirrored(points, 2.0, reversal(16, 3))
-    np.testing.assert_allclose(mirrored(flipped, 2.0, reversal(16, 3)), points, atol=1e-15)
+    flipped = mirror_contours(points, 2.0, reversal(16, 3))
+    np.testing.assert_allclose(mirror_contours(flipped, 2.0, reversal(16, 3)), points, atol=1e-15)
     x, y = points[0].T
     u, v = flipped[0].T
     area = [a @ np.roll(b, -1) - b @ np.roll(a, -1) for a, b in ((x, y), (u, v))]
     assert area[0] == pytest.approx(area[1])
-    np.testing.assert_allclose(mirrored(points)[:, 0], points[:, 0] * [1, -1])  # the snout stays
+    np.testing.assert_allclose(
+        mirror_contours(points)[:, 0], points[:, 0] * [1, -1]
+    )  # the snout stays
 
 
 @pytest.mark.parametrize("gait", [WALK, SWIM], ids=lambda gait: gait.name)
@@ -77,7 +79,7 @@ def test_the_cycle_goes_through_its_keys_and_its_second_half_repeats_the_first(g
     whole = cycle(ONE, TWO, gait, 20)
     for name in LIMBS:
         other = whole[partner(name, LIMBS)][:10]
-        expected = other if gait.symmetry == "swap" else mirrored(other)
+        expected = other if gait.symmetry == "swap" else mirror_contours(other)
         np.testing.assert_allclose(whole[name][10:], expected, atol=1e-12)
 
 
@@ -92,11 +94,13 @@ def test_a_cycle_repeats_without_a_jump(gait):
 def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
     source, to = ONE["body"], TWO["body"]
     tau = np.array([0.25, 0.5])
-    one = between(source, to, tau, (0.7,), "db4", 4)
+    one = interpolate_contours(source, to, tau, (0.7,), "db4", 4)
     np.testing.assert_allclose(one, to + clock(tau, 0.7)[:, None, None] * (source - to))
-    np.testing.assert_allclose(between(source, to, tau, (0.7, 0.7), "db4", 4), one, atol=1e-12)
+    np.testing.assert_allclose(
+        interpolate_contours(source, to, tau, (0.7, 0.7), "db4", 4), one, atol=1e-12
+    )
     gammas = (-0.5, 0.0, 0.9)
-    moved = descriptor(between(source, to, tau, gammas, "db4", 4) - to, "db4", 4)
+    moved = descriptor(interpolate_contours(source, to, tau, gammas, "db4", 4) - to, "db4", 4)
     way = descriptor(source - to, "db4", 4)
     for m, where in enumerate(scale_slices(32, 4)):
         f = clock(tau, gammas[min(m, 2)])  # scales beyond those named go by the last

@@ -12,7 +12,7 @@ from finloop.gait.compare import compare, holdouts
 from finloop.gait.feet import align_phase, feet
 from finloop.gait.film import Film, keys_of
 from finloop.gait.fit import fit
-from finloop.gait.model import Gait, Layout, at_phases, four_keys, mirrored
+from finloop.gait.model import Gait, Layout, at_phases, four_keys, mirror_contours
 
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right")
 TRUE = {
@@ -131,7 +131,7 @@ def test_a_mirrored_cycle_and_another_split():
     phases = np.arange(40) / 20
     film = _film(phases, gamma, 0.2, "mirror", one=one, two=two)
     np.testing.assert_allclose(
-        film.contours["outline"][10], mirrored(film.contours["outline"][0]), atol=1e-12
+        film.contours["outline"][10], mirror_contours(film.contours["outline"][0]), atol=1e-12
     )
     gait, _ = fit(film, "fish", 2.0, split=0.2, wavelet="db4")
     assert gait.gamma["outline"]["A"] == pytest.approx((-0.9,), abs=1e-9)

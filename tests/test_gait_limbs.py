@@ -14,7 +14,7 @@ from finloop.gait.limbs import (
     corresponding,
     limbs,
     region_contour,
-    smoothed,
+    smooth_track,
 )
 from finloop.gait.truth import true_gamma
 
@@ -109,13 +109,13 @@ def test_points_do_not_drift_in_a_long_film():
 def test_smoothing_takes_away_the_sway_and_keeps_a_steady_course():
     at = np.arange(70.0)
     course = np.column_stack([3 + 0.7 * at, 40 - 0.1 * at])
-    assert smoothed(course, 14) == pytest.approx(course)
-    assert smoothed(course, None) == pytest.approx(course)
+    assert smooth_track(course, 14) == pytest.approx(course)
+    assert smooth_track(course, None) == pytest.approx(course)
     sway = np.column_stack([2 * np.sin(2 * np.pi * at / 14), np.cos(4 * np.pi * at / 14)])
-    assert smoothed(course + sway, 14) == pytest.approx(course, abs=0.02)
-    assert smoothed(course + sway, 13.6) == pytest.approx(course, abs=0.25)
+    assert smooth_track(course + sway, 14) == pytest.approx(course, abs=0.02)
+    assert smooth_track(course + sway, 13.6) == pytest.approx(course, abs=0.25)
     bend = np.column_stack([0.01 * at**2, at])
-    assert smoothed(bend, 14)[20:50] == pytest.approx(bend[20:50], abs=0.2)
+    assert smooth_track(bend, 14)[20:50] == pytest.approx(bend[20:50], abs=0.2)
 
 
 def test_limbs_of_the_drawn_dog_lie_on_its_exact_contours(whole):

@@ -18,11 +18,11 @@ from finloop.gait.outline import (
     asymmetry,
     contours,
     in_body_frame,
-    of_track,
     pose,
     steady,
     swim,
     tail,
+    track_outlines,
 )
 from finloop.gait.period import Period
 
@@ -200,7 +200,7 @@ def tables() -> tuple[pd.DataFrame, pd.DataFrame]:
 
 def test_backbones_of_the_tables_come_head_first() -> None:
     outline, line = swimming()
-    found = of_track(*tables())
+    found = track_outlines(*tables())
     np.testing.assert_array_equal(found[0], outline)
     np.testing.assert_array_equal(found[1], line)
 
@@ -208,6 +208,6 @@ def test_backbones_of_the_tables_come_head_first() -> None:
 def test_features_of_other_frames_are_refused() -> None:
     track, features = tables()
     with pytest.raises(FinloopError, match="do not match"):
-        of_track(track, features[:-1])
+        track_outlines(track, features[:-1])
     with pytest.raises(FinloopError, match="do not match"):
-        of_track(track, features.assign(frame=features["frame"] + 1))
+        track_outlines(track, features.assign(frame=features["frame"] + 1))

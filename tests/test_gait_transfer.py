@@ -9,10 +9,10 @@ from conftest import ROOT
 
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, resampled
+from finloop.curve.contour import Curve, resample_curve
 from finloop.gait.ground import ground, path, plant_feet, supports
-from finloop.gait.match import corresponding, mirror_orders, renumbered
-from finloop.gait.model import Gait, mirrored
+from finloop.gait.match import corresponding, mirror_orders, renumber_curve
+from finloop.gait.model import Gait, mirror_contours
 from finloop.gait.transfer import repeat, transfer, with_pooled_gamma
 from finloop.io.svg import load_svg
 
@@ -158,16 +158,16 @@ def test_cycles_in_a_row():
 
 @pytest.mark.parametrize("degrees", [0, 35, -60])
 def test_a_turned_contour_is_numbered_alike(degrees):
-    model = renumbered(np.zeros((64, 2)), Curve(BOOT, True))
+    model = renumber_curve(np.zeros((64, 2)), Curve(BOOT, True))
     other = turned(np.roll(BOOT, 2, axis=0) * 1.2, degrees) + [300, -20]
-    found = renumbered(model, Curve(other[::-1], True))
+    found = renumber_curve(model, Curve(other[::-1], True))
     assert found == pytest.approx(turned(model * 1.2, degrees) + [300, -20], abs=0.5)
 
 
 def test_a_contour_may_start_between_the_points_of_another():
-    model = renumbered(np.zeros((64, 2)), Curve(BOOT, True))
-    dense = resampled(Curve(model, True), 64 * 8).points
-    found = renumbered(model, Curve(np.roll(dense, -4, axis=0), True))
+    model = renumber_curve(np.zeros((64, 2)), Curve(BOOT, True))
+    dense = resample_curve(Curve(model, True), 64 * 8).points
+    found = renumber_curve(model, Curve(np.roll(dense, -4, axis=0), True))
     assert np.abs(found - model).mean() < 0.15  # half a step is 0.9
 
 
@@ -183,24 +183,24 @@ def test_left_and_right_limbs_are_numbered_alike():
 def test_a_round_eye_does_not_turn():
     t = 2 * np.pi * np.arange(40) / 40
     eye = np.stack([np.cos(t), np.sin(t)], axis=1)
-    model = renumbered(np.zeros((32, 2)), Curve(eye, True))
-    assert np.abs(renumbered(model, Curve(np.roll(eye, 7, axis=0), True)) - model).max() < 0.1
+    model = renumber_curve(np.zeros((32, 2)), Curve(eye, True))
+    assert np.abs(renumber_curve(model, Curve(np.roll(eye, 7, axis=0), True)) - model).max() < 0.1
 
 
 def test_an_open_contour_may_be_drawn_from_either_end():
     line = np.array([[0, 0], [10, 3], [30, 0]], float)
-    model = renumbered(np.zeros((16, 2)), Curve(line, False))
-    other = renumbered(model, Curve(turned(line[::-1], 40), False))
+    model = renumber_curve(np.zeros((16, 2)), Curve(line, False))
+    other = renumber_curve(model, Curve(turned(line[::-1], 40), False))
     assert other == pytest.approx(turned(model, 40))
 
 
 def test_mirror_orders_find_the_other_side_of_a_turned_tail():
     """A fork lies along the axis, turned by 30° to one side, then to the other."""
     fork = np.array([[0, 5], [-40, 14], [-30, 0], [-40, -14], [0, -5]], float)
-    key = renumbered(np.zeros((64, 2)), Curve(fork, True))
+    key = renumber_curve(np.zeros((64, 2)), Curve(fork, True))
     one, two = turned(key, 30), turned(key, -20)
     order = mirror_orders({"tail": one}, {"tail": two}, {"tail": True})["tail"]
-    assert mirrored(one, 0.0, order) == pytest.approx(turned(key, -30), abs=1.5)
+    assert mirror_contours(one, 0.0, order) == pytest.approx(turned(key, -30), abs=1.5)
 
 
 # --- the ground
@@ -224,7 +224,9 @@ def test_supports_are_whole_frames_with_both_ends():
 def test_a_foot_drawn_with_an_open_line_counts_too():
     """Its upper part becomes shorter, so the points run along the line."""
     legs = [
-        resampled(Curve(BOOT[1:5] + [[1.5 * k, 2 * k * (i == 0)] for i in range(4)], False), 64)
+        resample_curve(
+            Curve(BOOT[1:5] + [[1.5 * k, 2 * k * (i == 0)] for i in range(4)], False), 64
+        )
         for k in range(5)
     ]
     assert path(np.stack([leg.points for leg in legs]))[-1] == pytest.approx(6, abs=0.3)
@@ -232,7 +234,7 @@ def test_a_foot_drawn_with_an_open_line_counts_too():
 
 def test_a_foot_that_rolls_does_not_slide():
     """The toe stays where it is, the heel rises."""
-    boot = resampled(Curve(BOOT, True), 256).points
+    boot = resample_curve(Curve(BOOT, True), 256).points
     toe = boot[np.argmax(boot @ [1, 1])]
     rolls = np.stack([turned(boot - toe, degrees) for degrees in np.linspace(0, 20, 9)])
     assert abs(path(rolls)[-1]) < 1 < abs(np.ptp(rolls[..., 0].mean(axis=1)))

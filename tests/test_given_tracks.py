@@ -26,11 +26,11 @@ from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.export.keypoints import deeplabcut
 from finloop.extract.film import Detections
-from finloop.extract.fit import FilmSize, Fit, fit, given_of, keypoint, refuse_other_film
-from finloop.extract.given import Followed, longest_run, matched, nothing_used
+from finloop.extract.fit import FilmSize, Fit, fit, keypoint, map_poses_to_clip, refuse_other_film
+from finloop.extract.given import Followed, longest_run, match_silhouettes, no_silhouette_error
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import Spot
-from finloop.features.head import given_head_end, head_first
+from finloop.features.head import head_first, match_head_end
 from finloop.features.metrics import against_given
 from finloop.features.table import features
 from finloop.given_tracks import tracks_of
@@ -165,7 +165,7 @@ def test_swapped_heads_decide_and_are_reported(extracted):
     tracks, given = table(extracted, "tracks"), table(extracted, "given")
     swapped = (given["track_id"] == 1).to_numpy()
     line = lists_to_points(tracks, "backbone")
-    told = given_head_end(
+    told = match_head_end(
         line, given[["head_x_px", "head_y_px"]].to_numpy(), np.full((len(line), 2), np.nan)
     )
     ends = np.where((told == 1)[:, None], line[:, -1], line[:, 0])  # the tail as it was told
@@ -298,18 +298,20 @@ def at(*places):
 )
 def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outcomes):
     silhouettes = [spot(*one) for one in spots]
-    assert matched(at(*places), silhouettes, 20.0) == outcomes
-    mirrored = matched(at(*places[::-1]), silhouettes, 20.0)
+    assert match_silhouettes(at(*places), silhouettes, 20.0) == outcomes
+    mirrored = match_silhouettes(at(*places[::-1]), silhouettes, 20.0)
     assert mirrored == outcomes[::-1]
 
 
 def test_no_animal_is_taken_from_where_none_is_isolated():
-    assert matched(at((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [("not isolated", 0)]
+    assert match_silhouettes(at((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [
+        ("not isolated", 0)
+    ]
 
 
 def test_of_several_points_those_that_are_given_count():
     points = np.array([[(41, 50), (np.nan, np.nan), (59, 50)]])
-    assert matched(points, [spot(50, 50), spot(50, 60)], 20.0) == [("used", 0)]
+    assert match_silhouettes(points, [spot(50, 50), spot(50, 60)], 20.0) == [("used", 0)]
 
 
 def poses_at(places, frames=None, names=None):
@@ -327,7 +329,7 @@ def file_settings(**changes):
 def given(poses, shown=None, size=(200, 150), frames=None, **changes):
     shown = np.arange(poses.frames) if shown is None else np.asarray(shown)
     film_size = FilmSize(int(shown.max()) + 1 if frames is None else frames, *size)
-    return given_of(poses, shown, film_size, file_settings(**changes))[0]
+    return map_poses_to_clip(poses, shown, film_size, file_settings(**changes))[0]
 
 
 class Anything:
@@ -371,7 +373,7 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
     told = given(poses_at(places))
     rows, followed = run(told, [[spot(50, 50), spot(90, 90)]] * 30, least=8)
     assert not rows and longest_run(told) == 6
-    error = nothing_used(told, followed, 8)
+    error = no_silhouette_error(told, followed, 8)
     assert "for 6 frames at most, and 5 of 30 frames have no place" in error.came
     assert "places: 50 used" in error.came
     assert "8 frames on end" in error.wanted and "fill the gaps" in error.do
@@ -380,7 +382,7 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
 def test_places_without_gaps_are_not_told_to_fill_them():
     told = given(poses_at(np.full((30, 1, 2), 50.0)))
     rows, followed = run(told, [[spot(50, 50, isolated=False)]] * 30)
-    error = nothing_used(told, followed, 3)
+    error = no_silhouette_error(told, followed, 3)
     assert not rows and longest_run(told) == 30
     assert "30 not isolated" in error.came and "extract.tracks=own" in error.do
     assert "fill" not in error.do
@@ -445,7 +447,7 @@ def test_places_are_scaled():
 )
 def test_common_names_of_head_and_tail_are_known(names, expected):
     poses = poses_of(("x",), names, np.arange(3), np.full((3, 1, len(names), 2), 50.0))
-    told = given_of(poses, np.arange(3), FilmSize(3, 100, 100), file_settings())
+    told = map_poses_to_clip(poses, np.arange(3), FilmSize(3, 100, 100), file_settings())
     assert told[1:] == expected
     if expected[0]:
         assert (told[0].head == 50).all()
@@ -464,7 +466,7 @@ def test_which_end_is_told_to_be_the_head():
     none = [np.nan, np.nan]
     head = np.array([[1, 2], [38, 1], none, none, [1, 0]])
     tail = np.array([[41, 0], none, [-2, 0], none, [3, 0]])
-    assert given_head_end(line, head, tail).tolist() == [1, -1, -1, 0, 1]
+    assert match_head_end(line, head, tail).tolist() == [1, -1, -1, 0, 1]
 
 
 def test_a_head_that_is_told_now_and_then_leads_the_frames_between():
@@ -500,7 +502,7 @@ def test_tracks_of_this_film_fit_and_those_of_another_do_not():
     places, film = moving()
     size = FilmSize(30, 200, 150)
     told, good = found(places, film)
-    assert good.share == 1.0 > good.needed > good.chance
+    assert good.share == 1.0 > good.least_share > good.chance
     refuse_other_film(told, good, size)
     told, bad = found(moving(seed=5)[0] + 3, film)
     with pytest.raises(FinloopError, match=f"{bad.share:.0%} show an animal"):
@@ -550,7 +552,7 @@ def test_a_few_frames_more_or_fewer_are_no_fault():
 
 
 def test_the_share_needed_lies_between_chance_and_all():
-    needed = [Fit(1.0, chance, 9, (), 1).needed for chance in (0.0, 0.4, 0.9)]
+    needed = [Fit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
     assert needed == [0.5, 0.7, 0.9]
 
 

@@ -19,7 +19,7 @@ from toy_film import (
 
 from finloop.animate.shoal import play
 from finloop.base.settings import settings
-from finloop.edit.joins import Joins, Shown, inertialized, joins, sum_past
+from finloop.edit.joins import Joins, Shown, inertialize, joins, sum_past
 from finloop.edit.modes import MODES
 from finloop.edit.schema import (
     CUT,
@@ -46,11 +46,11 @@ def frames(*runs, mirrored=False, rot=0.0):
 
 
 def own(shown):
-    return BODIES.of(shown.frame, shown.number, shown.rot, shown.mirrored)
+    return BODIES.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
 
 
 def made(shown, how=HOW):
-    return inertialized(shown, np.zeros(len(shown.number)), how)
+    return inertialize(shown, np.zeros(len(shown.number)), how)
 
 
 def heading(shown, found):
@@ -208,7 +208,7 @@ def test_sprites_and_frames_join_alike():
     assert set(kind[calm]) == {SPRITE, FRAME}
     for tick in calm:
         bodies = [
-            BODIES.shown(row.kind, row.source, 0 if row.kind == "frame" else row.orientation,
+            BODIES.edit_row_body(row.kind, row.source, 0 if row.kind == "frame" else row.orientation,
                          row.rotation_deg, row.mirrored)
             for row in edit.iloc[tick - 1 : tick + 1].itertuples()
         ]  # fmt: skip

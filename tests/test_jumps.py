@@ -10,7 +10,7 @@ from toy_film import matching_of, swum, table_of, waters_of
 
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY
-from finloop.edit.build import folded
+from finloop.edit.build import resolve_mirror_images
 from finloop.edit.schema import TERMS
 from finloop.features.table import wrap_deg
 from finloop.jumps import search
@@ -38,7 +38,7 @@ def walk(rng: np.random.Generator, n: int = 160) -> np.ndarray:
 
 
 def nearest(values, track, mirror=True):
-    return Search.of(values, track, COUNT, LEAST, mirror)(np.arange(len(track)))
+    return Search.from_values(values, track, COUNT, LEAST, mirror)(np.arange(len(track)))
 
 
 @pytest.mark.parametrize("mirror", [True, False])
@@ -97,7 +97,7 @@ def of_parts(monkeypatch, most: int) -> None:
 def test_in_a_part_of_the_film_are_the_nearest_that_lie_there(rng, monkeypatch):
     of_parts(monkeypatch, 60)
     values, track = walk(rng), np.zeros(160, int)
-    made, whole = (Search.of(values, track, count, LEAST) for count in (COUNT, 160))
+    made, whole = (Search.from_values(values, track, count, LEAST) for count in (COUNT, 160))
     assert made.parts == 3
     rows, every = np.arange(160), whole(np.arange(160))
     for part in range(3):
@@ -117,7 +117,7 @@ def test_jumps_of_a_long_film_lead_to_the_nearest_rows_and_to_others(rng, monkey
     made = {}
     for most in (2000, 160):
         of_parts(monkeypatch, most)
-        look = Search.of(values, track, 10, LEAST, mirror=False)
+        look = Search.from_values(values, track, 10, LEAST, mirror=False)
         made[most] = _best_jumps(Nothing(), look, 1.0, (8, 3), np.arange(len(track)))
     # The nearest are all of the same moment, after which all goes on alike.
     elsewhere = {
@@ -271,7 +271,7 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
     for name, sign in (("dx", 1), ("dy", -1), ("heading", -1), ("speed", 1), ("area", 1)):
         assert getattr(made, name)[rows + n] == pytest.approx(sign * getattr(made, name)[rows])
     rot = np.full(len(rows), 25.0)
-    shown = folded(np.ones(len(rows), bool), rows + n, rot, made.heading[:n])
+    shown = resolve_mirror_images(np.ones(len(rows), bool), rows + n, rot, made.heading[:n])
     assert shown.mirrored.all() and shown.number.tolist() == rows.tolist()
     drawn = table["heading_deg"].to_numpy()[rows] + shown.rot
     assert wrap_deg(drawn - (made.heading[rows + n] + rot)) == pytest.approx(0, abs=1e-9)

@@ -32,7 +32,7 @@ from finloop.io.table import load_table, save_table
 from finloop.loops.graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
 from finloop.loops.positions import (
     displacement,
-    merged,
+    merge_legs,
     position_table,
     quadrant,
     routes_table,
@@ -43,7 +43,7 @@ from finloop.loops.search import (
     Settings,
     as_map,
     candidates,
-    filtered,
+    filter_diagonals,
     find,
     groups,
     keep_best,
@@ -154,7 +154,7 @@ def test_filter_and_minima_are_as_defined(seed, n):
     rng = np.random.default_rng(seed)
     track = np.sort(rng.integers(0, 4, 70)).astype(np.int32)
     pairs = film_map(np.cumsum(rng.normal(size=(70, 2)), axis=0), keep=4.0)
-    value = filtered(pairs, track, n, 2.0)
+    value = filter_diagonals(pairs, track, n, 2.0)
     at, a = minima(pairs, value, track, radius=2, least=6)
     want_value, want = written_out(dense(pairs, 70), track, n, 2, 6, 2.0)
     got = np.full((70, 70), np.inf)
@@ -168,7 +168,9 @@ def test_of_equal_minima_the_first_is_one():
     """A film that stands still for a while is alike in all its frames."""
     film = np.r_[np.arange(10), np.full(3, 20.0), np.arange(30, 50), np.full(3, 20.0), [60, 70]]
     pairs = film_map(film[:, None], keep=0.1)
-    at, a = minima(pairs, filtered(pairs, np.zeros(38, np.int32), 0, 1.0), np.zeros(38), 3, 10)
+    at, a = minima(
+        pairs, filter_diagonals(pairs, np.zeros(38, np.int32), 0, 1.0), np.zeros(38), 3, 10
+    )
     assert list(zip(a, pairs.j[at], strict=True)) == [(10, 33)]
 
 
@@ -210,7 +212,7 @@ def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
     film = np.tile(np.arange(30) * 5.0, 2)[:, None]
     track = np.repeat([3, 8], 30)
     for n in (0, 1, 2):
-        value = filtered(film_map(film, 1), track.astype(np.int32), n, 5.0)
+        value = filter_diagonals(film_map(film, 1), track.astype(np.int32), n, 5.0)
         assert np.isfinite(value).tolist() == [n <= frame < 30 - n for frame in range(30)]
     loops, _ = find(film_map(film, 1), still(60, track), RATE, 5.0, settings(dynamics=2))
     assert sorted(loops["a"]) == list(range(2, 28, 3))  # all equal: as near as apart allows
@@ -223,7 +225,7 @@ def test_a_missing_neighbour_refuses_a_pair():
     whole[4, 8] = np.inf
     i, j = np.nonzero(np.isfinite(whole))
     holed = as_map(pd.DataFrame({"i": i, "j": j, "distance": 0.0}), 10)
-    value = filtered(holed, np.zeros(10, np.int32), 1, 1.0)
+    value = filter_diagonals(holed, np.zeros(10, np.int32), 1, 1.0)
     finite = set(zip(i[np.isfinite(value)], j[np.isfinite(value)], strict=True))
     assert (2, 6) in finite and not {(3, 7), (4, 8), (5, 9)} & finite
     assert (4, 7) in finite  # another diagonal
@@ -507,7 +509,7 @@ def test_a_table_for_people_has_at_most_26_ends_of_one_track():
 
 def test_routes_are_told_stretch_by_stretch(fig10):
     way = [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 45, PLAY), (45, 55, PLAY)]
-    assert merged(way) == [(65, 75, PLAY), (75, 25, JUMP), (25, 55, PLAY)]
+    assert merge_legs(way) == [(65, 75, PLAY), (75, 25, JUMP), (25, 55, PLAY)]
     told = routes_table([way, way[:1]], fig10, still(90, 4), step=2.0)
     assert told["route"].tolist() == [1, 1, 1, 2]
     assert told["frames"].tolist() == [10, 0, 30, 10]

@@ -11,7 +11,7 @@ import pytest
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
 from finloop.clip.mend import repairs
-from finloop.clip.shake import Shift, steadied
+from finloop.clip.shake import Shift, undo_shift
 from finloop.clip.verdict import findings
 from finloop.drawn.carp.film import film
 from finloop.io.movie import VideoWriter
@@ -83,7 +83,7 @@ def test_flicker_is_taken_out_of_every_channel(tmp_path):
 
 def test_a_shaking_camera_is_steadied_and_the_border_is_no_arena(tmp_path, carp):
     jitter = RNG.uniform(-2, 2, (40, 2))
-    shot = [steadied(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
+    shot = [undo_shift(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
     one, clip = made(tmp_path, shot)
     assert one.mended == {"steady"}
     assert one.filmed.shake_px == pytest.approx(np.mean(jitter**2 * 2) ** 0.5, rel=0.15)

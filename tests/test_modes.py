@@ -50,7 +50,13 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.build import edit_list
-from finloop.edit.measures import area_missed, longest_repeat, of_turns, shown, shown_shares
+from finloop.edit.measures import (
+    area_missed,
+    longest_repeat,
+    picture_kind_shares,
+    picture_kinds,
+    turn_measures,
+)
 from finloop.edit.modes import MODES, PAPER
 from finloop.edit.schema import (
     ACCELERATE,
@@ -335,7 +341,7 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
     assert (pose == BODY) == bool(edit["rotation_deg"].any())
     assert set(edit["kind"]) == {FRAME} and set(edit["mode"]) == {"loops"}
     assert not edit["mirrored"].any() and edit["pose"].isna().all()
-    assert edit["source"].max() < len(table) and set(shown(edit)) == {"film"}
+    assert edit["source"].max() < len(table) and set(picture_kinds(edit)) == {"film"}
     assert (edit["weight"] > 0).any()  # joins are cross-fades
 
 
@@ -448,7 +454,7 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
         if found.new:
             assert (fish.row + 1, found.number[0]) in ends
         assert (np.diff(found.number) == 1).all() and film.has_next[found.number].all()
-        fish = mode.after(fish, found)
+        fish = mode.end_state(fish, found)
         assert (fish.x, fish.y) == (x, 300.0)
 
 
@@ -589,7 +595,7 @@ def test_a_turn_asks_the_network_for_what_eq_4_says_and_shows_its_area(answer):
         assert mode.ideal_motion_area(fish, 1.0, 30.0) == min(max(answer, 0.0), 1.0)
         model.asked.clear()
         cut = found.cut(int(rng.integers(1, 12)))
-        fish = mode.after(fish, cut)
+        fish = mode.end_state(fish, cut)
     assert sides == {-1, 1} and bent > 5
 
 
@@ -612,9 +618,9 @@ def test_a_turn_bends_as_far_as_the_network_says(network):
 def test_sprites_reach_all_goals_and_turn_towards_them_tick_by_tick(network, seed):
     goals = random_goals(network.world, 3, np.random.default_rng(seed))
     found, table = edit_of(network, goals, 1500, seed)
-    ticks = measures.reached(table, goals, TOUCH, HEAD)
+    ticks = measures.arrival_ticks(table, goals, TOUCH, HEAD)
     assert not np.isnan(ticks).any() and list(found.reached) == list(ticks)
-    assert of_turns(table)["turns_monotone_pct"] == 100
+    assert turn_measures(table)["turns_monotone_pct"] == 100
     assert set(table["kind"]) == {SPRITE} and set(table["mode"]) == {"network"}
 
 
@@ -656,7 +662,7 @@ def test_a_fish_is_in_all_states_of_the_film():
 def test_a_wandering_fish_swims_as_the_film_does(network):
     _, table = edit_of(network, [], 10_000, 1)
     film = measures.motion_of_film(lessons(), lesson())
-    far = measures.of_kinematics(measures.motion_of_edit(table, network), film)
+    far = measures.kinematic_distances(measures.motion_of_edit(table, network), film)
     assert far["speed_kinematic_distance_sd"] < 0.5
     assert far["turn_rate_kinematic_distance_sd"] < 0.5
 
@@ -667,14 +673,14 @@ def test_a_way_leads_round_a_wall_to_the_goal():
     player = paper_player(network_of(world_of(tank(arena, 0.6 * LENGTH))))
     goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
     _, found = edit_of(player, goals, 2500, 3)
-    assert not np.isnan(measures.reached(found, goals, TOUCH, HEAD)).any()
+    assert not np.isnan(measures.arrival_ticks(found, goals, TOUCH, HEAD)).any()
     assert all(inside(player.world.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
 
 
 def test_a_goal_in_a_corner_is_touched(network):
     goals = [Goal("A", 38.0, 30.0), Goal("B", 760.0, 570.0)]
     _, table = edit_of(network, goals, 1500, 5)
-    assert not np.isnan(measures.reached(table, goals, TOUCH, HEAD)).any()
+    assert not np.isnan(measures.arrival_ticks(table, goals, TOUCH, HEAD)).any()
 
 
 # --- hybrid
@@ -718,7 +724,7 @@ def test_every_switch_goes_through_a_gateway_as_it_is_listed(pose):
     assert turned.max() <= (7.01 if pose == BODY else 7.5 + 7.01)
     assert set(table["mode"][table["kind"] == FRAME]) == {"loops"}
     assert set(table["mode"][table["kind"] == SPRITE]) == {"network"}
-    numbers = shown_shares(table)
+    numbers = picture_kind_shares(table)
     assert numbers["switches"] == len(into) + len(out)
     assert numbers["switches_without_gateway"] == 0
     assert 30 < numbers["film_pct"] < 100
@@ -752,7 +758,7 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
         goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
         left = mode.leave_film(fish, mode.loops.follow_starts(fish, starts, goal), goal)
         assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
-        there = mode.after(fish, left)
+        there = mode.end_state(fish, left)
         assert (there.row, there.sprite, there.since) == (-1, 3, 1)
         then = network.play(there, goal, rng)
         assert then.number[0] == 4 and not then.new
@@ -773,7 +779,7 @@ def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
             else:
                 assert found.number[0] in starts.rows and found.decision.reason == "enter"
                 entered += 1
-        fish = mode.after(fish, found)
+        fish = mode.end_state(fish, found)
     assert entered > 5
 
 
@@ -783,7 +789,7 @@ def test_hybrid_reaches_all_goals_in_the_open_tank(pose):
     for seed in range(4):
         goals = random_goals(player.world, 3, np.random.default_rng(seed))
         found, table = edit_of(player, goals, 2500, seed)
-        assert not np.isnan(measures.reached(table, goals, TOUCH, HEAD)).any()
+        assert not np.isnan(measures.arrival_ticks(table, goals, TOUCH, HEAD)).any()
         assert (found.reached >= 0).all()
 
 

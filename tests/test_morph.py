@@ -16,7 +16,7 @@ from finloop.curve.contour import Curve
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 from finloop.morph.folds import folds
-from finloop.morph.layers import METHODS, Physics, Scales, fitted, morph, there_and_back
+from finloop.morph.layers import METHODS, Physics, Scales, fit_drawing, morph, there_and_back
 from finloop.morph.tool import main
 
 ROOT = Path(__file__).parents[1]
@@ -89,7 +89,7 @@ def test_a_drawing_morphed_into_itself_stays(method):
 
 def test_frames_lie_on_the_grid_that_is_told():
     for side, decimals in ((100, 4), (101, 3), (1, 6), (24, 4), (3e7, -2)):
-        done = morph(fitted(A, side, side), fitted(B, side, side), "linear", 3, points=32)
+        done = morph(fit_drawing(A, side, side), fit_drawing(B, side, side), "linear", 3, points=32)
         assert done.decimals == decimals
         for stack in done.layers.values():
             np.testing.assert_array_equal(stack, np.round(stack, decimals))
@@ -132,7 +132,7 @@ def test_level_reaches_the_method():
 )
 def test_fitted_drawings_keep_their_shape_and_touch_the_rim(size, into):
     corners = np.array([[0, 0], [size[0], 0], size, [0, size[1]]])
-    shown = fitted(drawing(*size, box=corners), *into).curves["box"].points
+    shown = fit_drawing(drawing(*size, box=corners), *into).curves["box"].points
     low, high = shown.min(axis=0), shown.max(axis=0)
     extent = high - low
     assert extent[0] * size[1] == pytest.approx(extent[1] * size[0])
@@ -142,7 +142,7 @@ def test_fitted_drawings_keep_their_shape_and_touch_the_rim(size, into):
 
 
 def test_the_second_drawing_is_fitted_into_the_first():
-    large = fitted(B, 1000, 1000)
+    large = fit_drawing(B, 1000, 1000)
     one, other = (morph(A, b, "linear", 3, points=32) for b in (B, large))
     for name in one.layers:
         np.testing.assert_allclose(one.layers[name], other.layers[name], atol=2e-4)

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from finloop.base.drawing import checked
+from finloop.base.drawing import clean_curve
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, resampled
+from finloop.curve.contour import Curve, resample_curve
 from finloop.curve.glyph import glyph
-from finloop.curve.wavelet import truncated
-from finloop.morph.flow import area, ears_off, joined, retracted, shortened
+from finloop.curve.wavelet import drop_details
+from finloop.morph.flow import area, ears_off, join_plain_ends, shorten_polygon, straighten_curve
 from finloop.morph.folds import folds, is_simple, stays_simple
 from finloop.morph.linear import linear, physical
-from finloop.morph.match import matched, misfit
+from finloop.morph.match import match_curves, misfit
 from finloop.morph.simple import path_length, simple, simple_morph
 
 GLYPHS = {
@@ -77,20 +77,20 @@ def folds_seen(points, closed=True):
 @given(st.integers(0, 2**32 - 1), st.integers(0, 63), st.booleans())
 def test_a_curve_is_found_again(seed, start, back):
     """Begun elsewhere, run the other way, moved: the same points come out."""
-    points = resampled(star_shaped(np.random.default_rng(seed)), 64)
-    points = resampled(points, 64).points
+    points = resample_curve(star_shaped(np.random.default_rng(seed)), 64)
+    points = resample_curve(points, 64).points
     other = np.roll(points, start, axis=0)[:: -1 if back else 1] + [30, -7]
     far = misfit(points, other if not back else other[::-1])
     assert far.min() < 1e-9 * far.max()
-    one, two = matched(Curve(points, True), Curve(other, True), 64)
+    one, two = match_curves(Curve(points, True), Curve(other, True), 64)
     assert abs(centred(one) - centred(two)).max() < 0.2  # resampling starts between the points
 
 
 def test_the_best_of_all_start_points():
-    a, b = (resampled(GLYPHS[name], 64).points for name in "k5")
+    a, b = (resample_curve(GLYPHS[name], 64).points for name in "k5")
     every = [((centred(a) - centred(np.roll(b, -s, axis=0))) ** 2).sum() for s in range(64)]
     np.testing.assert_allclose(misfit(a, b), every, rtol=1e-9)
-    one, two = matched(GLYPHS["k"], GLYPHS["5"], 64)
+    one, two = match_curves(GLYPHS["k"], GLYPHS["5"], 64)
     np.testing.assert_array_equal(one, a)
     assert ((centred(one) - centred(two)) ** 2).sum() == pytest.approx(min(every))
 
@@ -98,12 +98,12 @@ def test_the_best_of_all_start_points():
 def test_both_directions():
     eight = np.stack([np.sin(2 * (t := np.arange(300) / 300 * 2 * np.pi)), np.sin(t)], axis=1)
     turned = Curve(eight[::-1] + 0.01, True)  # no sense of turning: both directions are tried
-    one, two = matched(Curve(eight, True), turned, 300)
+    one, two = match_curves(Curve(eight, True), turned, 300)
     assert abs(centred(one) - centred(two)).max() < 0.03
     arc = Curve(np.array([[0, 0], [1, 2], [5, 3]], float), False)
-    one, two = matched(arc, Curve(arc.points[::-1], False), 50)
+    one, two = match_curves(arc, Curve(arc.points[::-1], False), 50)
     np.testing.assert_allclose(one, two, atol=1e-12)
-    one, two = matched(GLYPHS["C"], Curve(GLYPHS["C"].points * [-1, 1], True), 128)
+    one, two = match_curves(GLYPHS["C"], Curve(GLYPHS["C"].points * [-1, 1], True), 128)
     assert area(one) * area(two) > 0  # a mirror image turns the other way: run backwards
 
 
@@ -121,10 +121,10 @@ def test_open_with_closed(method):
 def test_ends_are_the_curves(method, a, b):
     frames = method(a, b, 9, 128)
     assert frames.shape == (9, 128, 2)
-    one, two = matched(a, b, 128)
+    one, two = match_curves(a, b, 128)
     size = np.ptp(one)
     np.testing.assert_allclose(frames[0], one, atol=1e-9 * size)
-    assert abs(centred(frames[-1]) - centred(resampled(b, 128).points)).max() < 3 * size
+    assert abs(centred(frames[-1]) - centred(resample_curve(b, 128).points)).max() < 3 * size
     assert set(map(tuple, np.round(frames[-1], 6))) == set(map(tuple, np.round(two, 6)))
     np.testing.assert_allclose(method(a, a, 9, 128), np.stack([one] * 9), atol=1e-9 * size)
 
@@ -132,12 +132,12 @@ def test_ends_are_the_curves(method, a, b):
 def test_eq_4_1():
     """Of all coefficients it is the points' own mean; of few, that of the truncated ends."""
     a, b = GLYPHS["C"], GLYPHS["S"]
-    one, two = matched(a, b, 256)
+    one, two = match_curves(a, b, 256)
     tau = np.linspace(0, 1, 7)[:, None, None]
     np.testing.assert_allclose(linear(a, b, 7, 256), (1 - tau) * one + tau * two, atol=1e-9)
     np.testing.assert_allclose(linear(a, b, 7, 256, 0), linear(a, b, 7, 256), atol=1e-9)
     for source, target in ((a, b), (winding(1), winding(1.2))):
-        ends = truncated(np.stack(matched(source, target, 256)), "db4", 4, source.closed)
+        ends = drop_details(np.stack(match_curves(source, target, 256)), "db4", 4, source.closed)
         coarse = linear(source, target, 7, 256, 4, "db4")
         np.testing.assert_allclose(coarse, (1 - tau) * ends[0] + tau * ends[1], atol=1e-9)
         assert abs(coarse - linear(source, target, 7, 256)).max() > 1e-3 * np.ptp(ends)
@@ -176,8 +176,8 @@ def test_physics():
 )
 def test_shortening(curve, n):
     """The last two are so coarse that whole steps would fold: they are halved."""
-    points = resampled(curve, n).points
-    poses, done = shortened(points)
+    points = resample_curve(curve, n).points
+    poses, done = shorten_polygon(points)
     assert done and stays_simple(poses)
     np.testing.assert_array_equal(poses[0], points)
     areas = np.array([area(pose) for pose in poses])
@@ -200,7 +200,7 @@ def test_ears(seed, n):
 )
 def test_ears_of_tangles(curve, n):
     """Some of their smallest corners are no ears: a part of the curve lies within."""
-    check_ears(resampled(curve, n).points)
+    check_ears(resample_curve(curve, n).points)
 
 
 def check_ears(points):
@@ -216,22 +216,22 @@ def check_ears(points):
 
 def test_plain_ends_can_always_be_joined():
     """Whatever the turn between two near-circles, or a triangle and a circle, or two lines."""
-    points, _ = shortened(resampled(GLYPHS["k"], 64).points)
-    triangle, _ = ears_off(resampled(comb(3, 2), 64).points)
+    points, _ = shorten_polygon(resample_curve(GLYPHS["k"], 64).points)
+    triangle, _ = ears_off(resample_curve(comb(3, 2), 64).points)
     for start in range(0, 64, 7):
         for other in (points[-1], triangle[-1]):
             if area(other) * area(points[-1]) < 0:
                 other = other[::-1]
             other = np.roll(other, start, axis=0) + [500, 40]
-            poses = joined(points[-1], other, True)
+            poses = join_plain_ends(points[-1], other, True)
             assert stays_simple(poses)
             np.testing.assert_array_equal(poses[[0, -1]], [points[-1], other])
-    one, done = retracted(resampled(winding(3), 64).points)
-    other, also = retracted(resampled(winding(2, -1), 64).points)
+    one, done = straighten_curve(resample_curve(winding(3), 64).points)
+    other, also = straighten_curve(resample_curve(winding(2, -1), 64).points)
     assert done and also and stays_simple(one, False)
     for turn in np.deg2rad([0, 90, 179, 180, 181]):
         turned = other[-1] @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-        assert stays_simple(joined(one[-1], turned, False), False)
+        assert stays_simple(join_plain_ends(one[-1], turned, False), False)
 
 
 # --- the morph
@@ -244,7 +244,7 @@ def test_glyphs(pair):
     frames = found.frames
     assert found.proved and not folds(frames).any()
     assert sum(map(folds_seen, frames)) == 0
-    one, two = matched(a, b, 256)
+    one, two = match_curves(a, b, 256)
     np.testing.assert_array_equal(frames[0], one)
     assert set(map(tuple, frames[-1])) == set(map(tuple, two))
     low, high = sorted(abs(area(end)) for end in (one, two))
@@ -291,7 +291,7 @@ def test_tangles(a, b):
 def test_too_coarse_to_shorten():
     """Ears are taken off instead: simple all the same."""
     a, b = comb(15, 8), GLYPHS["S"]
-    assert not shortened(resampled(a, 32).points)[1]
+    assert not shorten_polygon(resample_curve(a, 32).points)[1]
     found = simple_morph(a, b, 62, 32)
     assert found.proved and not folds(found.frames).any()
 
@@ -302,7 +302,7 @@ def test_any_simple_polygons(seed, back):
     rng = np.random.default_rng(seed)
     a, b = (star_shaped(rng) for _ in range(2))
     b = Curve(b.points[:: -1 if back else 1] * 40 + [300, -20], True)
-    if not all(is_simple(resampled(curve, 128).points) for curve in (a, b)):
+    if not all(is_simple(resample_curve(curve, 128).points) for curve in (a, b)):
         return
     found = simple_morph(a, b, 20, 128)
     assert found.proved and not folds(found.frames).any()
@@ -328,4 +328,4 @@ def test_curves_that_are_none():
     with pytest.raises(FinloopError):
         simple(GLYPHS["C"], Curve(np.full((5, 2), np.nan), True), 5, 64)
     with pytest.raises(FinloopError):
-        simple(GLYPHS["C"], checked(Curve(np.zeros((5, 2)), True), "dot"), 5, 64)
+        simple(GLYPHS["C"], clean_curve(Curve(np.zeros((5, 2)), True), "dot"), 5, 64)

@@ -22,13 +22,13 @@ def nearest(vectors, count):
 
 def test_of_few_vectors_every_neighbour_is_found(vectors):
     few = vectors[:500]
-    made = Nearest.of(few)
+    made = Nearest.from_vectors(few)
     assert made.recall == 1
     assert (np.sort(made.search(few, 20), 1) == np.sort(nearest(few, 20), 1)).mean() > 0.999
 
 
 def test_of_many_vectors_hardly_a_neighbour_is_missed(vectors):
-    made = Nearest.of(vectors, most=1000)
+    made = Nearest.from_vectors(vectors, most=1000)
     assert RECALL <= made.recall <= 1
     some = np.random.default_rng(1).choice(len(vectors), 200, replace=False)
     apart = ((vectors[some, None] - vectors[None]) ** 2).sum(-1)
@@ -40,7 +40,7 @@ def test_of_many_vectors_hardly_a_neighbour_is_missed(vectors):
 
 @pytest.mark.parametrize("most", [1000, 10_000])
 def test_another_process_finds_the_same(vectors, most):
-    made = Nearest.of(vectors, most)
+    made = Nearest.from_vectors(vectors, most)
     sent = pickle.loads(pickle.dumps(made))
     assert sent.recall == made.recall
     assert (sent.search(vectors, 20) == made.search(vectors, 20)).all()
@@ -56,7 +56,7 @@ def test_the_parts_of_a_film_are_stretches_spread_over_it(n, parts):
 
 
 def test_where_more_are_asked_for_than_there_are_the_rest_is_none(vectors):
-    assert (Nearest.of(vectors[:5]).search(vectors[:1], 9)[0] >= 0).sum() == 5
+    assert (Nearest.from_vectors(vectors[:5]).search(vectors[:1], 9)[0] >= 0).sum() == 5
 
 
 @pytest.mark.parametrize("most", [None, 100])
@@ -74,7 +74,7 @@ def test_so_many_nearest_are_looked_at_as_are_needed_for_a_choice(vectors, most)
             one[: len(some)] = some
         return (chosen,), chosen[:, -1] >= 0
 
-    index = Nearest.of(few)
+    index = Nearest.from_vectors(few)
     (chosen,) = index.choose(few, 8, choice, most)
     counts, looked_at = zip(*sizes, strict=True)
     assert list(looked_at) == ([8, 32, 100] if most else [8, 32, 128, 500])
@@ -86,7 +86,7 @@ def test_so_many_nearest_are_looked_at_as_are_needed_for_a_choice(vectors, most)
 
 def test_no_more_is_asked_for_than_the_cells_have(vectors):
     """A choice that is never content; in the cells about a vector lie a part of all."""
-    index, counts = Nearest.of(vectors, most=1000), []
+    index, counts = Nearest.from_vectors(vectors, most=1000), []
 
     def never(some, near):
         counts.append(near.shape[1])
@@ -99,5 +99,7 @@ def test_no_more_is_asked_for_than_the_cells_have(vectors):
 
 
 def test_nothing_is_chosen_of_no_vectors(vectors):
-    made = Nearest.of(vectors[:0]).choose(vectors[:2], 8, lambda some, near: ((near,), some < 0))
+    made = Nearest.from_vectors(vectors[:0]).choose(
+        vectors[:2], 8, lambda some, near: ((near,), some < 0)
+    )
     assert made[0].shape == (2, 0)

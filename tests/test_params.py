@@ -23,7 +23,7 @@ from finloop.base.settings import CONF, GONE, GROUPS, check, settings, values_of
 from finloop.edit.modes import MODES
 from finloop.io.parameters import refusal
 from stages import settings as door
-from stages.compose import compare, composed
+from stages.compose import compare, compose_params
 from stages.experiment import FOLDER
 from stages.settings import LOCAL, STAMP, all_problems, load, stamp
 from stages.stamps import film_stamp, path_stamp, tracks_stamp
@@ -174,7 +174,7 @@ def test_the_source_decides_between_options():
 
 @cache  # composing takes Hydra a sixth of a second
 def made(*overrides: str) -> str:
-    return composed(["~local", *overrides])
+    return compose_params(["~local", *overrides])
 
 
 @cache
@@ -334,7 +334,7 @@ def test_the_whole_must_be_there_and_nothing_else():
 )
 def test_an_override_is_refused_by_name_while_composing(override, named):
     with pytest.raises(FinloopError) as refusal:
-        composed(override.split())
+        compose_params(override.split())
     assert named in refusal.value.came
     assert "raised while" not in refusal.value.came  # it is our message, not one about it
     assert "To append" not in refusal.value.came  # Hydra's advice would be refused as well
@@ -344,7 +344,7 @@ def test_an_override_is_refused_by_name_while_composing(override, named):
 def test_a_value_out_of_range_is_refused_while_composing(bad):
     name = "clip.frame_rate_hz"
     with pytest.raises(FinloopError, match=rf"{name}: should be"):
-        composed(["clip=carp", f"{name}={bad}"])
+        compose_params(["clip=carp", f"{name}={bad}"])
 
 
 # --- params.yaml against conf/
@@ -448,7 +448,7 @@ def test_a_path_that_has_changed_has_another_stamp(elsewhere):
     assert None not in seen and len({*seen}) == 2
     for none in (None, "track:8", str(elsewhere / "none.svg")):
         assert path_stamp({"path": none}) is None
-    whole = yaml.safe_load(composed(["~local", f"matching.path={file}"]))
+    whole = yaml.safe_load(compose_params(["~local", f"matching.path={file}"]))
     assert whole["path_stamp"] == seen[-1]
 
 

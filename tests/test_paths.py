@@ -347,7 +347,7 @@ def test_at_a_tick_before_its_times_a_path_is_at_its_beginning():
     route = laid(EIGHT._replace(closed=False, time_s=np.arange(200.0) / RATE)).route
     assert asked_at(route, 0) == asked_at(route, 1) == 0.0
     assert asked_at(route, 10**6) == route.when[-1] == pytest.approx(route.length)
-    assert isinstance(route, Route) and route.timed and not route.done(route.length, 5)
+    assert isinstance(route, Route) and route.is_timed and not route.done(route.length, 5)
 
 
 def test_a_line_of_what_is_infinite_is_none():

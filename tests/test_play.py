@@ -34,7 +34,7 @@ from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish
 from finloop.live.fish import ROW
-from finloop.live.message import parsed
+from finloop.live.message import parse_message
 from finloop.live.tank import LiveTank, rehearse
 from finloop.modes.sprites import start_from_bend
 from stages.play import open_view
@@ -55,7 +55,7 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
     wanted = edit_list(found, ticks, players[mode].sources)
     tank = LiveTank(players, mode, 1, 7)
     rows = pd.DataFrame(
-        np.append(np.array([tank.fish[0].at(0)[:-1]], ROW), played(tank, ticks - 1))
+        np.append(np.array([tank.fish[0].row_at(0)[:-1]], ROW), played(tank, ticks - 1))
     )
     faded = (wanted["weight"] > 0).to_numpy()
     assert faded.any() and not faded.all()
@@ -68,7 +68,7 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
         else:
             assert a.astype(float) == pytest.approx(b.astype(float), abs=1e-4), name
     for tick, pose in enumerate(wanted["pose"]):
-        assert np.array_equal(pose, tank.fish[0].at(tick).pose)
+        assert np.array_equal(pose, tank.fish[0].row_at(tick).pose)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -77,14 +77,14 @@ def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
     fast = 1.6 * max(phases().high * LENGTH / RATE, STEP)
     for _ in range(16):
         before = played(tank, int(rng.integers(2, 30)))
-        past = [tank.fish[0].at(tick) for tick in range(max(0, tank.tick - 50), tank.tick)]
+        past = [tank.fish[0].row_at(tick) for tick in range(max(0, tank.tick - 50), tank.tick)]
         asked = tank.tick
         tank.send(None, *rng.uniform((40, 30), (760, 570)))
         rows = np.append(before, played(tank, 5)).view(ROW)
         choice = tank.fish[0].choice(asked + 1)
         assert choice.tick == asked + 1
         assert (rows["goal"][len(before)] == "A") and not math.isnan(rows["goal_x_px"][-1])
-        now = [tank.fish[0].at(tick) for tick in range(max(0, asked - 50), asked)]
+        now = [tank.fish[0].row_at(tick) for tick in range(max(0, asked - 50), asked)]
         assert repr(past) == repr(now)
         assert steps(rows).max() <= fast
         assert all(inside(open_tank().legal, row["x_px"], row["y_px"]) for row in rows)
@@ -100,14 +100,14 @@ def test_the_fish_gets_there_even_while_its_goal_is_dragged(mode, drag):
         for tick in range(600):
             if tick == 0 or (drag and tick < 400):
                 tank.send(0, x + (tick % 3) * 0.1, y, drag=tick > 0)
-            tank.on()
+            tank.advance()
             if tank.fish[0].reached:
                 break
         took.append(tick)
-        row = tank.fish[0].at(tank.tick)
+        row = tank.fish[0].row_at(tank.tick)
         goal = step.Target(row.goal_x_px, row.goal_y_px, TOUCH + 0.1, HEAD)
         # A way of loops that touches the goal ends at the next loop end.
-        last = [tank.fish[0].at(tick) for tick in range(row.decided, tank.tick + 1)]
+        last = [tank.fish[0].row_at(tick) for tick in range(row.decided, tank.tick + 1)]
         assert any(step.touches(one.x_px, one.y_px, one.heading_deg, goal) for one in last)
     assert max(took) < 599  # reached before the time is over
 
@@ -124,11 +124,11 @@ def test_a_goal_beyond_the_wall_is_put_where_a_fish_can_touch_it():
 @pytest.mark.parametrize("mode", MODES)
 def test_while_a_goal_is_dragged_a_stretch_is_swum_for_a_moment(mode):
     tank, decided = LiveTank(toy_players(), mode, 1, 3), []
-    tank.on()
+    tank.advance()
     for tick in range(60):
         tank.send(0, 400.0 + 3 * tick, 300.0, drag=tick > 0)
-        tank.on()
-        decided.append(int(tank.fish[0].at(tank.tick).decided))
+        tank.advance()
+        decided.append(int(tank.fish[0].row_at(tank.tick).decided))
     assert decided[0] == 2  # the first click counts at once
     apart = np.diff(sorted(set(decided)))
     assert 1 < np.median(apart) <= 3 and len(apart) > 15
@@ -164,9 +164,9 @@ def test_a_fish_that_is_stopped_in_a_turn_is_bent_and_only_then():
     state = player.begin(rng)
     for _ in range(200):
         stretch, then = player.plan(state, None, rng)
-        assert not then.fish.bent
+        assert not then.fish.is_bent
         if stretch.state == TURN and len(stretch.way) > 4:
-            assert player.cut(state, stretch, 4)[1].fish.bent
+            assert player.cut(state, stretch, 4)[1].fish.is_bent
             bent += 1
         state = then
     assert bent > 10
@@ -193,10 +193,10 @@ def test_modes_are_changed_from_each_to_each_while_it_swims():
         assert set(rows["mode"][1:]) <= own
         assert steps(rows).max() <= fast
         tank.switch(mode)  # it is in that mode already: nothing is cut
-        decided = tank.fish[0].at(tank.tick).decided
-        tank.on()
-        assert tank.fish[0].at(tank.tick).decided in (decided, tank.tick)
-        before = np.array([tank.fish[0].at(tank.tick)[:-1]], ROW)
+        decided = tank.fish[0].row_at(tank.tick).decided
+        tank.advance()
+        assert tank.fish[0].row_at(tank.tick).decided in (decided, tank.tick)
+        before = np.array([tank.fish[0].row_at(tank.tick)[:-1]], ROW)
 
 
 def test_where_a_mode_takes_over_pictures_are_joined_and_it_can_be_gone_back_to():
@@ -262,10 +262,10 @@ def test_the_view_tells_every_mode_and_why_one_cannot_be_had():
     assert list(told) == list(MODES)
     assert [name for name, one in told.items() if one["lack"]] == [*PAPER]
     assert all(told[name]["title"] == facts.title for name, facts in MODES.items())
-    view.grant(parsed('{"do":"mode","mode":"loops"}'))
+    view.grant(parse_message('{"do":"mode","mode":"loops"}'))
     assert "one fish" in view.refused or "2 fish" in view.refused
-    view.grant(parsed('{"do":"count","fish":1}'))
-    view.grant(parsed('{"do":"mode","mode":"loops"}'))
+    view.grant(parse_message('{"do":"count","fish":1}'))
+    view.grant(parse_message('{"do":"mode","mode":"loops"}'))
     state = view.state(0)
     assert (state["mode"], state["most"], view.refused) == ("loops", 1, "")
     assert not any(one["lack"] for one in state["modes"])
@@ -284,9 +284,9 @@ def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypat
     monkeypatch.chdir(a_run)
     with open_view("hybrid", None, 0) as view:
         for mode in EACH_TO_EACH:
-            view.grant(parsed(json.dumps({"do": "mode", "mode": mode})))
+            view.grant(parse_message(json.dumps({"do": "mode", "mode": mode})))
             for _ in range(12):
-                view.on()
+                view.advance()
                 state, _ = read(view.show())
             assert (state["mode"], state["refused"]) == (mode, "")
     with pytest.raises(FinloopError, match="mode loops cannot do 3 fish"):
@@ -308,10 +308,10 @@ def test_the_past_is_kept_as_it_was_and_no_longer_than_said(monkeypatch):
     assert sum(one.tick < tank.oldest - 90 for one in fish._choices) <= 1
     assert tank.oldest == tank.tick - 59
     for back in range(60):
-        assert repr(tuple(fish.at(tank.tick - back)[:-1])) == repr(rows[-1 - back].item())
+        assert repr(tuple(fish.row_at(tank.tick - back)[:-1])) == repr(rows[-1 - back].item())
         choice = fish.choice(tank.tick - back)
         assert choice.tick <= tank.tick - back
-    assert fish.at(tank.oldest - 1) is None and fish.at(tank.tick + 1) is None
+    assert fish.row_at(tank.oldest - 1) is None and fish.row_at(tank.tick + 1) is None
     assert fish.choice(tank.oldest - 1) is None
 
 
@@ -320,9 +320,9 @@ def test_what_was_weighed_is_told_with_its_costs():
     tank.send(0, 700.0, 100.0)
     seen = set()
     for _ in range(600):
-        tank.on()
+        tank.advance()
         choice = tank.fish[0].choice(tank.tick)
-        row, options = tank.fish[0].at(tank.tick), choice.stretch.options
+        row, options = tank.fish[0].row_at(tank.tick), choice.stretch.options
         if options is None:
             continue
         if row.kind == FRAME:
@@ -345,13 +345,13 @@ def test_left_alone_it_swims_on_from_the_past_as_it_did(mode):
     played(tank, 40)
     tank.send(None, 600.0, 400.0)
     first = [played(tank, 1, fish=0) for _ in range(160)]
-    second = [tank.fish[-1].at(tick) for tick in range(tank.tick + 1)]
+    second = [tank.fish[-1].row_at(tick) for tick in range(tank.tick + 1)]
     for tick in (197, 90, 41, 44):
         tank.back_to(tick)
         assert tank.tick == tick and tank.mode == mode
         again = played(tank, 160 + 40 - tick)
         assert repr(np.concatenate(first)[tick - 40 :]) == repr(again)
-        assert repr([tank.fish[-1].at(t) for t in range(tank.tick + 1)]) == repr(second)
+        assert repr([tank.fish[-1].row_at(t) for t in range(tank.tick + 1)]) == repr(second)
 
 
 def test_from_the_past_it_can_be_sent_elsewhere():
@@ -368,8 +368,8 @@ def test_from_the_past_it_can_be_sent_elsewhere():
     assert fish.goal is not None or rows["reached"][59]
     tank.send(0, 700.0, 500.0)
     later = played(tank, 100)
-    assert fish.choice(61).goal.x_px == 700.0 and fish.at(181) is None
-    assert repr(rows[:60]) == repr(np.array([fish.at(t)[:-1] for t in range(1, 61)], ROW))
+    assert fish.choice(61).goal.x_px == 700.0 and fish.row_at(181) is None
+    assert repr(rows[:60]) == repr(np.array([fish.row_at(t)[:-1] for t in range(1, 61)], ROW))
     whole = np.concatenate([rows[:60], later])
     assert steps(whole).max() <= 1.6 * max(phases().high * LENGTH / RATE, STEP)
 
@@ -380,29 +380,29 @@ def test_a_goal_that_was_being_dragged_then_is_swum_to(mode):
     played(tank, 20)
     for move in range(20):
         tank.send(0, 300.0 + 10 * move, 300.0, drag=move > 0)
-        tank.on()
+        tank.advance()
     tank.back_to(33)
     first = tank.fish[0].goal
     assert first.x_px == 300.0 + 10 * 12
-    tank.on()
-    tank.on()
-    tank.on()
+    tank.advance()
+    tank.advance()
+    tank.advance()
     assert tank.fish[0].choice(tank.tick).goal == first
 
 
 def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
     view = view_of(fish=1)
-    view.on(30)
-    view.grant(parsed('{"do":"count","fish":3}'))
-    view.grant(parsed('{"do":"explain","fish":2}'))
-    view.on(30)
-    view.grant(parsed('{"do":"pause","on":true}'))
-    view.grant(parsed('{"do":"look","tick":20}'))
-    view.grant(parsed('{"do":"swim_on","tick":20}'))
+    view.advance(30)
+    view.grant(parse_message('{"do":"count","fish":3}'))
+    view.grant(parse_message('{"do":"explain","fish":2}'))
+    view.advance(30)
+    view.grant(parse_message('{"do":"pause","on":true}'))
+    view.grant(parse_message('{"do":"look","tick":20}'))
+    view.grant(parse_message('{"do":"swim_on","tick":20}'))
     state, _ = read(view.show())
     assert (state["now"], state["tick"], len(state["fish"])) == (20, 20, 1)
     assert view.runs and not state["past"] and view.explained == 0
-    view.grant(parsed('{"do":"swim_on","tick":900}'))  # it has not been: stay
+    view.grant(parse_message('{"do":"swim_on","tick":900}'))  # it has not been: stay
     assert view.tank.tick == 20
 
 
@@ -411,9 +411,9 @@ def test_no_further_back_than_is_known(monkeypatch):
     tank = LiveTank(toy_players(), "hybrid", 1, 2)
     played(tank, 400)
     oldest = tank.oldest
-    row = tank.fish[0].at(oldest)
+    row = tank.fish[0].row_at(oldest)
     tank.back_to(3)
-    assert tank.tick == oldest and repr(tank.fish[0].at(oldest)) == repr(row)
+    assert tank.tick == oldest and repr(tank.fish[0].row_at(oldest)) == repr(row)
     played(tank, 100)
 
 
@@ -443,9 +443,9 @@ def swum(tank, ticks):
     """What of a fish's path had been begun, and where it was, tick by tick."""
     log = []
     for _ in range(ticks):
-        tank.on()
+        tank.advance()
         fish = tank.fish[0]
-        row, errand = fish.at(tank.tick), fish.errand
+        row, errand = fish.row_at(tank.tick), fish.errand
         log.append((errand is not None and errand.begun, row.x_px - 400, row.y_px - 300))
     begun, x, y = np.array(log).T
     return begun.astype(bool), x, y
@@ -453,7 +453,7 @@ def swum(tank, ticks):
 
 def test_it_swims_to_where_a_path_begins_and_then_along_it():
     tank = LiveTank(toy_players(), "matching", 1, 3)
-    tank.on()
+    tank.advance()
     tank.follow(0, circle(140))
     begun, x, y = swum(tank, 900)
     first = int(np.argmax(begun))
@@ -462,7 +462,7 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it():
     assert np.sqrt((off**2).mean()) < 0.15 * LENGTH
     laps = np.diff(np.unwrap(np.arctan2(y, x)[first:])).sum() / (2 * np.pi)
     assert laps > 1.5
-    assert tank.fish[0].at(tank.tick).goal == PATH
+    assert tank.fish[0].row_at(tank.tick).goal == PATH
     weighed = [tank.fish[0].choice(tick).stretch.options for tick in range(first + 5, tank.tick)]
     weighed = [one for one in weighed if one is not None]
     jumps = [one.terms[(one.seams > 0) & np.isfinite(one.value), 0] for one in weighed]
@@ -518,26 +518,28 @@ def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
 
 def test_fish_come_and_go():
     view = view_of(fish=3)
-    view.on(5)
-    view.grant(parsed('{"do":"count","fish":8}'))
-    view.on(5)
+    view.advance(5)
+    view.grant(parse_message('{"do":"count","fish":8}'))
+    view.advance(5)
     state, _ = read(view.show())
     assert len(state["fish"]) == 8 and all(state["fish"])
-    view.grant(parsed('{"do":"look","tick":3}'))
+    view.grant(parse_message('{"do":"look","tick":3}'))
     state, _ = read(view.show())
     assert [fish is not None for fish in state["fish"]] == [True] * 3 + [False] * 5
-    view.grant(parsed('{"do":"explain","fish":7}'))
-    view.grant(parsed('{"do":"count","fish":1}'))
+    view.grant(parse_message('{"do":"explain","fish":7}'))
+    view.grant(parse_message('{"do":"count","fish":1}'))
     assert view.explained == 0 and len(view.tank.fish) == 1
-    view.grant(parsed('{"do":"goal","fish":5,"x":1,"y":1,"drag":false}'))  # not there: let be
+    view.grant(
+        parse_message('{"do":"goal","fish":5,"x":1,"y":1,"drag":false}')
+    )  # not there: let be
     read(view.show())
 
 
 @pytest.mark.parametrize("colour", [False, True])
 def test_a_frame_is_the_painted_tank_and_the_state(colour):
     view = view_of(fish=2, colour=colour)
-    view.grant(parsed('{"do":"goal","fish":1,"x":300,"y":200.5,"drag":false}'))
-    view.on(40)
+    view.grant(parse_message('{"do":"goal","fish":1,"x":300,"y":200.5,"drag":false}'))
+    view.advance(40)
     state, picture = read(view.show(3.21))
     assert picture.shape == view.painter.frame.shape
     painted = view.painter.frame[..., ::-1] if colour else view.painter.frame
@@ -553,19 +555,19 @@ def test_a_frame_is_the_painted_tank_and_the_state(colour):
 
 def test_rewinding_shows_the_frame_again_and_a_goal_returns_to_now():
     view = view_of()
-    view.on(30)
+    view.advance(30)
     then, picture = read(view.show())
-    view.on(25)
-    view.grant(parsed('{"do":"look","tick":30}'))
+    view.advance(25)
+    view.grant(parse_message('{"do":"look","tick":30}'))
     state, again = read(view.show())
     assert np.array_equal(picture, again) and state["past"] and not view.runs
     for name in ("fish", "decision", "tick"):
         assert state[name] == then[name]
-    view.grant(parsed('{"do":"goal","fish":null,"x":300,"y":200,"drag":false}'))
+    view.grant(parse_message('{"do":"goal","fish":null,"x":300,"y":200,"drag":false}'))
     assert view.tick == 55 and view.runs
-    view.grant(parsed('{"do":"step"}'))
+    view.grant(parse_message('{"do":"step"}'))
     assert view.tick == 56 and not view.runs
-    view.grant(parsed('{"do":"pause","on":false}'))
+    view.grant(parse_message('{"do":"pause","on":false}'))
     assert view.runs
 
 
@@ -576,7 +578,7 @@ def test_ways_are_drawn_as_they_would_have_been_swum():
     """
     view, plan, checked, kept = view_of("matching"), {}, 0, 0
     for _ in range(130):
-        view.on()
+        view.advance()
         state = view.state(view.tick)
         decision = state["decision"]
         taken = next((way for way in decision["ways"] if way["taken"]), None)
@@ -588,11 +590,11 @@ def test_ways_are_drawn_as_they_would_have_been_swum():
         if taken is None or state["tick"] != decision["planned"]:
             continue
         assert decision["ways"][0]["taken"]
-        begin = view.tank.fish[0].at(state["tick"])
+        begin = view.tank.fish[0].row_at(state["tick"])
         x, y = decision["x"], decision["y"]
         path = np.array(taken["path"]) - [x, y] + [begin.x_px, begin.y_px]
-        view.on(2)
-        row = view.tank.fish[0].at(view.tank.tick)
+        view.advance(2)
+        row = view.tank.fish[0].row_at(view.tank.tick)
         if row.decided == decision["tick"]:
             assert path[1] == pytest.approx([row.x_px, row.y_px], abs=1.1)
             checked += 1
@@ -601,15 +603,15 @@ def test_ways_are_drawn_as_they_would_have_been_swum():
 
 def test_goals_that_are_reached_are_counted_once():
     view = view_of("network", seed=3)
-    view.grant(parsed('{"do":"goal","fish":0,"x":400,"y":300,"drag":false}'))
-    view.on(500)
+    view.grant(parse_message('{"do":"goal","fish":0,"x":400,"y":300,"drag":false}'))
+    view.advance(500)
     assert view.counts.reached == 1 and view.tank.fish[0].reached
-    view.grant(parsed('{"do":"goal","fish":0,"x":100,"y":300,"drag":false}'))
+    view.grant(parse_message('{"do":"goal","fish":0,"x":100,"y":300,"drag":false}'))
     assert not view.tank.fish[0].reached
-    view.grant(parsed('{"do":"drop","fish":null}'))
-    view.on(20)
-    assert view.tank.fish[0].at(view.tank.tick).goal == ""
-    assert abs(wrap_deg(view.tank.fish[0].at(view.tank.tick).heading_deg)) <= 180
+    view.grant(parse_message('{"do":"drop","fish":null}'))
+    view.advance(20)
+    assert view.tank.fish[0].row_at(view.tank.tick).goal == ""
+    assert abs(wrap_deg(view.tank.fish[0].row_at(view.tank.tick).heading_deg)) <= 180
 
 
 # --- a tick decided anew
@@ -620,18 +622,18 @@ def test_a_tick_that_is_decided_anew_heads_for_the_new_goal_and_keeps_the_tick_b
     fish, rng = tank.fish[0], np.random.default_rng(0)
     for turn in range(60):
         for _ in range(int(rng.integers(1, 9))):
-            tank.on()
-        before, now = fish.at(tank.tick - 1), tank.tick
+            tank.advance()
+        before, now = fish.row_at(tank.tick - 1), tank.tick
         x, y = rng.uniform(0, ARENA.shape[1]), rng.uniform(0, ARENA.shape[0])
         tank.send(0, x, y)
         goal = fish.goal
         tank.renew(0)
-        assert tank.tick == fish.now == now, turn
-        np.testing.assert_equal(fish.at(now - 1)[:-1], before[:-1])
+        assert tank.tick == fish.last_tick == now, turn
+        np.testing.assert_equal(fish.row_at(now - 1)[:-1], before[:-1])
         choice = fish.choice(now)
         assert choice.tick == now and choice.goal == goal
         # At the next tick all goes on as planned: nothing is decided once more.
-        tank.on()
+        tank.advance()
         assert fish.choice(tank.tick).tick in (now, now + 1)
 
 
@@ -639,11 +641,11 @@ def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_
     tank = LiveTank(toy_players(), "matching", 1, 4)
     fish, same = tank.fish[0], 0
     for _ in range(300):
-        tank.on()
+        tank.advance()
         if fish.choice(tank.tick).tick == tank.tick:
-            old = fish.at(tank.tick)
+            old = fish.row_at(tank.tick)
             tank.renew(0)
-            np.testing.assert_equal(fish.at(tank.tick)[:-1], old[:-1])
+            np.testing.assert_equal(fish.row_at(tank.tick)[:-1], old[:-1])
             same += 1
     assert same > 10
 
@@ -652,11 +654,11 @@ def test_ticks_decided_anew_are_the_same_for_the_same_seed_and_wishes():
     def swum():
         tank, rng, rows = LiveTank(toy_players(), "matching", 3, 5), np.random.default_rng(1), []
         for _ in range(150):
-            tank.on()
+            tank.advance()
             which = int(rng.integers(3))
             tank.send(which, rng.uniform(0, ARENA.shape[1]), rng.uniform(0, ARENA.shape[0]))
             tank.renew(which)
-            rows += [fish.at(tank.tick)[:-1] for fish in tank.fish]
+            rows += [fish.row_at(tank.tick)[:-1] for fish in tank.fish]
         return np.array(rows, ROW)
 
     assert swum().tobytes() == swum().tobytes()
@@ -665,7 +667,7 @@ def test_ticks_decided_anew_are_the_same_for_the_same_seed_and_wishes():
 def test_fish_that_decide_anew_keep_clear_of_each_other():
     tank, rng = LiveTank(toy_players(), "matching", 3, 6), np.random.default_rng(2)
     for _ in range(300):
-        tank.on()
+        tank.advance()
         which = int(rng.integers(3))
         tank.send(which, *tank.fish[(which + 1) % 3].places(range(tank.tick, tank.tick + 1))[0])
         tank.renew(which)

@@ -26,8 +26,8 @@ import finloop.live.server as served
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES, PAPER
 from finloop.live import fish as play_fish
-from finloop.live.door import bound
-from finloop.live.message import LONGEST, MOST_PLACES, parsed
+from finloop.live.door import bind_socket
+from finloop.live.message import LONGEST, MOST_PLACES, parse_message
 from finloop.live.server import BEHIND, Host, Page, Server
 from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
@@ -76,7 +76,7 @@ BAD = [
 def tank(view=None, **how):
     """The server of a tank, running beside; yields its address, and the view."""
     view = view or view_of(**how)
-    with bound(0) as listens:
+    with bind_socket(0) as listens:
         up = threading.Event()
         server = Server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
         runs = threading.Thread(target=server.serve_on)
@@ -114,17 +114,17 @@ def until(page, wanted):
 
 def test_what_is_meant_is_understood_and_nothing_else():
     for wish in GOOD:
-        assert parsed(json.dumps(wish)).do == wish["do"]
+        assert parse_message(json.dumps(wish)).do == wish["do"]
     for text in BAD:
-        assert parsed(text) is None, text
-        assert parsed(text.encode()) is None, text
-    assert parsed(None) is None and parsed(b"\xff\xfe{") is None
+        assert parse_message(text) is None, text
+        assert parse_message(text.encode()) is None, text
+    assert parse_message(None) is None and parse_message(b"\xff\xfe{") is None
     for wish in GOOD:  # a field is missing, of another type, or one too many
         for name in wish:
             less = {key: value for key, value in wish.items() if key != name}
-            assert parsed(json.dumps(less)) is None
-            assert parsed(json.dumps(wish | {name: {"a": [1]}})) is None
-        assert parsed(json.dumps(wish | {"more": 1})) is None
+            assert parse_message(json.dumps(less)) is None
+            assert parse_message(json.dumps(wish | {name: {"a": [1]}})) is None
+        assert parse_message(json.dumps(wish | {"more": 1})) is None
 
 
 JSON = st.recursive(
@@ -140,7 +140,7 @@ NEARLY = st.sampled_from(GOOD).flatmap(
 @settings(max_examples=25)
 @given(st.text() | st.binary() | (JSON | NEARLY).map(json.dumps))
 def test_no_message_breaks_the_parser(text):
-    wish = parsed(text)
+    wish = parse_message(text)
     assert wish is None or isinstance(wish, BaseModel)
 
 
@@ -388,14 +388,14 @@ def test_too_many_pages_are_sent_away(monkeypatch):
 
 
 def test_it_listens_to_this_machine_alone_and_says_so_where_the_port_is_taken():
-    with bound(0) as one:
+    with bind_socket(0) as one:
         assert one.getsockname()[0] == "127.0.0.1"
         one.listen()
         with pytest.raises(FinloopError, match=f"port {one.getsockname()[1]} cannot be had"):
-            bound(one.getsockname()[1])
+            bind_socket(one.getsockname()[1])
     for port in (70_000, -1):
         with pytest.raises(FinloopError):
-            bound(port)
+            bind_socket(port)
     assert _parser().parse_args([]).fish is None  # as matching.fish
     with pytest.raises(SystemExit):
         _parser().parse_args(["--fish", "9"])
@@ -407,13 +407,13 @@ def test_a_mode_that_there_is_not_is_answered_by_those_that_there_are(capsys):
         _parser().parse_args(["--mode", "nn"])
     told = capsys.readouterr().err
     assert all(mode in told for mode in MODES)
-    assert parsed('{"do":"mode","mode":"nn"}') is None
+    assert parse_message('{"do":"mode","mode":"nn"}') is None
 
 
 def test_an_error_of_the_tank_ends_the_server_and_is_told():
     view = view_of()
     view.show = lambda took_ms=0.0: 1 / 0
-    with bound(0) as listens:
+    with bind_socket(0) as listens:
         up = threading.Event()
         server = Server(view, "", listens, up.set)
         found = []

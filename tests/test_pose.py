@@ -7,11 +7,11 @@ import pytest
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.features.memory import memory_frames
-from finloop.io.record import load_json, made_by, save_record
+from finloop.io.record import load_json, remake_hint, save_record
 from finloop.io.table import load_lists, save_table
 from finloop.pose import film_poses
-from finloop.pose.film import POSES, restored
-from finloop.puppet.pose import mirrored
+from finloop.pose.film import POSES, restore_poses
+from finloop.puppet.pose import mirror_posture
 
 LENGTH = 60.0
 
@@ -51,7 +51,9 @@ def test_postures_come_back_from_files_as_they_were(tmp_path):
     save_record(tmp_path / "shapes.json", poses.facts)
     (codes,) = load_lists(tmp_path / "poses.parquet", POSES, "codes")
     again = load_json(
-        tmp_path / "shapes.json", lambda facts: restored(features, codes, facts), *made_by("pose")
+        tmp_path / "shapes.json",
+        lambda facts: restore_poses(features, codes, facts),
+        *remake_hint("pose"),
     )
     assert np.array_equal(again.codes, poses.codes)
     assert np.array_equal(again.pose.posture, poses.pose.posture)
@@ -59,8 +61,8 @@ def test_postures_come_back_from_files_as_they_were(tmp_path):
     assert not again.shapes.nearest_codes(again.codes).clamped.any()
     with pytest.raises(FinloopError, match="rows"):
         load_json(
-            tmp_path / "shapes.json", lambda facts: restored(features[:9], codes, facts),
-            *made_by("pose"),
+            tmp_path / "shapes.json", lambda facts: restore_poses(features[:9], codes, facts),
+            *remake_hint("pose"),
         )  # fmt: skip
 
 
@@ -71,7 +73,7 @@ def test_few_codes_stand_for_the_backbones_and_mirror_as_they_do():
     assert np.abs(poses.pose.backbone_px() - line).max() < 1.0
     assert poses.codes.shape[1] <= 3
     other = poses.shapes.decode(poses.codes @ poses.shapes.mirror)
-    assert other == pytest.approx(mirrored(poses.shapes.decode(poses.codes)), abs=1e-6)
+    assert other == pytest.approx(mirror_posture(poses.shapes.decode(poses.codes)), abs=1e-6)
 
 
 def test_a_backbone_from_tail_to_head_is_turned_round():
@@ -103,7 +105,7 @@ def test_a_posture_is_remembered_for_a_part_of_its_beat():
 def test_ten_frames_and_a_fish_that_never_bends(bends):
     poses = film_poses(*film(bends), settings("pose"))
     assert len(poses.codes) == 10 and np.isfinite(poses.codes).all()
-    assert np.isfinite(poses.shapes.explained).all() and poses.memory_frames > 0
+    assert np.isfinite(poses.shapes.variance_shares).all() and poses.memory_frames > 0
     assert not poses.shapes.nearest_codes(poses.codes).clamped.any()
     near = poses.shapes.nearest_codes(poses.codes + 1.0)
     assert np.isfinite(near.codes).all() and near.clamped.all()

@@ -7,8 +7,8 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.puppet import Pose, PoseShapes, Tail, blend, draw, filmed, trunk
-from finloop.puppet.pose import bends, mirrored, steps
+from finloop.puppet import Pose, PoseShapes, Tail, blend, draw, poses_from_features, trunk
+from finloop.puppet.pose import bends, mirror_posture, steps
 
 STEPS, SIZE, LENGTH, WIDE = 32, (121, 121), 60.0, 7.0
 MIDDLE = (60.0, 60.0, 0.0, LENGTH)
@@ -80,29 +80,29 @@ def test_grey_is_drawn_as_colour_is():
 
 def test_a_pose_that_moves_moves_the_picture():
     start = draw(BODY, pose(), pose(1.0), SIZE)
-    there = pose(1.0).at(67, 51, 0, LENGTH)
+    there = pose(1.0).move_to(67, 51, 0, LENGTH)
     assert np.abs(draw(BODY, pose(), there, SIZE) - np.roll(start, (-9, 7), (0, 1))).max() < 1e-3
-    quarter = pose(1.0).at(60, 60, np.pi / 2, LENGTH)
+    quarter = pose(1.0).move_to(60, 60, np.pi / 2, LENGTH)
     assert np.abs(draw(BODY, pose(), quarter, SIZE) - np.rot90(start)).max() < 1e-3
 
 
 def test_a_pose_of_another_size_scales_the_picture():
-    large = draw(BODY, pose(), pose(1.0).at(120, 120, 0, 2 * LENGTH), (241, 241))
+    large = draw(BODY, pose(), pose(1.0).move_to(120, 120, 0, 2 * LENGTH), (241, 241))
     small = draw(BODY, pose(), pose(1.0), SIZE)
     assert large[..., 3].sum() == pytest.approx(4 * small[..., 3].sum(), rel=0.01)
-    half = draw(cut(large), pose(1.0).at(120, 120, 0, 2 * LENGTH), pose(1.0), SIZE)
+    half = draw(cut(large), pose(1.0).move_to(120, 120, 0, 2 * LENGTH), pose(1.0), SIZE)
     assert np.abs(half - small).mean() < 0.01
 
 
 def test_mirrored_is_the_mirror_image():
     finned = straight_body(fin=10)
     bent = draw(finned, pose(), pose(1.5), SIZE)
-    other = draw(finned, pose(), pose(1.5).mirrored(), SIZE, mirrored=True)
+    other = draw(finned, pose(), pose(1.5).mirror(), SIZE, mirrored=True)
     assert np.abs(other - bent[::-1]).max() < 1e-3
-    twice = draw(cut(other), pose(1.5).mirrored(), pose(1.5), SIZE, mirrored=True)
+    twice = draw(cut(other), pose(1.5).mirror(), pose(1.5), SIZE, mirrored=True)
     assert np.abs(twice - cut(bent).pixels / 255).max() < 0.01
-    assert np.array_equal(pose(1.5).mirrored().mirrored().posture, pose(1.5).posture)
-    assert np.allclose(pose(1.5).mirrored().posture, pose(-1.5).posture)
+    assert np.array_equal(pose(1.5).mirror().mirror().posture, pose(1.5).posture)
+    assert np.allclose(pose(1.5).mirror().posture, pose(-1.5).posture)
 
 
 @pytest.mark.parametrize("turn", [1.0, 2.5, 4.0])
@@ -165,7 +165,7 @@ def test_an_open_fin_is_whole():
 def test_the_outline_has_no_fringe(light):
     pixels = BODY.pixels.copy()
     pixels[..., :3] = pixels[..., 3:] // 255 * light if light == 0 else pixels[..., 3:]
-    drawn = draw(BODY._replace(pixels=pixels), pose(), pose(2.0).at(60.3, 59.6, 0.4, 70), SIZE)
+    drawn = draw(BODY._replace(pixels=pixels), pose(), pose(2.0).move_to(60.3, 59.6, 0.4, 70), SIZE)
     assert drawn.min() >= 0 and drawn.max() <= 1
     assert np.array_equal(drawn[..., 0], drawn[..., 3] * (light == 255))
 
@@ -198,9 +198,9 @@ def test_a_frame_clipped_at_the_border_of_the_film():
 
 def test_what_lies_outside_the_picture_is_cut_off():
     whole = draw(BODY, pose(), pose(1.0), SIZE)
-    corner = draw(BODY, pose(), pose(1.0).at(20, 30, 0, LENGTH), (60, 70))
+    corner = draw(BODY, pose(), pose(1.0).move_to(20, 30, 0, LENGTH), (60, 70))
     assert np.allclose(corner, whole[30:90, 40:110], atol=1e-3)
-    assert not draw(BODY, pose(), pose().at(-500, 0, 0, LENGTH), SIZE).any()
+    assert not draw(BODY, pose(), pose().move_to(-500, 0, 0, LENGTH), SIZE).any()
 
 
 def test_two_frames_in_one_pose_blend_in_light_alone():
@@ -231,33 +231,33 @@ def film(rows=40, seed=0):
 
 def test_poses_of_a_film_have_its_backbones():
     table, lines = film()
-    poses = filmed(table, lines.astype(np.float32))
+    poses = poses_from_features(table, lines.astype(np.float32))
     assert len(poses) == len(lines)
     assert np.abs(poses.backbone_px() - lines).max() < 1e-3
     assert np.abs(poses[3].backbone_px() - lines[3]).max() < 1e-3
-    moved = poses.at(0, 0, 0, 60)
+    moved = poses.move_to(0, 0, 0, 60)
     assert np.allclose(moved.posture, poses.posture)
     assert np.abs(moved.backbone_px()).max() < 60
 
 
 def test_mirrored_poses_have_mirrored_backbones():
-    poses = filmed(*film()).at(0, 0, 0, 60)
-    assert np.allclose(poses.mirrored().backbone_px(), poses.backbone_px() * (1, -1))
+    poses = poses_from_features(*film()).move_to(0, 0, 0, 60)
+    assert np.allclose(poses.mirror().backbone_px(), poses.backbone_px() * (1, -1))
 
 
 def test_few_shapes_explain_the_postures():
-    posture = filmed(*film()).posture
+    posture = poses_from_features(*film()).posture
     shapes = PoseShapes.fit(posture, share=0.999)
-    assert len(shapes.explained) <= 3  # one way to bend, and the fish's size
-    assert 0.999 <= shapes.explained.sum() <= 1
+    assert len(shapes.variance_shares) <= 3  # one way to bend, and the fish's size
+    assert 0.999 <= shapes.variance_shares.sum() <= 1
     back = shapes.decode(shapes.encode(posture))
     assert np.abs(bends(back) - bends(posture)).max() < 0.05
-    assert np.allclose(mirrored(shapes.mean), shapes.mean, atol=1e-9)
+    assert np.allclose(mirror_posture(shapes.mean), shapes.mean, atol=1e-9)
     assert np.allclose(shapes.shapes @ shapes.shapes.T, np.eye(len(shapes.shapes)))
 
 
 def test_which_way_an_eigenvector_points_makes_no_other_codes(monkeypatch):
-    posture = filmed(*film()).posture
+    posture = poses_from_features(*film()).posture
     eigh, flips = np.linalg.eigh, np.array([1.0, -1.0])
     one = PoseShapes.fit(posture, share=0.999)
 
@@ -273,11 +273,11 @@ def test_which_way_an_eigenvector_points_makes_no_other_codes(monkeypatch):
 
 
 def test_a_pose_beyond_all_filmed_is_clamped_and_said():
-    posture = filmed(*film()).posture
+    posture = poses_from_features(*film()).posture
     shapes = PoseShapes.fit(posture, share=0.99)
     assert not shapes.nearest(posture).clamped.any()
     assert np.array_equal(shapes.nearest(posture).posture, posture)
-    assert not shapes.nearest(mirrored(posture)).clamped.any()
+    assert not shapes.nearest(mirror_posture(posture)).clamped.any()
     wild = posture[0].copy()
     bends(wild)[:] = np.linspace(4, -4, 8)
     near, clamped = shapes.nearest(wild)

@@ -25,7 +25,7 @@ def rarity_of(heading_deg, bend, seen=np.nan, share=0.1):
     goes_on = np.arange(len(bend)) < len(bend) - 1
     seen = np.full(len(bend), seen) if np.ndim(seen) == 0 else seen
     moved = movement(pose_of(heading_deg, bend))
-    return Rarity.of(moved, bend[:, None], goes_on, seen, SPRING, share)
+    return Rarity.from_movement(moved, bend[:, None], goes_on, seen, SPRING, share)
 
 
 def test_a_step_costs_its_share_of_the_time_that_the_film_takes_for_as_large_a_one():
@@ -50,7 +50,7 @@ def test_where_a_step_is_not_known_the_bodys_movement_stands_in():
     spun = movement(pose_of(np.array([10.0, 100.0]), np.zeros(2))).whole
     assert spun == pytest.approx(np.sqrt((0.5 + 0 + 0.5) / 3))  # by 90 degrees: √2 · radius
     placed = pose_of(heading, bend)
-    lines = placed.at(0.0, 0.0, placed.heading_rad, 1.0).backbone_px()
+    lines = placed.move_to(0.0, 0.0, placed.heading_rad, 1.0).backbone_px()
     assert moved == pytest.approx(np.sqrt((np.diff(lines, axis=0) ** 2).sum(-1).mean(-1)))
     turned = pose_of(heading + 70, bend)
     assert movement(turned).whole == pytest.approx(moved)
@@ -60,7 +60,7 @@ def test_a_join_costs_more_the_farther_it_is_and_going_on_costs_nothing():
     rng = np.random.default_rng(1)
     made = rarity_of(rng.normal(0, 20, 60).cumsum(), rng.normal(0, 0.2, 60), 1.0 + rng.random(60))
     rows = np.array([5, 5, 5, 65])  # 65: the mirror image of row 5
-    near, middle, far, image = made.of_joins(rows, np.array([0.0, 0.5, 1.0, 1.0]))
+    near, middle, far, image = made.transition_costs(rows, np.array([0.0, 0.5, 1.0, 1.0]))
     assert near == 0 < middle <= far == image
 
 

@@ -40,7 +40,7 @@ from finloop.realism.windows import (
     cutting,
     equal_blocks,
 )
-from finloop.render.gallery import placed
+from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from stages.realism import Pictures
 from stages.settings import load
@@ -184,9 +184,9 @@ def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
 def test_blocks_hold_equally_much_and_gaps_belong_to_both_sides():
     time = np.sort(np.random.default_rng(0).exponential(size=1000).cumsum())
     blocks = equal_blocks(time, 5)
-    assert np.bincount(blocks.of(time)).tolist() == [200] * 5
+    assert np.bincount(blocks.block_numbers(time)).tolist() == [200] * 5
     near = blocks.near(time, 3.0)
-    assert (near[np.arange(1000), blocks.of(time)]).all()
+    assert (near[np.arange(1000), blocks.block_numbers(time)]).all()
     edge = blocks.edges[1]
     assert (near[:, 0] == (time < edge + 3.0)).all()
     assert (near[:, 1] == ((time > edge - 3.0) & (time < blocks.edges[2] + 3.0))).all()
@@ -194,7 +194,7 @@ def test_blocks_hold_equally_much_and_gaps_belong_to_both_sides():
 
 def test_halves_have_blocks_of_their_own():
     blocks = equal_blocks(np.arange(100.0), 5, times=2)
-    assert blocks.of(np.array([5.0, 15, 55, 65, 99, 200])).tolist() == [0, 1, 0, 1, 4, 4]
+    assert blocks.block_numbers(np.array([5.0, 15, 55, 65, 99, 200])).tolist() == [0, 1, 0, 1, 4, 4]
 
 
 def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from():
@@ -311,7 +311,7 @@ def test_the_falsest_windows_do_not_touch_and_a_copy_is_most_alike():
 def test_a_view_shows_the_heading_to_the_right():
     frame = np.zeros((100, 120), np.uint8)
     frame[20:40, 60] = 255  # a line up from (60, 40)
-    seen = examples.View(60.0, 40.0, 90.0, 80.0).of(frame, 160)
+    seen = examples.View(60.0, 40.0, 90.0, 80.0).crop_frame(frame, 160)
     y, x = np.nonzero(seen[..., 0] > 100)
     assert seen.shape == (160, 160, 3)
     assert abs(y.mean() - 79.5) < 2 and x.min() > 75 and x.max() > 115
@@ -353,7 +353,7 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
     with Project() as project:
         drawn = project.edit_with_sources("network", "realism", sprites=True, bodies=True)
         gallery = project.gallery(drawn)
-        fish = list(placed(drawn.edit, gallery))[::7]
+        fish = list(place_rows(drawn.edit, gallery))[::7]
         for part, drawn_fish in zip(one.detections(fish), fish, strict=True):
             painter.show(drawn_fish)
             whole = detector(painter.frame, scene)
@@ -374,7 +374,7 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     edit = as_filmed(np.arange(len(features)), places)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
-        table = instrument_of(carp).measure(placed(edit, gallery))
+        table = instrument_of(carp).measure(place_rows(edit, gallery))
     swum = swimming([edit], [table], RATE)
     assert (swum.row == np.arange(len(features))).all()
     off = table[["x_px", "y_px"]].to_numpy() - places
@@ -388,7 +388,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     features = load_table(carp / "data/features/features.parquet", FEATURES)
     first = features[features["track_id"] == features["track_id"].iloc[0]]
     one = instrument_of(carp)
-    drawn = one.of_animations(size)
+    drawn = one.adapt_to_animation(size)
     assert drawn.features.current == 0.0  # it swims about, however the film was made
     filmed = first[["x_px", "y_px"]].to_numpy()
     about = (filmed - filmed.mean(0)) * size
@@ -396,11 +396,11 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     edit = as_filmed(np.arange(len(first)), places).assign(scale=size)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
-        table = drawn.measure(placed(drawn.through_lens(edit), gallery))
+        table = drawn.measure(place_rows(drawn.through_lens(edit), gallery))
     off = size * (table[["x_px", "y_px"]].to_numpy() + 0.5) - 0.5 - places
     assert np.median(np.abs(off)) < 0.2
     assert table["body_length_px"].median() == pytest.approx(first["body_length_px"].median(), 0.05)
-    assert one.of_animations(1.0).tank is one.tank
+    assert one.adapt_to_animation(1.0).tank is one.tank
 
 
 def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):

@@ -71,8 +71,8 @@ def test_a_sprite_in_an_orientation_is_the_picture_of_its_row():
 def test_the_next_frame_is_of_the_same_track_without_a_gap():
     one = reel()
     assert one.goes_on.tolist() == [True, False, False, True, False]
-    assert one.after(np.arange(5)).tolist() == [1, 1, 2, 4, 4]
-    assert int(one.after(3)) == 4
+    assert one.next_rows(np.arange(5)).tolist() == [1, 1, 2, 4, 4]
+    assert int(one.next_rows(3)) == 4
 
 
 @pytest.mark.parametrize(("delta", "frames"), [(1, 1), (5, 1), (7, 1), (10, 2), (100, 20)])
@@ -116,7 +116,7 @@ def test_a_row_s_picture_does_not_depend_on_what_else_is_asked():
     whole = one.frames(np.arange(5), SIZE, BODY)
     some = np.array([4, 0, 4])
     assert np.array_equal(one.frames(some, SIZE, BODY), whole[some])
-    level = one.headed(some, np.zeros(3), SIZE)
+    level = one.align_pictures(some, np.zeros(3), SIZE)
     assert np.array_equal(level, one.frames(some, SIZE, FILM))
 
 

@@ -45,9 +45,9 @@ from finloop.plots.render import (
     window,
 )
 from finloop.puppet import Line
-from finloop.render.gallery import Gallery, Shelf, frames, placed
+from finloop.render.gallery import Gallery, Shelf, frames, place_rows
 from finloop.render.lay import _sample
-from finloop.render.marks import COLOURS, Marks, aims, parts, rgb, sought
+from finloop.render.marks import COLOURS, Marks, aims, goal_ticks, parts, rgb
 from finloop.render.painter import Bent, Box, Painter, Picture, Placed, Shadow, Turned, picture
 from finloop.render.steps import Steps, film_steps, step_numbers
 from finloop.sprites.orient import SPRITES
@@ -490,7 +490,7 @@ def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
 def test_an_edit_list_with_poses_wants_the_shapes_of_the_film():
     shelf = gallery()
     with pytest.raises(FinloopError, match="pose is"):
-        placed(edit_list(2, pose=[None, np.zeros(3)]), shelf)
+        place_rows(edit_list(2, pose=[None, np.zeros(3)]), shelf)
 
 
 def test_rows_are_drawn_as_they_say():
@@ -500,7 +500,7 @@ def test_rows_are_drawn_as_they_say():
         partner_kind=[None, "frame"], partner=pd.array([pd.NA, 1], dtype="Int32"),
         partner_rotation_deg=[np.nan, -20.0], partner_scale=[np.nan, 0.5],
     )  # fmt: skip
-    first, second = placed(edit, shelf)
+    first, second = place_rows(edit, shelf)
     pictures = [shelf.frame(i) for i in range(3)]
     assert first == (30.0, 45.0, Turned(pictures[0]), None, 0.0)
     assert second == (
@@ -543,7 +543,7 @@ FADE = {"weight": 0.5, "partner_kind": "frame", "partner_rotation_deg": 0.0, "pa
 )
 def test_what_cannot_be_drawn_is_said_at_once(harm, said):
     with pytest.raises(FinloopError, match=said):
-        placed(edit_list(3, **harm), gallery())
+        place_rows(edit_list(3, **harm), gallery())
 
 
 @pytest.mark.parametrize(
@@ -561,16 +561,16 @@ def test_what_cannot_be_drawn_is_said_at_once(harm, said):
 def test_a_sprite_that_is_in_no_orientation_is_refused(harm, said):
     shelf = Shelf([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
     with pytest.raises(FinloopError, match=said):
-        placed(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": shelf}))
+        place_rows(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": shelf}))
 
 
 def test_all_problems_are_said_together_and_none_is_none():
     with pytest.raises(FinloopError) as caught:
-        placed(edit_list(3, source=9, scale=0.0, weight=2.0), gallery())
+        place_rows(edit_list(3, source=9, scale=0.0, weight=2.0), gallery())
     assert all(word in str(caught.value) for word in ("source", "scale", "weight"))
     with pytest.raises(FinloopError, match="the edit list is empty"):
-        placed(edit_list(0), gallery())
-    assert len(list(placed(edit_list(3), gallery()))) == 3
+        place_rows(edit_list(0), gallery())
+    assert len(list(place_rows(edit_list(3), gallery()))) == 3
 
 
 def test_a_step_is_the_distance_of_the_two_pictures():
@@ -579,7 +579,7 @@ def test_a_step_is_the_distance_of_the_two_pictures():
         painter = Painter(tank[..., 0] if channels == 1 else tank)
         steps, shown = Steps(painter), []
         for x in (-50.0, 3.0, 30.0, 33.7, 90.0, 90.0, 300.0, 300.0):
-            step = steps.to(painter.show(placed_at(x, 40.0)))
+            step = steps.measure_step(painter.show(placed_at(x, 40.0)))
             shown.append(painter.canvas.astype(float))
             if len(shown) == 1:
                 assert np.isnan(step)
@@ -641,8 +641,8 @@ def test_parts_and_aims():
     mixed = edit.assign(kind=["sprite"] * 15 + ["frame"] * 15, mirrored=[False] * 25 + [True] * 5)
     assert set(parts(mixed)[1]) == {"sprite", "film", "mirror image"} == set(parts(mixed)[0])
     assert len(parts(edit.assign(state="hovers"))[1]) == 1
-    assert list(sought(edit)) == [True] * 20 + [False] * 10
-    assert sought(edit.assign(goal="")).all()
+    assert list(goal_ticks(edit)) == [True] * 20 + [False] * 10
+    assert goal_ticks(edit.assign(goal="")).all()
     assert rgb("#0072B2") == (0, 114, 178)
 
 
@@ -654,7 +654,7 @@ def test_marks_lie_below_the_fish_and_the_way_grows():
     marked, clean = Painter(TANK, colour=True), Painter(TANK, colour=True)
     marks = Marks(marked, edit, GOALS)
     marks_seen = []
-    for tick, one in enumerate(placed(edit, shelf)):
+    for tick, one in enumerate(place_rows(edit, shelf)):
         clean.show(one)
         marks.show(tick, one)
         differs = (marked.frame != clean.frame).any(axis=2)
@@ -662,7 +662,7 @@ def test_marks_lie_below_the_fish_and_the_way_grows():
         x, y = round(one.x_px), round(one.y_px)
         assert not differs[y - 1 : y + 2, x - 1 : x + 2].any()  # the fish is on top
         above = (marked.canvas != marked.floor).any(axis=2)
-        above[y - 4 : y + 5, x - 4 : x + 5] = above[marks._plate.of] = False
+        above[y - 4 : y + 5, x - 4 : x + 5] = above[marks._plate.slices] = False
         assert not above.any()  # all else is on the floor, and shown at once
         if tick == 15:
             way = marked.frame[round(edit["y_px"][6]), round(edit["x_px"][6])].astype(int)
@@ -681,7 +681,7 @@ def test_the_caption_keeps_out_of_the_fishs_way():
         edit = edit_list(5, x_px=float(x), y_px=float(y))
         painter = Painter(TANK, colour=True)
         marks = Marks(painter, edit, [])
-        marks.show(0, next(placed(edit, gallery())))
+        marks.show(0, next(place_rows(edit, gallery())))
         dark = (painter.canvas == 75).all(axis=2)
         assert dark.sum() > 500, corner
         assert not dark[max(0, y - 15) : y + 15, max(0, x - 15) : x + 15].any(), corner

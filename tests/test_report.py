@@ -21,7 +21,7 @@ from finloop.io.film_small import small_film
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import save_picture
 from finloop.report.figures import CHAPTERS
-from finloop.report.page import rendered, webp
+from finloop.report.page import render_template, webp
 from finloop.report.tables import MEASURES, headline, measures, number
 
 FIGURES = [figure for chapter in CHAPTERS for figure in chapter.figures]
@@ -121,7 +121,7 @@ def test_the_headline_leaves_out_what_was_not_measured():
 
 def test_values_are_escaped(tmp_path: Path):
     table = {"caption": "<script>", "columns": ["<b>"], "rows": [["<i>", "&"]]}
-    text = rendered(
+    text = render_template(
         "compare.html.j2",
         {"title": "</title>", "why": "", "table": table, "charts": [("</script>", '{"a":"</script>"}')],
          "plotly": ""},

@@ -36,23 +36,23 @@ Usage = namedtuple("Usage", "total used free")
 def test_a_piece_that_is_kept_is_not_made_again(tmp_path):
     pieces = Pieces(tmp_path / "a")
     assert pieces.size() == 0
-    assert pieces.kept_or_made("1", lambda: [1, "b"]) == [1, "b"]
-    assert pieces.kept_or_made("1", lambda: 1 / 0) == [1, "b"]
+    assert pieces.load_or_make("1", lambda: [1, "b"]) == [1, "b"]
+    assert pieces.load_or_make("1", lambda: 1 / 0) == [1, "b"]
     assert pieces.size() == (tmp_path / "a/1").stat().st_size
 
 
 @pytest.mark.parametrize("left", [0, 4, 12, -1])
 def test_a_piece_that_is_damaged_is_made_again(tmp_path, left):
     pieces = Pieces(tmp_path)
-    pieces.kept_or_made("1", lambda: list(range(99)))
+    pieces.load_or_make("1", lambda: list(range(99)))
     (tmp_path / "1").write_bytes((tmp_path / "1").read_bytes()[:left])
-    assert pieces.kept_or_made("1", lambda: "new") == "new"
-    assert pieces.kept_or_made("1", lambda: 1 / 0) == "new"
+    assert pieces.load_or_make("1", lambda: "new") == "new"
+    assert pieces.load_or_make("1", lambda: 1 / 0) == "new"
 
 
 def test_pieces_of_something_else_are_removed(tmp_path):
     for name in "abc":
-        Pieces(tmp_path / name).kept_or_made("1", lambda: 1)
+        Pieces(tmp_path / name).load_or_make("1", lambda: 1)
     keep_only(tmp_path, ["b"])
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
     keep_only(tmp_path, [])
@@ -90,13 +90,13 @@ def here(filmed, tmp_path, monkeypatch):
 @pytest.fixture
 def computed(monkeypatch):
     """Counts how often each stretch is computed."""
-    counts, compute = Counter(), film._computed
+    counts, compute = Counter(), film._detect_span
 
     def counted(film, scene, detector, span):
         counts[span[0]] += 1
         return compute(film, scene, detector, span)
 
-    monkeypatch.setattr(film, "_computed", counted)
+    monkeypatch.setattr(film, "_detect_span", counted)
     return counts
 
 

@@ -24,15 +24,15 @@ from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.edit.schema import EDIT
 from finloop.export.keypoints import deeplabcut
-from finloop.given_motion import film_files, given_motion
+from finloop.given_motion import film_files, load_track
 from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments
 from finloop.project import Project
 from finloop.puppet import Pose
-from finloop.retarget import Parts, Track, retargeted, track_of
+from finloop.retarget import Parts, Track, retarget_track, track_of
 from finloop.retarget.motion import forward_share, motion_of
-from finloop.retarget.place import moved, outside, shift_into
-from finloop.retarget.posture import aligned, asked_postures, likely_codes, on_body
+from finloop.retarget.place import find_placement, outside, shift_into
+from finloop.retarget.posture import align_postures, asked_postures, likely_codes, on_body
 from finloop.retarget.rows import FilmRows, cheapest
 from finloop.retarget.track import body_points, lines
 from stages.stamps import retarget_stamp
@@ -91,7 +91,7 @@ def tracked(line):
 
 def of_poses(poses, made, rate_hz=25.0, **changes):
     p = how(**changes)
-    return retargeted(track_of(poses, rate_hz, STEPS, p), made, p, OTHERS)
+    return retarget_track(track_of(poses, rate_hz, STEPS, p), made, p, OTHERS)
 
 
 def drawn(swum):
@@ -104,8 +104,8 @@ def drawn(swum):
 def test_a_film_s_own_track_is_the_film_again(made):
     features = made.reel.features
     number = features["track_id"].value_counts().index[0]
-    own = given_motion(made, how(tracks=f"track:{number}"))
-    swum = retargeted(own, made, how(scale=1.0), OTHERS)
+    own = load_track(made, how(tracks=f"track:{number}"))
+    swum = retarget_track(own, made, how(scale=1.0), OTHERS)
     rows = np.flatnonzero(features["track_id"] == number)
     edit = swum.edit
     assert edit["source"].tolist() == rows.tolist()
@@ -122,15 +122,15 @@ def test_a_film_s_own_track_is_the_film_again(made):
 def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(made):
     n = len(made.reel)
     half = np.arange(n // 2)
-    own = given_motion(made, how(tracks="track:0"))
+    own = load_track(made, how(tracks="track:0"))
     part = own._replace(
         frame=own.frame[half], points=own.points[half], codes=own.codes[half], rows=half
     )
-    swum = retargeted(part, made, how(own_frames=False, scale=1.0), OTHERS)
+    swum = retarget_track(part, made, how(own_frames=False, scale=1.0), OTHERS)
     assert (swum.edit["source"] >= len(half)).all()
     assert swum.numbers["apart_p95_pct"] < 0.1
     with pytest.raises(FinloopError, match="no frames but those"):
-        retargeted(own, made, how(own_frames=False), OTHERS)
+        retarget_track(own, made, how(own_frames=False), OTHERS)
 
 
 def test_a_mirrored_track_gives_the_mirrored_animation(made, carp):
@@ -142,8 +142,8 @@ def test_a_mirrored_track_gives_the_mirrored_animation(made, carp):
     assert (other.edit["mirrored"] != plain.edit["mirrored"]).all()
     codes, flipped = (np.stack(one.edit["pose"]) for one in (plain, other))
     assert np.allclose(codes @ made.poses.shapes.mirror, flipped, atol=1e-4)
-    own = given_motion(made, how(tracks="track:0"))
-    again = retargeted(own, made, how(scale=1.0, mirrored=True), OTHERS).edit
+    own = load_track(made, how(tracks="track:0"))
+    again = retarget_track(own, made, how(scale=1.0, mirrored=True), OTHERS).edit
     assert again["source"].tolist() == own.rows.tolist() and again["mirrored"].all()
     assert np.allclose(np.stack(again["pose"]), own.codes @ made.poses.shapes.mirror, atol=1e-5)
 
@@ -180,7 +180,7 @@ def test_a_csv_of_deeplabcut_gives_what_its_poses_give(made, carp, tmp_path):
     path = tmp_path / "tracks.csv"
     save_csv_in_blocks(path, deeplabcut(poses), decimals=3)
     p = how(tracks=str(path))
-    swum = retargeted(given_motion(made, p), made, p, OTHERS)
+    swum = retarget_track(load_track(made, p), made, p, OTHERS)
     assert np.abs(drawn(swum) - drawn(of_poses(poses, made))).max() < 0.05
 
 
@@ -221,7 +221,7 @@ def test_postures_of_the_film_go_on_over_a_switch(made, carp):
     cut = OTHERS._replace(join="cut")
     jumps = []
     for others in (OTHERS, cut):
-        swum = retargeted(track, made, p, others)
+        swum = retarget_track(track, made, p, others)
         at = np.flatnonzero(swum.asked["switch"])
         codes = np.stack(swum.edit["pose"]).astype(float)
         jumps.append(np.linalg.norm(codes[at] - codes[at - 1], axis=1).mean())
@@ -302,7 +302,7 @@ def test_codes_come_back_from_bends_alone_and_poses_from_points(made):
                 exact.decode(codes))  # fmt: skip
     at = np.linspace(0, 1, pose.posture.shape[1] // 2)
     line = pose.backbone_px()
-    again = aligned(pose.posture, line, at, 40.0)
+    again = align_postures(pose.posture, line, at, 40.0)
     assert np.allclose(again.backbone_px(), line)
     assert np.allclose(np.exp(1j * again.heading_rad), np.exp(1j * pose.heading_rad))
     asked = asked_postures(line, at, exact, 40.0)
@@ -385,18 +385,20 @@ def test_a_way_is_moved_into_the_tank_or_made_smaller():
     at = np.linspace(0, 2 * np.pi, 50)
     centre = np.stack([30 * np.cos(at), 25 * np.sin(at)], -1)
     bodies = centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
-    shift, size = moved(bodies - 500, arena, 16, how(place="fit"))
+    shift, size = find_placement(bodies - 500, arena, 16, how(place="fit"))
     assert size == 1 and not outside(bodies - 500 + shift, arena).any()
     assert np.allclose((bodies - 500 + shift).mean((0, 1)), [79.5, 49.5], atol=1.5)  # the middle
-    assert moved(bodies, arena, 16, how())[1] == 1  # as given
+    assert find_placement(bodies, arena, 16, how())[1] == 1  # as given
     large = 2 * centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
     assert shift_into(large, arena, 16) is None
     with pytest.raises(FinloopError, match=r"8.5 × 6.2 body lengths[\s\S]*retarget.place=shrink"):
-        moved(large, arena, 16, how(place="fit"))
-    _, size = moved(large, arena, 16, how(place="shrink"))
+        find_placement(large, arena, 16, how(place="fit"))
+    _, size = find_placement(large, arena, 16, how(place="shrink"))
     assert 0.7 < size <= 0.8
     with pytest.raises(FinloopError, match="however small"):
-        moved(bodies + np.array([[-300, 0], [0, 0], [300, 0]]), arena, 16, how(place="shrink"))
+        find_placement(
+            bodies + np.array([[-300, 0], [0, 0], [300, 0]]), arena, 16, how(place="shrink")
+        )
 
 
 @pytest.mark.parametrize(("height", "cell"), [(80, 1), (500, 3)])
@@ -418,7 +420,7 @@ def test_a_fish_that_rests_and_crosses_once_is_moved_to_where_it_fits(height, ce
     assert len(places) == 4 and -(-max(arena.shape) // 240) == cell
     shift = shift_into(bodies, arena, length)
     assert shift is not None and tuple(shift) in places
-    assert moved(bodies, arena, length, how(place="shrink"))[1] == 1
+    assert find_placement(bodies, arena, length, how(place="shrink"))[1] == 1
     assert shift_into(bodies * 1.05, arena, length) is None
 
 
@@ -450,9 +452,9 @@ def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(made, carp, po
 def test_bad_tracks_are_refused_with_what_to_do(made, carp, tmp_path):
     poses = tracked(carp)
     with pytest.raises(FinloopError, match=r"nothing at[\s\S]*correct retarget.tracks"):
-        given_motion(made, how(tracks=str(tmp_path / "none.csv")))
+        load_track(made, how(tracks=str(tmp_path / "none.csv")))
     with pytest.raises(FinloopError, match=r"no track of the film[\s\S]*correct retarget.tracks"):
-        given_motion(made, how(tracks="track:99"))
+        load_track(made, how(tracks="track:99"))
     with pytest.raises(FinloopError, match=r"no animal 'bert'[\s\S]*anna"):
         of_poses(poses, made, animal="bert")
     with pytest.raises(FinloopError, match=r"keypoint 'snout'[\s\S]*retarget.head"):

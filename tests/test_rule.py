@@ -13,7 +13,7 @@ from finloop.animate.shoal import shoal, tasks
 from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_lists
 from finloop.edit.schema import Goal
-from finloop.live.message import parsed
+from finloop.live.message import parse_message
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
 from finloop.modes.matching import MatchingAnimator, by_rule
@@ -162,7 +162,7 @@ def test_a_follower_swims_behind_its_leader():
     player = player_of(NEAR)
     fish = player.begin(np.random.default_rng(0)).fish
     place, left = rule_target(
-        Rule.after(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.world, None
+        Rule.from_leader(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.world, None
     )
     assert place == pytest.approx([400, 300 + LENGTH]) and left == 0
 
@@ -205,8 +205,8 @@ def played(tank, ticks):
     """Places (ticks, fish, 2) of so many further ticks."""
     made = []
     for _ in range(ticks):
-        tank.on()
-        made.append([(row.x_px, row.y_px) for row in (one.at(tank.tick) for one in tank.fish)])
+        tank.advance()
+        made.append([(row.x_px, row.y_px) for row in (one.row_at(tank.tick) for one in tank.fish)])
     return np.array(made)
 
 
@@ -267,29 +267,33 @@ def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
 
 def test_who_would_follow_in_a_circle_is_refused_and_told():
     view = View(live(), None, None)
-    view.grant(parsed('{"do": "rule", "fish": 0, "leader": 1}'))
+    view.grant(parse_message('{"do": "rule", "fish": 0, "leader": 1}'))
     assert view.tank.leaders == {1: 2} and view.refused == ""
-    view.grant(parsed('{"do": "rule", "fish": null, "leader": 0}'))  # everybody, also who leads it
+    view.grant(
+        parse_message('{"do": "rule", "fish": null, "leader": 0}')
+    )  # everybody, also who leads it
     assert "fish 2 follows fish 1 follows fish 2" in view.refused
     assert view.tank.leaders == {1: 2}
-    view.grant(parsed('{"do": "rule", "fish": null, "leader": 1}'))
+    view.grant(parse_message('{"do": "rule", "fish": null, "leader": 1}'))
     assert view.tank.leaders == {1: 2, 3: 2, 4: 2} and view.refused == ""
-    view.grant(parsed('{"do": "rule", "fish": 1, "leader": 7}'))  # nobody
+    view.grant(parse_message('{"do": "rule", "fish": 1, "leader": 7}'))  # nobody
     assert view.tank.leaders == {1: 2, 3: 2, 4: 2}
 
 
 def test_company_of_which_nothing_is_known_is_refused():
     view = View(live(known=False), None, None)
-    view.grant(parsed('{"do": "rule", "fish": null, "leader": null}'))
+    view.grant(parse_message('{"do": "rule", "fish": null, "leader": null}'))
     assert "calibrate" in view.refused and view.tank.fish[0].order is None
-    view.grant(parsed('{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}'))
+    view.grant(
+        parse_message('{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}')
+    )
     assert view.tank.shoaling is None
 
 
 def test_company_of_a_film_without_steps_is_refused():
     view = View(live(), None, None)
     view.tank.shoaling = stepless()
-    view.grant(parsed('{"do": "rule", "fish": null, "leader": null}'))
+    view.grant(parse_message('{"do": "rule", "fish": null, "leader": null}'))
     assert "too short" in view.refused and view.tank.fish[0].order is None
 
 
@@ -308,4 +312,4 @@ def test_a_follower_whose_leader_is_gone_wanders():
     '{"do": "weights", "repulsion": 1, "alignment": 0, "attraction": 99}',
 ])  # fmt: skip
 def test_rules_that_make_no_sense_are_no_messages(bad):
-    assert parsed(bad) is None
+    assert parse_message(bad) is None

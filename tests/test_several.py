@@ -21,7 +21,7 @@ from finloop.base.settings import settings
 from finloop.extract.alike import Likeness, alike, likeness
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
-from finloop.io.footage.listed import listed, names
+from finloop.io.footage.listed import list_films, names
 from finloop.io.movie import VideoWriter
 from finloop.io.several import frames_at, parts_of
 from finloop.io.table import load_table, save_table
@@ -46,22 +46,22 @@ def test_a_folder_of_films_gives_each_in_natural_order(tmp_path):
     home = touched(
         tmp_path, "a10.mp4", "a2.AVI", ".hidden.mp4", "notes.txt", "pages/1.png", "x/y.txt"
     )
-    assert [path.name for path in listed(str(home))] == ["a2.AVI", "a10.mp4", "pages"]
+    assert [path.name for path in list_films(str(home))] == ["a2.AVI", "a10.mp4", "pages"]
 
 
 def test_a_folder_of_pictures_is_a_film(tmp_path):
     home = touched(tmp_path, "1.png", "2.png")
-    assert listed(str(home)) == [home]
+    assert list_films(str(home)) == [home]
 
 
 def test_a_pattern_gives_what_it_fits(tmp_path):
     home = touched(tmp_path, "b 2.mp4", "b 10.mp4", "deep/b 1.mp4", "c[1].mp4")
-    assert [path.name for path in listed(f"{home}/b*.mp4")] == ["b 2.mp4", "b 10.mp4"]
-    assert len(listed(f"{home}/**/b*.mp4")) == 3
-    assert listed(f"{home}/c[1].mp4") == [home / "c[1].mp4"]  # a file of that very name
-    assert listed(f"{home}/gone.mp4") == [home / "gone.mp4"]
+    assert [path.name for path in list_films(f"{home}/b*.mp4")] == ["b 2.mp4", "b 10.mp4"]
+    assert len(list_films(f"{home}/**/b*.mp4")) == 3
+    assert list_films(f"{home}/c[1].mp4") == [home / "c[1].mp4"]  # a file of that very name
+    assert list_films(f"{home}/gone.mp4") == [home / "gone.mp4"]
     with pytest.raises(FinloopError, match="fits no file"):
-        listed(f"{home}/z*.mp4")
+        list_films(f"{home}/z*.mp4")
 
 
 def test_names_are_all_different_and_plain(tmp_path):
@@ -77,12 +77,12 @@ def test_a_film_that_is_named_twice_is_taken_once(tmp_path, capsys):
     (home / "c.mp4").symlink_to(home / "a.mp4")
     a = str(home / "a.mp4")
     films = stages.clip.films_of(settings("clip", source="file", path=(str(home), a)))
-    assert [film.film.name for film in stages.clip.once(films)] == ["a.mp4", "b.mp4"]
+    assert [film.film.name for film in stages.clip.drop_repeated_films(films)] == ["a.mp4", "b.mp4"]
     said = capsys.readouterr().err
     assert f"c.mp4 is named twice as {a}" in said and f"{a} is named twice, and" in said
     part = {"path": a, "start_s": 2.0}
     films = stages.clip.films_of(settings("clip", source="file", path=(a, part, part)))
-    assert [film.start_s for film in stages.clip.once(films)] == [0.0, 2.0]
+    assert [film.start_s for film in stages.clip.drop_repeated_films(films)] == [0.0, 2.0]
 
 
 # --- one count of frames
@@ -164,7 +164,7 @@ WIDE = np.sqrt(np.abs(np.sin(np.pi * np.linspace(0, 1, 33) ** 0.7))) + 0.1
 def put_film(path, frames, rate=25):
     height, width = frames[0].shape
     facts = VideoFacts("file", width, height, len(frames), Fraction(rate), False, ())
-    with VideoWriter.of(path, facts) as writer:
+    with VideoWriter.from_facts(path, facts) as writer:
         for frame in frames:
             writer.write(frame)
     return path

@@ -25,7 +25,7 @@ import stages.render
 from finloop.animate import encounters
 from finloop.animate.arena import tank
 from finloop.animate.company import Plans, can_stay
-from finloop.animate.encounters import nearest, overlap, overlaps, placed
+from finloop.animate.encounters import nearest, overlap, overlaps, place_outline
 from finloop.animate.kinematics import Target
 from finloop.animate.paths import lay
 from finloop.animate.places import random_goals
@@ -34,10 +34,10 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
 from finloop.edit.build import edit_lists
-from finloop.edit.measures import averaged
+from finloop.edit.measures import average_measures
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT, PATH, Goal, by_fish
-from finloop.given_path import given_lines
+from finloop.given_path import load_lines
 from finloop.io.parameters import parameters, read_parameters
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
@@ -126,11 +126,11 @@ def test_the_live_tank_swims_the_same():
     table = swum(crowded(), fish, ticks, seed=6)
     live = LiveTank({"matching": crowded()}, "matching", fish, 6)
     for _ in range(ticks - 1):
-        live.on()
-    shown = [[live.fish[k].at(t)[:12] for t in range(ticks)] for k in range(fish)]
+        live.advance()
+    shown = [[live.fish[k].row_at(t)[:12] for t in range(ticks)] for k in range(fish)]
     columns = ["kind", "source", "x_px", "y_px"]
     for own, one in zip(by_fish(table), shown, strict=True):
-        theirs = pd.DataFrame(one, columns=live.fish[0].at(0)._fields[:12])
+        theirs = pd.DataFrame(one, columns=live.fish[0].row_at(0)._fields[:12])
         assert own[columns].values.tolist() == theirs[columns].values.tolist()
 
 
@@ -149,7 +149,9 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
         sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
         return replace(
             fish,
-            company=player.company(Plans.of(sides, fish.tick).others(-1, fish.tick), fish.tick),
+            company=player.company(
+                Plans.from_paths(sides, fish.tick).others(-1, fish.tick), fish.tick
+            ),
         )
 
     def free(gap):
@@ -196,7 +198,7 @@ def plans_of(lines, **changes):
 
 def test_each_fish_has_a_path_or_goals_of_its_own():
     plans = plans_of([ring(290, 200), None, ring(480, 400)], fish=4)
-    assert plans.seekers == [1, 3] and plans.unruled == [0, 1, 2, 3]
+    assert plans.seekers == [1, 3] and plans.fish_without_rule == [0, 1, 2, 3]
     goals = [Goal(name, x, 300.0, TOUCH) for name, x in (("A", 250), ("B", 350), ("C", 450))]
     todo = plans.tasks(goals)
     assert [[goal.name for goal in task.goals] for task in todo] == [[], ["A", "C"], [], ["B"]]
@@ -233,10 +235,10 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
 def test_there_is_a_path_a_fish_at_most(tmp_path):
     (tmp_path / "a.csv").write_text("x,y\n0.2,0.2\n0.8,0.8\n")
     p = settings("matching", path=[str(tmp_path / "a.csv"), None], fish=2)
-    lines = given_lines(p, pd.DataFrame())
+    lines = load_lines(p, pd.DataFrame())
     assert lines[0].name.endswith("a.csv") and lines[1] is None
     with pytest.raises(FinloopError, match="2 paths for 1 fish"):
-        given_lines(replace(p, fish=1), pd.DataFrame())
+        load_lines(replace(p, fish=1), pd.DataFrame())
 
 
 # --- the edit list
@@ -257,8 +259,8 @@ def test_one_table_has_all_fish_one_after_the_other_and_comes_back_from_disk(tmp
 
 
 def test_measures_are_of_each_fish_on_average():
-    assert averaged([{"a": 1, "b": 2}]) == {"a": 1, "b": 2}
-    assert averaged([{"a": 1.0}, {"a": 4.0, "b": 2.0}]) == {"a": 2.5, "b": 2.0}
+    assert average_measures([{"a": 1, "b": 2}]) == {"a": 1, "b": 2}
+    assert average_measures([{"a": 1.0}, {"a": 4.0, "b": 2.0}]) == {"a": 2.5, "b": 2.0}
 
 
 # --- goals
@@ -355,9 +357,9 @@ def test_samples_number_each_fish_on():
 def test_outlines_that_share_a_pixel_overlap():
     square = np.array([[10.0, 10], [-10, 10], [-10, -10], [10, -10]])
     for gap, shared in ((18.0, True), (22.0, False)):
-        one, other = (placed(square, 50 + x, 50, 0.0, False) for x in (0, gap))
+        one, other = (place_outline(square, 50 + x, 50, 0.0, False) for x in (0, gap))
         assert overlap(one, other) == overlap(other, one) == shared
-    corner = placed(HULL, 30.0, 40.0, 90.0, True)  # headed up: its tip is above
+    corner = place_outline(HULL, 30.0, 40.0, 90.0, True)  # headed up: its tip is above
     assert corner == pytest.approx(np.array([[30, 20], [35, 60], [25, 60]]))
 
 
@@ -368,9 +370,9 @@ def test_pairs_are_counted_at_each_tick():
     table["x_px"] = [0.0, 0, 0, 0] + [0.0, 500, 4, 500] + [900.0, 500, 8, 900]
     table["y_px"] = 300.0
     assert overlaps(table, player).tolist() == [1, 1, 3, 0]
-    numbers = encounters.of_shoal(table, player)
+    numbers = encounters.measure_clearance(table, player)
     assert numbers["overlapping_pairs_per_1000_ticks"] == pytest.approx(1250)
-    assert encounters.of_shoal(by_fish(table)[0], player) == {}
+    assert encounters.measure_clearance(by_fish(table)[0], player) == {}
 
 
 def test_the_nearest_neighbour_is_that_of_every_pair():
@@ -384,8 +386,10 @@ def test_of_a_film_animals_of_one_frame_are_neighbours():
         "track_id": [0, 0, 1], "frame": [0, 1, 1], "x_px": [0.0, 0, 30], "y_px": 0.0,
         "body_length_px": 10.0,
     })  # fmt: skip
-    assert encounters.of_film(features)["nearest_median_body_lengths"] == pytest.approx(3)
-    assert encounters.of_film(features.iloc[:2]) == {}
+    assert encounters.measure_film_clearance(features)[
+        "nearest_median_body_lengths"
+    ] == pytest.approx(3)
+    assert encounters.measure_film_clearance(features.iloc[:2]) == {}
 
 
 # --- stages
@@ -503,7 +507,9 @@ def test_sprites_drawn_half_as_large_are_as_alike(folder, monkeypatch):
             brought(project, stages.modes.network, tank="arena", size=size) for size in (1.0, 0.5)
         )
         assert np.allclose(half.player.cast.sprite_scale, whole.player.cast.sprite_scale / 2)
-        assert np.allclose(whole.pictures.headed, half.pictures.headed, atol=1e-3)
+        assert np.allclose(
+            whole.pictures.right_facing_sprites, half.pictures.right_facing_sprites, atol=1e-3
+        )
         assert half.player.world.touch_px == pytest.approx(whole.player.world.touch_px / 2)
 
 

@@ -14,9 +14,9 @@ from finloop.social import measures
 from finloop.social import zones as zones_module
 from finloop.social.leader import contradiction, leaders
 from finloop.social.measures import SHOAL, apart, beside, shoal_table
-from finloop.social.neighbours import neighbours, seen_from, vectors
+from finloop.social.neighbours import neighbours, relative_neighbours, vectors
 from finloop.social.rule import Others, Self, Shoaling, shoaling_place
-from finloop.social.steps import Steps, headed, moved
+from finloop.social.steps import Steps, add_pull_to_moves, add_pull_to_turns
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 
@@ -40,7 +40,9 @@ def one(*others, zones=ZONES):
     """What a fish at 0 that heads to the right is wished by others: place, heading in degrees."""
     places = np.array([place for place, _ in others], complex)
     headings = np.exp(1j * np.radians([heading for _, heading in others]))
-    return complex(pull(seen_from(np.array(0j), np.array(1 + 0j), (places, headings)), zones))
+    return complex(
+        pull(relative_neighbours(np.array(0j), np.array(1 + 0j), (places, headings)), zones)
+    )
 
 
 # --- zones
@@ -202,9 +204,11 @@ def test_steps_that_are_alike_are_drawn():
 
 def test_a_pull_adds_to_the_own_step():
     own = steps()
-    assert moved(np.array([1j]), np.array([2.0]), own) == pytest.approx(2 + 1j)
-    assert headed(np.array([1 + 0j]), np.array([2j]), own) == pytest.approx((1 + 1j) / np.sqrt(2))
-    assert abs(headed(np.array([0j]), np.array([0j]), own)) == pytest.approx(1)
+    assert add_pull_to_moves(np.array([1j]), np.array([2.0]), own) == pytest.approx(2 + 1j)
+    assert add_pull_to_turns(np.array([1 + 0j]), np.array([2j]), own) == pytest.approx(
+        (1 + 1j) / np.sqrt(2)
+    )
+    assert abs(add_pull_to_turns(np.array([0j]), np.array([0j]), own)) == pytest.approx(1)
 
 
 def place_of(others, zones=ZONES, x=300.0, y=200.0, walls=OPEN, seed=0):

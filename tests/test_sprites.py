@@ -58,7 +58,7 @@ from finloop.sprites.orient import (
 )
 from finloop.sprites.stretch import SIDES, Stretch, cycle_heading, phases
 from finloop.sprites.swimmers import smooth, swimmers
-from finloop.sprites.turn import reflection, rotation, trimmed, turned
+from finloop.sprites.turn import reflection, rotation, trim_picture, turn_cutout
 
 ORIENTATIONS = 12
 
@@ -86,7 +86,9 @@ class Film:
 
     @property
     def look(self):
-        return partial(Reel(self.features, Held(self.cutouts)).headed, size=AUTOMATIC.picture_px)
+        return partial(
+            Reel(self.features, Held(self.cutouts)).align_pictures, size=AUTOMATIC.picture_px
+        )
 
 
 class Held(list):
@@ -239,14 +241,14 @@ SOURCE = cut_out(shape(), 80, 185)
 
 @pytest.mark.parametrize("angle", [0, 360, -720])
 def test_turning_by_nothing_gives_the_source(angle):
-    assert turned(SOURCE, 101.3, 203.81, angle) is SOURCE
+    assert turn_cutout(SOURCE, 101.3, 203.81, angle) is SOURCE
 
 
 @pytest.mark.parametrize("pivot", PIVOTS[:2])
 @pytest.mark.parametrize("quarter", [1, 2, 3])
 def test_quarter_turns_that_take_pixels_to_pixels_are_exact(pivot, quarter):
-    one = turned(SOURCE, *pivot, 90 * quarter)
-    _, _, want = trimmed(np.rot90(SOURCE.pixels, quarter))  # anticlockwise as seen
+    one = turn_cutout(SOURCE, *pivot, 90 * quarter)
+    _, _, want = trim_picture(np.rot90(SOURCE.pixels, quarter))  # anticlockwise as seen
     np.testing.assert_array_equal(one.pixels, want)
     np.testing.assert_allclose(
         centre(one), rotation(90 * quarter) @ (centre(SOURCE) - pivot) + pivot
@@ -256,7 +258,7 @@ def test_quarter_turns_that_take_pixels_to_pixels_are_exact(pivot, quarter):
 @pytest.mark.parametrize("pivot", PIVOTS)
 @pytest.mark.parametrize("angle", [7.5, 45, 111, 195, -60, 90])
 def test_mass_and_its_centre_are_kept(pivot, angle):
-    one = turned(SOURCE, *pivot, angle)
+    one = turn_cutout(SOURCE, *pivot, angle)
     mass = int(SOURCE.pixels[..., -1].sum())
     assert int(one.pixels[..., -1].sum()) == pytest.approx(mass, rel=3e-3)  # nothing is clipped
     want = rotation(angle) @ (centre(SOURCE) - pivot) + pivot
@@ -271,7 +273,7 @@ def test_quarter_turns_are_exact_matrices():
 def test_a_positive_angle_is_anticlockwise_as_seen():
     dot = np.zeros((3, 3, 2), np.uint8)
     dot[1, 1] = 200, 255
-    one = turned(cut_out(dot, 109, 199), 100, 200, 30)  # 10 px to the right of the pivot
+    one = turn_cutout(cut_out(dot, 109, 199), 100, 200, 30)  # 10 px to the right of the pivot
     np.testing.assert_allclose(
         centre(one), [100 + 10 * np.cos(np.pi / 6), 200 - 10 * np.sin(np.pi / 6)], atol=0.1
     )
@@ -280,7 +282,7 @@ def test_a_positive_angle_is_anticlockwise_as_seen():
 @pytest.mark.parametrize("angle", [15, 37, 135])
 def test_there_and_back_is_close(angle):
     pivot = (101.3, 203.81)
-    back = turned(turned(SOURCE, *pivot, angle), *pivot, -angle)
+    back = turn_cutout(turn_cutout(SOURCE, *pivot, angle), *pivot, -angle)
     off = canvas(back) - canvas(SOURCE)
     assert np.sqrt((off[canvas(SOURCE)[..., -1] > 0] ** 2.0).mean()) < 8
     smeared = cv2.GaussianBlur(canvas(SOURCE).astype(np.float32), (0, 0), 0.7) - canvas(SOURCE)
@@ -291,30 +293,32 @@ def test_there_and_back_is_close(angle):
 @pytest.mark.parametrize("axis", [None, 33.0])
 def test_colour_never_exceeds_alpha_and_edges_do_not_shine(angle, axis):
     flat = cut_out(shape((0.6, 0.2, 1.0)), 80, 185)
-    one = turned(flat, 101.3, 203.81, angle, mirror_axis_deg=axis).pixels.astype(float)
+    one = turn_cutout(flat, 101.3, 203.81, angle, mirror_axis_deg=axis).pixels.astype(float)
     assert (one[..., :3] <= one[..., 3:]).all()
     for channel, share in enumerate((0.6, 0.2, 1.0)):  # of one colour it was, of one it stays
         np.testing.assert_allclose(one[..., channel], share * one[..., 3], atol=1.6)
 
 
 def test_nothing_but_what_is_not_transparent_is_kept():
-    one = turned(SOURCE, *PIVOTS[2], 33).pixels
+    one = turn_cutout(SOURCE, *PIVOTS[2], 33).pixels
     assert all(
         edge.any() for edge in (one[0, :, -1], one[-1, :, -1], one[:, 0, -1], one[:, -1, -1])
     )
-    assert trimmed(np.zeros((5, 6, 2), np.uint8))[2].shape == (1, 1, 2)
+    assert trim_picture(np.zeros((5, 6, 2), np.uint8))[2].shape == (1, 1, 2)
 
 
 @pytest.mark.parametrize(("axis", "flip"), [(0, np.flipud), (90, np.fliplr), (180, np.flipud)])
 def test_mirrored_is_the_mirror_image(axis, flip):
-    one = turned(SOURCE, 100, 200, 0, mirror_axis_deg=axis)
-    _, _, want = trimmed(flip(SOURCE.pixels))
+    one = turn_cutout(SOURCE, 100, 200, 0, mirror_axis_deg=axis)
+    _, _, want = trim_picture(flip(SOURCE.pixels))
     np.testing.assert_array_equal(one.pixels, want)
 
 
 def test_mirroring_comes_before_turning_and_keeps_the_axis():
-    both = turned(SOURCE, 101.3, 203.81, 50, mirror_axis_deg=25.0)
-    one_by_one = turned(turned(SOURCE, 101.3, 203.81, 0, mirror_axis_deg=25.0), 101.3, 203.81, 50)
+    both = turn_cutout(SOURCE, 101.3, 203.81, 50, mirror_axis_deg=25.0)
+    one_by_one = turn_cutout(
+        turn_cutout(SOURCE, 101.3, 203.81, 0, mirror_axis_deg=25.0), 101.3, 203.81, 50
+    )
     assert np.abs(canvas(both) - canvas(one_by_one)).mean() < 0.4
     direction = np.array([np.cos(np.radians(25)), -np.sin(np.radians(25))])
     np.testing.assert_allclose(reflection(25) @ direction, direction, atol=1e-12)
@@ -472,7 +476,7 @@ def test_a_side_without_turns_gets_the_other_mirrored(gone):
     for step in range(len(mine)):
         left, right = (made[(k * len(mine) + step) * ORIENTATIONS] for k in (0, 1))
         x, y = mine["x_px"][step], mine["y_px"][step]
-        flipped = turned(right, x, y, 0, mirror_axis_deg=0.0)
+        flipped = turn_cutout(right, x, y, 0, mirror_axis_deg=0.0)
         shift = cut_out(flipped.pixels, flipped.x0_px - int(x) + 100, flipped.y0_px - int(y) + 200)
         here = cut_out(left.pixels, left.x0_px - int(x) + 100, left.y0_px - int(y) + 200)
         assert np.abs(canvas(shift) - canvas(here))[..., -1].mean() < 0.6  # twice resampled

@@ -26,13 +26,13 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line
 from finloop.drawn import TRUTH
 from finloop.io.table import load_table
-from finloop.live.door import bound
+from finloop.live.door import bind_socket
 from finloop.stimulus.animals import Animals
 from finloop.stimulus.inputs import json_of, open_osc, open_udp, osc_of
 from finloop.stimulus.parts import Animals as Settings
 from finloop.stimulus.recorded import NAME, Spoiled, messages
 from finloop.stimulus.rules import RuleSpec, Tank, aim
-from finloop.stimulus.tracker import LONGEST, MOST_AT_ONCE, Pair, calibration, parsed
+from finloop.stimulus.tracker import LONGEST, MOST_AT_ONCE, Pair, calibration, parse_sightings
 
 WIDTH, HEIGHT, LENGTH = 400, 300, 40.0
 
@@ -79,18 +79,18 @@ def verdicts(animals, text, arrived, source="a"):
 def test_what_is_meant_is_understood_and_nothing_else():
     for wish in GOOD:
         text = json.dumps(wish)
-        assert parsed(text) == parsed(text.encode()) != None  # noqa: E711
-        assert len(parsed(text)) == (len(wish) if isinstance(wish, list) else 1)
+        assert parse_sightings(text) == parse_sightings(text.encode()) != None  # noqa: E711
+        assert len(parse_sightings(text)) == (len(wish) if isinstance(wish, list) else 1)
     for text in BAD:
-        assert parsed(text) is None, text
-        assert parsed(text.encode(errors="replace")) is None, text
+        assert parse_sightings(text) is None, text
+        assert parse_sightings(text.encode(errors="replace")) is None, text
     for text in (None, b"\xff\xfe{", "\ud800"):
-        assert parsed(text) is None
+        assert parse_sightings(text) is None
     animals = animals_of()
     assert {*itertools.chain(*(verdicts(animals, text, 1.0) for text in [*BAD, None]))} == {
         "malformed"
     }
-    assert animals.known(1.0) == []
+    assert animals.recent_animals(1.0) == []
 
 
 def test_without_animals_in_the_protocol_nothing_is_wanted():
@@ -99,7 +99,7 @@ def test_without_animals_in_the_protocol_nothing_is_wanted():
         verdicts(animals, told(1), 1.0) == ["unwanted"]
         and not animals.hear(told(1), "a", 1.0)[0].taken
     )
-    assert animals.at(1.0) == [] and animals.past("1", 1.0) is None
+    assert animals.present_animals(1.0) == [] and animals.past("1", 1.0) is None
 
 
 # --- verdicts
@@ -108,7 +108,7 @@ def test_without_animals_in_the_protocol_nothing_is_wanted():
 def test_an_animal_is_there_until_it_was_not_heard_of_for_a_while():
     animals = animals_of(gap_s=0.5)
     assert verdicts(animals, told(7.0, 100, 90), 50.0) == ["taken"]
-    (one,) = animals.at(50.5)
+    (one,) = animals.present_animals(50.5)
     assert (one.id, one.x, one.y, one.heading_rad, one.speed, one.heard_s) == (
         "1",
         100,
@@ -117,21 +117,23 @@ def test_an_animal_is_there_until_it_was_not_heard_of_for_a_while():
         0,
         50,
     )
-    assert animals.at(50.51) == [] and [one.id for one in animals.known(110)] == ["1"]
-    assert animals.known(111) == []
+    assert animals.present_animals(50.51) == [] and [
+        one.id for one in animals.recent_animals(110)
+    ] == ["1"]
+    assert animals.recent_animals(111) == []
     assert verdicts(animals, told(9.0, id=1), 52.0) == ["taken"]  # 1 and "1" are the same
-    assert len(animals.at(52.0)) == 1
+    assert len(animals.present_animals(52.0)) == 1
 
 
 def test_what_is_not_later_is_late_and_changes_nothing():
     animals = animals_of()
     verdicts(animals, told(1.0, 100), 11.0)
-    before = animals.at(11.1)
+    before = animals.present_animals(11.1)
     for t in (1.0, 0.96, 0.3):
         assert verdicts(animals, told(t, 300), 11.05) == ["late"]
     for n in range(10):  # a tracker that hangs says the same for ever
         assert verdicts(animals, told(1.0, 300), 12.0 + n) == ["late"]
-    assert animals.at(11.1) == before
+    assert animals.present_animals(11.1) == before
 
 
 @pytest.mark.parametrize("zero", [-5000.0, -2.5, 3.0, 1e9])
@@ -171,7 +173,7 @@ def test_the_first_tracker_keeps_an_animal_while_it_is_heard():
     animals = animals_of(gap_s=0.5)
     assert verdicts(animals, told(1.0, 100), 11.0, "a") == ["taken"]
     assert verdicts(animals, told(5.0, 300), 11.4, "b") == ["rival"]
-    assert animals.at(11.4)[0].x == 100
+    assert animals.present_animals(11.4)[0].x == 100
     assert verdicts(animals, told(1.5, 110), 11.5, "a") == ["taken"]
     assert verdicts(animals, told(1.2, 300), 12.2, "b") == ["taken"]  # by a clock of its own
     assert verdicts(animals, told(2.3, 120), 12.3, "a") == ["rival"]
@@ -189,7 +191,7 @@ def test_more_animals_than_can_be_known_are_a_crowd_till_one_is_lost():
     assert verdicts(animals, told(0, id=0), 10.5) == ["late"]
     assert verdicts(animals, told(0, id="new"), 10.502) == ["taken"]
     assert verdicts(animals, told(0.01, id=0), 10.503) == ["taken"]  # as a new one
-    assert len(animals.known(10.51)) == MOST_AT_ONCE
+    assert len(animals.recent_animals(10.51)) == MOST_AT_ONCE
 
 
 def test_an_animal_outside_is_moved_in_and_one_at_a_wall_is_not():
@@ -201,7 +203,7 @@ def test_an_animal_outside_is_moved_in_and_one_at_a_wall_is_not():
             verdicts(animals, told(t, x, y), t) == [verdict]
             and animals.hear(told(t + 0.1, x, y), "a", t + 0.1)[0].taken
         )
-        assert animals.at(t)[0][1:3] == ((x, y) if verdict == "taken" else into(x, y))
+        assert animals.present_animals(t)[0][1:3] == ((x, y) if verdict == "taken" else into(x, y))
     round_tank = Tank(WIDTH, HEIGHT, LENGTH, lambda x, y: (200.0, 150.0))
     animals = Animals(Settings(), round_tank, None)
     assert verdicts(animals, told(1, 239, 150), 1) == ["taken"]
@@ -218,14 +220,14 @@ def test_heading_and_speed_are_those_of_the_way(angle):
         t = n / 25
         x, y = 200 + 60 * (t - 0.8) * math.cos(angle), 150 - 60 * (t - 0.8) * math.sin(angle)
         animals.hear(told(t, x, y), "a", 5 + t)
-    (one,) = animals.at(5 + t)
+    (one,) = animals.present_animals(5 + t)
     assert one.heading_rad == pytest.approx(angle) and one.speed == pytest.approx(60)
     for n in range(20):  # it rests, and the tracker trembles
         animals.hear(told(t + (n + 1) / 25, x + (n % 2), y), "a", 5 + t + (n + 1) / 25)
-    (one,) = animals.at(5 + t + 0.8)
+    (one,) = animals.present_animals(5 + t + 0.8)
     assert one.heading_rad == pytest.approx(angle) and one.speed < 6
     animals.hear(told(t + 3, 300, 50), "a", 8 + t)  # lost, and elsewhere: that is no motion
-    (one,) = animals.at(8 + t)
+    (one,) = animals.present_animals(8 + t)
     assert one.heading_rad is None and one.speed == 0
 
 
@@ -233,14 +235,14 @@ def test_the_speed_of_an_animal_that_is_heard_of_seldom_is_that_of_its_last_way(
     animals = animals_of(gap_s=1.0)
     for n in range(4):
         animals.hear(told(0.8 * n, 100 + 40 * n), "a", 0.8 * n)
-    assert animals.at(2.4)[0].speed == pytest.approx(50)
+    assert animals.present_animals(2.4)[0].speed == pytest.approx(50)
 
 
 def test_a_heading_that_is_said_counts_for_more():
     animals = animals_of()
     for n in range(20):
         animals.hear(told(n / 25, 100 + 10 * n, heading=90.0), "a", n / 25)
-    assert animals.at(n / 25)[0].heading_rad == pytest.approx(math.pi / 2)
+    assert animals.present_animals(n / 25)[0].heading_rad == pytest.approx(math.pi / 2)
 
 
 # --- clocks and the past
@@ -317,7 +319,7 @@ def test_the_same_messages_at_the_same_times_are_the_same_animals():
             seen.append(
                 (
                     animals.hear(text, "ab"[n % 2], 0.03 * n),
-                    animals.at(0.03 * n),
+                    animals.present_animals(0.03 * n),
                     animals.past("1", 0.03 * n - 1),
                 )
             )
@@ -423,7 +425,7 @@ def test_points_that_do_not_fit_tell_how_far_they_are_off():
 def test_mm_are_px_by_the_scale_of_the_film():
     animals = Animals(Settings(unit="mm"), TANK_OF, 0.25)
     animals.hear(told(1.0, 25, 50, heading=90.0), "a", 1.0)
-    assert animals.at(1.0)[0][1:4] == pytest.approx((100, 200, math.pi / 2))
+    assert animals.present_animals(1.0)[0][1:4] == pytest.approx((100, 200, math.pi / 2))
 
 
 A, B, C, D = [(point, point) for point in CORNERS[:4]]
@@ -475,11 +477,11 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(capfd, caplog):
                 now = 100 * part + n / 25
                 assert animals.hear(text, f"source {n % 40}", now)
                 if n % 9 == 0:
-                    for one in animals.at(now)[:2]:
+                    for one in animals.present_animals(now)[:2]:
                         animals.past(one.id, now - 3)
             gc.collect()
             counts.append(len(gc.get_objects()))
-            assert len(animals.known(now)) == MOST_AT_ONCE
+            assert len(animals.recent_animals(now)) == MOST_AT_ONCE
     finally:
         gc.unfreeze()
     assert max(counts) - min(counts) < 200, counts
@@ -534,8 +536,8 @@ def test_a_datagram_is_the_text_and_a_token_is_asked_for_where_there_is_one():
         json.dumps([json.loads(told(1.25, token="secret")), json.loads(told(1.25, id=2))]),
     ):
         handed = json_of(good.encode(), "secret")
-        assert "secret" not in handed and parsed(handed) == [
-            one.model_copy(update={"token": None}) for one in parsed(good)
+        assert "secret" not in handed and parse_sightings(handed) == [
+            one.model_copy(update={"token": None}) for one in parse_sightings(good)
         ]
     assert json_of(b'{"do": "trigger", "name": "go", "token": "secret"}', "secret") == trigger
     for wrong in ("Secret", "", "secret ", None, 1, ["secret"], "s\u00e9cret", "\ud800"):
@@ -553,14 +555,16 @@ def test_a_datagram_is_the_text_and_a_token_is_asked_for_where_there_is_one():
 def test_osc_is_the_same_as_json():
     def heard(*arguments, token=None):
         (text,) = osc_of(osc(*arguments).dgram, token)
-        return text if text is None else parsed(text)
+        return text if text is None else parse_sightings(text)
 
-    assert heard(1.25, "1", 100.5, 50) == parsed(told(1.25, 100.5, 50))
-    assert heard(1.25, 3, 100.5, 50.0, -20.0) == parsed(
+    assert heard(1.25, "1", 100.5, 50) == parse_sightings(told(1.25, 100.5, 50))
+    assert heard(1.25, 3, 100.5, 50.0, -20.0) == parse_sightings(
         told(1.25, 100.5, 50.0, id=3, heading=-20.0)
     )
-    assert heard(told(1.25)) == parsed(told(1.25))
-    assert heard("secret", 1.25, "1", 100.5, 50, token="secret") == parsed(told(1.25, 100.5, 50))
+    assert heard(told(1.25)) == parse_sightings(told(1.25))
+    assert heard("secret", 1.25, "1", 100.5, 50, token="secret") == parse_sightings(
+        told(1.25, 100.5, 50)
+    )
     trigger = '{"do": "trigger", "name": "go"}'
     assert osc_of(osc("secret", trigger).dgram, "secret") == [trigger]
     for wrong in (
@@ -586,7 +590,7 @@ def test_osc_is_the_same_as_json():
 
 def test_an_osc_bundle_is_its_messages():
     two = [osc(1.0, "1", 100.0, 50.0), osc(1.0, "2", 110.0, 50.0)]
-    assert [parsed(one)[0].id for one in osc_of(bundle(*two), None)] == ["1", "2"]
+    assert [parse_sightings(one)[0].id for one in osc_of(bundle(*two), None)] == ["1", "2"]
     assert osc_of(bundle(two[0], osc(address="/other")), None) == [
         osc_of(two[0].dgram, None)[0],
         None,
@@ -626,7 +630,7 @@ async def flooded(opens, contents, wanted):
     """
     heard, count = [], 0
     with (
-        bound(0, kind=socket.SOCK_DGRAM) as listens,
+        bind_socket(0, kind=socket.SOCK_DGRAM) as listens,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out,
     ):
         transport = await opens(listens, lambda text, source: heard.append((text, source)), None)
@@ -668,7 +672,7 @@ def test_over_the_wire_a_token_is_asked_for_too():
     async def story():
         heard = []
         with (
-            bound(0, kind=socket.SOCK_DGRAM) as listens,
+            bind_socket(0, kind=socket.SOCK_DGRAM) as listens,
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out,
         ):
             transport = await open_udp(listens, lambda text, _: heard.append(text), "secret")
@@ -699,7 +703,7 @@ def test_a_recorded_track_is_said_as_a_live_animal_would_be():
     animals = animals_of()
     for due, text in said:
         assert verdicts(animals, text, 40 + due) in (["taken"], ["outside"])
-        (one,) = animals.at(40 + due)
+        (one,) = animals.present_animals(40 + due)
         assert one.id == NAME and (one.x, one.y) == pytest.approx(swum(due))
         assert math.remainder(one.heading_rad - math.radians(20 * due), math.tau) == pytest.approx(
             0, abs=1e-9
@@ -738,7 +742,7 @@ def test_a_recorded_track_speaks_for_any_tracker(count, law, y_axis):
         messages(line_of(), None, TANK_OF, calibration=animals.calibration), 100
     ):
         animals.hear(text, "a", due)
-        assert animals.at(due)[0][1:3] == pytest.approx(swum(due))
+        assert animals.present_animals(due)[0][1:3] == pytest.approx(swum(due))
 
 
 def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
@@ -795,7 +799,9 @@ def test_the_camera_tracker_finds_the_drawn_carp(tmp_path):
     ways = {number: [] for number in (1, 2)}
     for n, animals in enumerate(said):
         places = truth.loc[truth["frame"] == n, ["x_px", "y_px"]].to_numpy()
-        assert parsed(json.dumps(animals)) and [one["t"] for one in animals] == [n / 25] * 2
+        assert (
+            parse_sightings(json.dumps(animals)) and [one["t"] for one in animals] == [n / 25] * 2
+        )
         for one in animals:
             far = np.hypot(*(places - [one["x"], one["y"]]).T)
             ways[one["id"]].append((far.min(), int(far.argmin())))
@@ -807,7 +813,7 @@ def test_the_camera_tracker_finds_the_drawn_carp(tmp_path):
 
 def test_the_camera_tracker_sends_json_by_udp_and_by_a_websocket():
     way_to = runpy.run_path(str(ROOT / "examples/camera_tracker.py"))["way_to"]
-    with bound(0, kind=socket.SOCK_DGRAM) as listens:
+    with bind_socket(0, kind=socket.SOCK_DGRAM) as listens:
         listens.settimeout(10)
         with way_to(f"udp://127.0.0.1:{listens.getsockname()[1]}") as send:
             send(told(1))

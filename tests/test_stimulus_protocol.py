@@ -15,7 +15,14 @@ from scipy.stats import chisquare
 
 from finloop.base.errors import FinloopError
 from finloop.stimulus.animals import Verdict
-from finloop.stimulus.controls import between, changed, faded, planned_ticks, ramp, with_look
+from finloop.stimulus.controls import (
+    apply_change,
+    fade_states,
+    interpolate_states,
+    planned_ticks,
+    ramp,
+    with_look,
+)
 from finloop.stimulus.drawn import (
     ALPHA,
     HEADING,
@@ -80,29 +87,29 @@ def states_of(ticks=21, fish=3, seed=0):
 
 def test_a_motion_that_is_reversed_twice_is_itself():
     states, back = states_of(), Change(reversed=True)
-    assert np.array_equal(changed(states, back)[0], states[-1])
-    assert np.array_equal(changed(changed(states, back), back), states)
+    assert np.array_equal(apply_change(states, back)[0], states[-1])
+    assert np.array_equal(apply_change(apply_change(states, back), back), states)
 
 
 @pytest.mark.parametrize("change", [None, Change(), Change(speed=1.0)])
 def test_what_changes_nothing_changes_nothing(change):
     states = states_of()
-    assert np.array_equal(changed(states, change, len(states)), states)
+    assert np.array_equal(apply_change(states, change, len(states)), states)
     assert planned_ticks(change, 21) == 21
 
 
 def test_twice_the_speed_takes_half_the_time():
     states = states_of(21)
     states[..., X] = 3 * np.arange(21)[:, None]
-    fast = changed(states, Change(speed=2.0))
+    fast = apply_change(states, Change(speed=2.0))
     assert len(fast) - 1 == (len(states) - 1) / 2
     assert np.allclose(np.diff(fast[..., X], axis=0), 6)
     assert np.array_equal(fast, states[::2])
-    slow = changed(states, Change(speed=0.5))
+    slow = apply_change(states, Change(speed=0.5))
     assert len(slow) - 1 == 2 * (len(states) - 1)
     assert np.allclose(np.diff(slow[..., X], axis=0), 1.5)
     assert np.array_equal(slow[::2], states)
-    assert np.array_equal(changed(states, Change(speed=2.0, reversed=True)), states[::-2])
+    assert np.array_equal(apply_change(states, Change(speed=2.0, reversed=True)), states[::-2])
 
 
 @given(
@@ -114,7 +121,7 @@ def test_as_much_is_planned_as_is_shown(ticks, speed, back, more):
     assert (wanted - 2) < (ticks - 1) * speed <= wanted - 1 + 1e-6
     states = np.zeros((wanted + more, 1, POSTURE), np.float32)
     states[..., X] = np.arange(len(states))[:, None]
-    shown = changed(states, change, ticks)
+    shown = apply_change(states, change, ticks)
     assert len(shown) == ticks
     assert shown[..., X].min() >= 0 and shown[..., X].max() <= wanted - 1  # of the first part
     assert np.allclose(np.abs(np.diff(shown[..., X], axis=0)), speed, atol=1e-3)
@@ -123,17 +130,17 @@ def test_as_much_is_planned_as_is_shown(ticks, speed, back, more):
 def test_what_is_still_does_not_move():
     states, still = states_of(), Change(still=True)
     assert planned_ticks(still, 500) == 1
-    shown = changed(states[:1], still, 500)
+    shown = apply_change(states[:1], still, 500)
     assert shown.shape == (500, *states.shape[1:])
     assert np.array_equal(shown, np.broadcast_to(states[0], shown.shape))
-    assert np.array_equal(changed(states, still), np.broadcast_to(states[0], states.shape))
+    assert np.array_equal(apply_change(states, still), np.broadcast_to(states[0], states.shape))
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_between_two_ticks(share):
     states = states_of(400, 1)
     at = np.arange(399) + share
-    shown = between(states, at)
+    shown = interpolate_states(states, at)
     before, after = states[:-1].astype(float), states[1:].astype(float)
     # The heading turns the shorter way: what is left to both ends is what lies between them.
     way = np.abs((after - before)[..., HEADING])
@@ -146,13 +153,13 @@ def test_between_two_ticks(share):
         assert np.allclose(shown[..., linear], mixed[..., linear], atol=1e-5)
     nearer = before if share < 0.5 else after
     assert np.array_equal(shown[..., PICTURE : LOOK + 1], nearer[..., PICTURE : LOOK + 1])
-    assert np.array_equal(between(states, np.arange(400.0)), states)
+    assert np.array_equal(interpolate_states(states, np.arange(400.0)), states)
 
 
 def test_a_fish_that_comes_or_goes_does_not_slide_in_from_nowhere():
     states = states_of(3, 2)
     states[1, 0, PICTURE] = -1
-    shown = between(states, np.array([0.4, 0.6, 1.4, 1.6]))
+    shown = interpolate_states(states, np.array([0.4, 0.6, 1.4, 1.6]))
     assert np.array_equal(shown[:, 0], states[[0, 1, 1, 2], 0])
     assert not np.array_equal(shown[:, 1], states[[0, 1, 1, 2], 1])
 
@@ -160,14 +167,14 @@ def test_a_fish_that_comes_or_goes_does_not_slide_in_from_nowhere():
 def test_fish_fade_in_and_out():
     states = states_of(41)
     states[..., ALPHA] = 0.5
-    shown = faded(states, 10)
+    shown = fade_states(states, 10)
     alpha = shown[:, 0, ALPHA]
     assert alpha[0] == alpha[-1] == 0 and np.all(alpha[10:31] == 0.5)
     assert np.allclose(np.diff(alpha[:11]), 0.05) and np.array_equal(alpha, alpha[::-1])
     rest = [column for column in range(states.shape[2]) if column != ALPHA]
     assert np.array_equal(shown[..., rest], states[..., rest])
     assert np.all(states[..., ALPHA] == 0.5)  # what was given stays
-    assert np.array_equal(faded(states, 0), states) and np.all(ramp(3, 0) == 1)
+    assert np.array_equal(fade_states(states, 0), states) and np.all(ramp(3, 0) == 1)
     assert np.array_equal(ramp(5, 100) > 0, [False, True, True, True, False])
 
 

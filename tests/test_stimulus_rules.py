@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from finloop.animate.arena import tank as arena_tank
 from finloop.stimulus.animals import Animal
-from finloop.stimulus.rules import RuleSpec, Tank, aim, mirrored
+from finloop.stimulus.rules import RuleSpec, Tank, aim, mirror_place
 
 RULES = get_args(RuleSpec.model_fields["rule"].annotation)
 LENGTH = 40.0
@@ -28,7 +28,7 @@ class Sightings:
     def __init__(self, *animals, way=None):
         self.animals, self.way = animals, way
 
-    def at(self, now_s):
+    def present_animals(self, now_s):
         if self.way is None:
             return list(self.animals)
         return [
@@ -36,7 +36,7 @@ class Sightings:
         ]
 
     def past(self, id, time_s):
-        some = [one for one in self.at(time_s) if one.id == id]
+        some = [one for one in self.present_animals(time_s) if one.id == id]
         return (some[0].x, some[0].y) if some else None
 
 
@@ -189,8 +189,8 @@ def test_a_copy_is_where_the_animal_was_exactly():
 @laws
 @given(st.floats(0, 399), st.floats(0, 299), st.sampled_from(["x", "y", "centre"]))
 def test_a_mirror_is_an_involution_about_the_middle(x, y, axis):
-    image = mirrored((x, y), axis, WALLED)
-    assert mirrored(image, axis, WALLED) == pytest.approx((x, y))
+    image = mirror_place((x, y), axis, WALLED)
+    assert mirror_place(image, axis, WALLED) == pytest.approx((x, y))
     middle = (x + image[0]) / 2, (y + image[1]) / 2
     assert middle == pytest.approx((x if axis == "y" else 199.5, y if axis == "x" else 149.5))
 

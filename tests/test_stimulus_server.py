@@ -15,12 +15,12 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from finloop.io.journal import save_journal
-from finloop.live.door import AppServer, Door, bound
+from finloop.live.door import AppServer, Door, bind_socket
 from finloop.stimulus.apps import replay_app, session_app
-from finloop.stimulus.desk import ask, told
+from finloop.stimulus.desk import ask, session_status
 from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import frames_of, open_record, plan_again
-from finloop.stimulus.serve import said
+from finloop.stimulus.serve import parse_message
 from finloop.stimulus.show import RealClock, Replay, Show
 
 CONDITIONS = {
@@ -37,7 +37,7 @@ READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "r
 @contextmanager
 def served(app_of):
     """A server in a thread; yields its address."""
-    with bound(0) as listens:
+    with bind_socket(0) as listens:
         up, found = threading.Event(), []
         port = listens.getsockname()[1]
         server = AppServer(app_of(port, lambda error: server.fail(error)), listens, up.set)
@@ -141,7 +141,7 @@ def test_no_message_of_a_page_breaks_the_session(tmp_path):
     try:
         for turn in range(6):
             for text in hostile(2000, turn):
-                said(text if isinstance(text, str) else None)
+                parse_message(text if isinstance(text, str) else None)
                 session.frames(text if isinstance(text, bytes) else text.encode())
                 session.hear(text, "a")
                 wanted = (
@@ -157,7 +157,7 @@ def test_no_message_of_a_page_breaks_the_session(tmp_path):
     assert session.phase == "ready" and session.numbers.bad > 1000
     assert session.numbers.heard["malformed"] > 1000
     assert max(counts[3:]) - max(counts[:3]) < 300, counts
-    assert json.dumps(told(session))
+    assert json.dumps(session_status(session))
     session.log.close()
 
 
@@ -294,9 +294,9 @@ def test_a_wait_on_the_real_clock_ends_in_time():
     async def waited():
         late = []
         for _ in range(5):
-            due = clock.now() + 0.01
+            due = clock.read_time() + 0.01
             await clock.until(due)
-            late.append(clock.now() - due)
+            late.append(clock.read_time() - due)
         return late
 
     assert min(asyncio.run(waited())) >= 0

@@ -12,7 +12,7 @@ from toy_stimulus import feed_of, header_of, plan_of, run_dry, scene, session_of
 
 from finloop.base.errors import FinloopError
 from finloop.io.journal import read_journal, save_journal
-from finloop.stimulus.course import Cue, Reaction, again, planned
+from finloop.stimulus.course import Cue, Reaction, plan_motion, repeat_motion
 from finloop.stimulus.drawn import ALPHA, LOOK, PARTNER, PICTURE, X, Y
 from finloop.stimulus.feed import message
 from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, frames_of
@@ -58,7 +58,7 @@ def test_a_control_shows_the_very_same_motion_in_another_look(tmp_path):
     np.testing.assert_array_equal(made["fish"], made["dot"])
     np.testing.assert_array_equal(made["back"], made["fish"][::-1])
     np.testing.assert_array_equal(made["yoked"], made["live"][: len(made["yoked"])])
-    shown = {name: Cue(session.plan.conditions[name], 1, look).shown(made[name], scene())
+    shown = {name: Cue(session.plan.conditions[name], 1, look).apply_look_and_fade(made[name], scene())
              for name, look in (("fish", 0), ("dot", 1))}  # fmt: skip
     assert (shown["fish"][..., LOOK] == 0).all() and (shown["dot"][..., LOOK] == 1).all()
     rest = [n for n in range(shown["fish"].shape[2]) if n != LOOK]
@@ -67,7 +67,7 @@ def test_a_control_shows_the_very_same_motion_in_another_look(tmp_path):
 
 def test_fish_go_to_their_goals_one_after_the_other():
     made, plan = scene(), plan_of({"a": {"seconds": 40.0} | GOALS}, fish=2)
-    states = planned(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
+    states = plan_motion(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
     size = np.array([made.tank.width - 1, made.tank.height - 1])
     for fish in range(2):
         first = [np.hypot(*(states[:, fish, [X, Y]] - share * size).T) for share in (0.2, 0.8)]
@@ -78,8 +78,8 @@ def test_fish_go_to_their_goals_one_after_the_other():
 def test_a_motion_that_was_broken_off_stays_as_it_ended():
     made, plan = scene(), plan_of({"a": {"seconds": 2.0} | GOALS})
     cue = Cue(plan.conditions["a"], 1, "hybrid")
-    whole = planned(made, cue, 3)
-    short = again(made, cue, whole[:20])
+    whole = plan_motion(made, cue, 3)
+    short = repeat_motion(made, cue, whole[:20])
     assert len(short) == len(whole)
     np.testing.assert_array_equal(short[:20], whole[:20])
     assert (short[20:] == whole[19]).all()
@@ -104,7 +104,7 @@ def test_more_fish_than_there_is_room_for_are_refused(monkeypatch):
     made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
     monkeypatch.setattr("finloop.plan.planner._PLACES", 0)  # no place is looked for
     with pytest.raises(FinloopError, match="room for 0 fish"):
-        planned(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
+        plan_motion(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
 
 
 # --- closed loop
@@ -117,7 +117,7 @@ def greatest(states):
 
 def test_spoiled_messages_make_no_fish_jump(tmp_path):
     made = scene()
-    free = planned(made, Cue(plan_of({"a": {"seconds": 60.0} | GOALS}).conditions["a"], 1,
+    free = plan_motion(made, Cue(plan_of({"a": {"seconds": 60.0} | GOALS}).conditions["a"], 1,
                              "hybrid"), 1)  # fmt: skip
     plan = plan_of({"live": {"seconds": 25.0} | RULE})
     _, session, _ = run_dry(tmp_path, plan, walk(2, 26), made, "clean")
@@ -297,7 +297,7 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
         while session._tick < 5:
             await asyncio.sleep(0)
         session.hear('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}', "a")
-        seq, due, heard = session._seq, session._due, clock.now()
+        seq, due, heard = session._seq, session._due, clock.read_time()
         for number, at in enumerate((due - 1.2 / rate, due - 0.9 / rate, due)):
             facts = np.array([number, at, at, at + 0.004, seq, 0, 0, 0])
             session.frames(facts.tobytes())

@@ -7,7 +7,7 @@ from toy_fish import LENGTH, ROOM, SPRITE, WIDTH, S, covered, edit_list, fish_of
 
 from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
-from finloop.sprites.turn import turned
+from finloop.sprites.turn import turn_cutout
 from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
 from finloop.tank.camera import CAMERAS, VIEW_DEG, views
 from finloop.tank.display import choose_window
@@ -116,7 +116,7 @@ def test_sprites_are_turned_and_mirrored_as_their_pictures_are(sprite, orientati
     tracks, _, cutouts = toy()
     one = SPRITE.iloc[sprite]
     x, y = tracks.loc[one.frame, ["x_px", "y_px"]].astype(float)
-    shown = turned(
+    shown = turn_cutout(
         cutouts[one.frame], x, y, 15 * (orientation - 1) - one.heading_deg,
         mirror_axis_deg=one.heading_deg if one.mirrored else None,
     )  # fmt: skip
@@ -233,23 +233,23 @@ def test_the_shadow_lies_away_from_the_sun_and_the_rest_is_the_film():
     background = np.full((150, 200), 120, np.uint8)
     floor = Floor(background, ROOM)
     fish = fish_of(edit_list(1, x_px=100.0, y_px=75.0))
-    points = fish.at(0)[0]
-    without = floor.lit([points + (1000, 0, 0)], 3.0).astype(int)
-    taken = without - floor.lit([points], 3.0)
+    points = fish.shape_at(0)[0]
+    without = floor.draw_floor([points + (1000, 0, 0)], 3.0).astype(int)
+    taken = without - floor.draw_floor([points], 3.0)
     assert taken.min() >= 0 and taken.max() > 40
     y, x = np.mgrid[:150, :200]
     at = np.array([(taken * x).sum(), (taken * y).sum()]) / taken.sum()
     assert at == pytest.approx([100 + 40 * 0.28 / 0.9, 75 + 40 * 0.34 / 0.9], abs=1.5)
     assert without.mean() == pytest.approx(120, rel=0.1) and np.ptp(without) < 45
-    assert np.array_equal(floor.lit([points], 3.0), floor.lit([points], 3.0))
+    assert np.array_equal(floor.draw_floor([points], 3.0), floor.draw_floor([points], 3.0))
 
 
 def test_water_is_clear_from_above_and_a_mirror_from_afar():
     water = Surface(ROOM)
-    above = water.at(1.0, np.array([100.0, -75, 5000]), False)[1]
-    afar = water.at(1.0, np.array([100.0, -9000, 200]), False)[1]
+    above = water.points_and_colours(1.0, np.array([100.0, -75, 5000]), False)[1]
+    afar = water.points_and_colours(1.0, np.array([100.0, -9000, 200]), False)[1]
     assert np.median(above[:, 3]) < 40 < 120 < np.median(afar[:, 3])
-    assert water.at(1.0, ROOM.middle, True)[0][:, 2] == pytest.approx(120, abs=6)
+    assert water.points_and_colours(1.0, ROOM.middle, True)[0][:, 2] == pytest.approx(120, abs=6)
 
 
 def test_a_missing_library_is_named():

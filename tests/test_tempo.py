@@ -28,22 +28,22 @@ def way(steps):
 def test_who_swims_as_the_film_does_lags_by_nothing():
     film = film_of(np.where(np.arange(N) % 2 == 0, 1.0, 3.0))
     assert lags(film.rows).sum() == pytest.approx(0.0, abs=1e-9)
-    tempo = Tempo.of(film, 50.0, 1.0)
+    tempo = Tempo.from_film(film, 50.0, 1.0)
     even = way(np.full(40, mean_step_px(film.rows)))
-    assert tempo.after(0.0, even, (0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
+    assert tempo.lag_after(0.0, even, (0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_tick_on_the_spot_is_a_tick_behind_and_is_forgotten():
     tempo = Tempo(2.0, 0.9, 5.0)
-    assert tempo.after(0.0, way([0.0]), (0.0, 0.0)) == pytest.approx(1.0)
-    assert tempo.after(0.0, way([4.0]), (0.0, 0.0)) == pytest.approx(-1.0)
-    assert tempo.after(10.0, way([2.0]), (0.0, 0.0)) == pytest.approx(9.0)
+    assert tempo.lag_after(0.0, way([0.0]), (0.0, 0.0)) == pytest.approx(1.0)
+    assert tempo.lag_after(0.0, way([4.0]), (0.0, 0.0)) == pytest.approx(-1.0)
+    assert tempo.lag_after(10.0, way([2.0]), (0.0, 0.0)) == pytest.approx(9.0)
     # A way in two parts lags as far as the whole.
     steps = np.random.default_rng(0).uniform(0, 4, 30)
     whole, first = way(steps), way(steps)[:11]
-    half = tempo.after(3.0, first, (0.0, 0.0))
-    assert tempo.after(half, whole[11:], (first[-1, 0], 0.0)) == pytest.approx(
-        tempo.after(3.0, whole, (0.0, 0.0))
+    half = tempo.lag_after(3.0, first, (0.0, 0.0))
+    assert tempo.lag_after(half, whole[11:], (first[-1, 0], 0.0)) == pytest.approx(
+        tempo.lag_after(3.0, whole, (0.0, 0.0))
     )
 
 
@@ -57,9 +57,9 @@ def test_a_rest_is_dear_for_who_lags_and_worth_something_for_who_is_ahead():
 
 def test_the_usual_lag_grows_with_the_rests_of_the_film():
     long, short = ((np.arange(N) // n) % 2 * 2.0 for n in (20, 2))
-    rests, flicks = (Tempo.of(film_of(steps), 50.0, 0.1).usual for steps in (long, short))
+    rests, flicks = (Tempo.from_film(film_of(steps), 50.0, 0.1).usual for steps in (long, short))
     assert rests > 3 * flicks
-    assert Tempo.of(film_of(np.full(N, 2.0)), 50.0, 4.0).usual == 4.0  # even: the least
+    assert Tempo.from_film(film_of(np.full(N, 2.0)), 50.0, 4.0).usual == 4.0  # even: the least
 
 
 def test_along_a_path_to_be_slow_costs_more_the_farther_a_fish_lags_and_never_pays():

@@ -97,7 +97,7 @@ def fish_of(edit):
 def covered(fish, tick, shape):
     """What a fish covers, seen from above."""
     mask = np.zeros(shape, np.uint8)
-    at = (fish.at(tick)[0][..., :2] * (1, -1)).astype(np.float32)
+    at = (fish.shape_at(tick)[0][..., :2] * (1, -1)).astype(np.float32)
     for pair in zip(at[:-1], at[1:], strict=True):
         hull = cv2.convexHull(np.concatenate(pair))
         cv2.fillConvexPoly(mask, np.rint(16 * hull).astype(np.int32), 255, cv2.LINE_AA, 4)

@@ -71,6 +71,6 @@ def read(frame):
 def played(tank, ticks, fish=0):
     rows = []
     for _ in range(ticks):
-        tank.on()
-        rows.append(tank.fish[fish].at(tank.tick)[:-1])  # without the pose
+        tank.advance()
+        rows.append(tank.fish[fish].row_at(tank.tick)[:-1])  # without the pose
     return np.array(rows, ROW)

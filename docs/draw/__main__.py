@@ -17,11 +17,11 @@ from docs.draw.browser import chromium, live_tank, report
 from docs.draw.film import (
     RATE_HZ,
     Picture,
-    captioned,
+    add_caption,
     frames,
+    resize_picture,
     save_film,
     save_still,
-    sized,
     steady,
     window,
 )
@@ -42,8 +42,8 @@ OUTLINE = (120, 255, 220)
 SENT = [(0.25, 0.3), (0.75, 0.3), (0.55, 0.75)]  # the fish of the live tank
 
 
-def outlined(folder: Path, start_s: float, end_s: float) -> Iterator[Picture]:
-    """The film with the outline of every fish."""
+def draw_outlines(folder: Path, start_s: float, end_s: float) -> Iterator[Picture]:
+    """Yield the film with the outline of every fish."""
     tracks = pd.read_parquet(folder / "data/extract/tracks.parquet")
     rate = tracks_rate(folder)
     for number, picture in enumerate(frames(folder / "data/clip/clip.mp4", start_s, end_s)):
@@ -69,11 +69,12 @@ def story(folder: Path) -> Iterator[Picture]:
     end_s = AFTER_S + float(wanders.iloc[0] if len(wanders) else edit["time_s"].iloc[-1])
     parts = (
         (frames(clip, 0, FILM_S), "1   The film"),
-        (outlined(folder, FILM_S, FILM_S + OUTLINE_S), "2   The fish is cut out and measured"),
+        (draw_outlines(folder, FILM_S, FILM_S + OUTLINE_S), "2   The fish is cut out and measured"),
         (frames(folder / f"data/render/{SHOWN}_marked.mp4", 0, end_s), "3   Sent to A, B and C"),
     )
     return chain.from_iterable(
-        captioned((sized(one, HERO_PX) for one in steady(part)), words) for part, words in parts
+        add_caption((resize_picture(one, HERO_PX) for one in steady(part)), words)
+        for part, words in parts
     )
 
 
@@ -92,7 +93,7 @@ def panel(path: Path, places: pd.DataFrame) -> Iterator[Picture]:
         return float(x), float(y)
 
     follow = window(steady(frames(path, 0, PANEL_S)), place, WINDOW)
-    return (sized(one, PANEL_PX) for one in follow)
+    return (resize_picture(one, PANEL_PX) for one in follow)
 
 
 def draw_panels(folder: Path) -> None:
@@ -123,11 +124,11 @@ def draw_all(folder: Path) -> None:
     draw_panels(folder)
     save_film(PICTURES / "goals.webp", story(folder))
     tank = frames(folder / "data/tank/tank.mp4", *TANK_S)
-    save_film(PICTURES / "tank.webp", (sized(one, TANK_PX) for one in tank))
+    save_film(PICTURES / "tank.webp", (resize_picture(one, TANK_PX) for one in tank))
     save_still(PICTURES / "planner.webp", search_picture(folder))
     draw_drawings()
     save_still(PICTURES / "live.webp", live_tank(folder, SENT))
-    save_still(PICTURES / "report.webp", sized(report(folder), REPORT_PX))
+    save_still(PICTURES / "report.webp", resize_picture(report(folder), REPORT_PX))
 
 
 def main() -> None:

@@ -33,8 +33,8 @@ def frames(path: Path, start_s: float = 0.0, end_s: float = np.inf) -> Iterator[
                 yield frame.to_ndarray(format="rgb24")
 
 
-def sized(picture: Picture, width_px: int) -> Picture:
-    """The picture at another width."""
+def resize_picture(picture: Picture, width_px: int) -> Picture:
+    """Resize the picture to another width [px]."""
     height_px = round(picture.shape[0] * width_px / picture.shape[1])
     return cv2.resize(picture, (width_px, height_px), interpolation=cv2.INTER_AREA)
 
@@ -63,8 +63,8 @@ def window(
         yield picture[top : top + height, left : left + width]
 
 
-def captioned(film: Iterable[Picture], words: str) -> Iterator[Picture]:
-    """The film over a strip with words."""
+def add_caption(film: Iterable[Picture], words: str) -> Iterator[Picture]:
+    """Yield the film above a strip with words."""
     strip = None
     for picture in film:
         if strip is None:

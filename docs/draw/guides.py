@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from docs.draw.film import Picture, save_still, sized
+from docs.draw.film import Picture, resize_picture, save_still
 from docs.draw.pipeline import run
 
 WIDE = 960  # px
@@ -27,11 +27,11 @@ def load(path: Path) -> Picture:
 
 def lower(sheet: Picture) -> Picture:
     """The names of the colours and the last two frames of a sheet of four."""
-    return sized(np.vstack([sheet[:NAMES], sheet[(sheet.shape[0] + NAMES) // 2 :]]), WIDE)
+    return resize_picture(np.vstack([sheet[:NAMES], sheet[(sheet.shape[0] + NAMES) // 2 :]]), WIDE)
 
 
-def chequered(height: int, width: int) -> Picture:
-    """What picture editors show where there is nothing."""
+def draw_checkerboard(height: int, width: int) -> Picture:
+    """Draw the checkerboard that picture editors show for transparency."""
     y, x = np.mgrid[:height, :width] // 12
     return np.where((x + y) % 2, 205, 245)[..., None].repeat(3, axis=2).astype(np.uint8)
 
@@ -45,7 +45,7 @@ def strip(sequence: Path) -> Picture:
         for number in np.linspace(0, count - 1, MOMENTS).round().astype(int):
             film.seek(int(number))
             fish = film.convert("RGBA")
-            ground = Image.fromarray(chequered(height, width)).convert("RGBA")
+            ground = Image.fromarray(draw_checkerboard(height, width)).convert("RGBA")
             ground.alpha_composite(fish, ((width - fish.width) // 2, (height - fish.height) // 2))
             tiles.append(np.asarray(ground.convert("RGB")))
     return np.hstack(tiles)
@@ -59,7 +59,7 @@ def draw_guides(folder: Path, scratch: Path, pictures: Path) -> None:
     three = scratch / "three"
     run(three, THREE, ("clip", "extract", "plots-extract", "features", "plots-features"))
     sheet = load(three / "reports/features/contact_sheet.png")
-    save_still(pictures / "doubtful.webp", sized(sheet[: sheet.shape[0] // 4], WIDE))
+    save_still(pictures / "doubtful.webp", resize_picture(sheet[: sheet.shape[0] // 4], WIDE))
     save_still(pictures / "detections.webp", lower(load(three / "reports/extract/detections.png")))
     run(three, [*THREE, *TOO_STRICT], ("extract", "plots-extract"))
     save_still(pictures / "refused.webp", lower(load(three / "reports/extract/detections.png")))

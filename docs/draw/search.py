@@ -36,7 +36,7 @@ def search_picture(folder: Path) -> Picture:
     shades = mpl.colormaps["viridis_r"]
     low, high = options.value[good].min(), options.value[good].max()
     every = [
-        _way(planner, state, int(row), float(rot))
+        _film_path(planner, state, int(row), float(rot))
         for row, rot in zip(options.rows, options.rots, strict=True)
     ]
     for one, value in zip(every, options.value, strict=True):
@@ -74,7 +74,7 @@ def _decision(planner: Planner) -> tuple[State, Goal, Options, tuple[Floats, Flo
         options = stretch.options
         if options is not None and len(options.rows) >= WAYS and options.taken >= 0:
             good = np.isfinite(options.value).mean()
-            way, jumps = _swum(planner, state, goal)
+            way, jumps = _swim_path(planner, state, goal)
             if 0.4 < good < 0.95 and 2 <= len(jumps) <= 6 and len(way) > 60:
                 return state, goal, options, (way, jumps)
             best = best or (state, goal, options, (way, jumps))
@@ -83,8 +83,8 @@ def _decision(planner: Planner) -> tuple[State, Goal, Options, tuple[Floats, Flo
     return best
 
 
-def _swum(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floats]:
-    """Return the way (n, 3) that is swum from a state, and at which ticks it jumps."""
+def _swim_path(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floats]:
+    """Return the path (n, 3) that a fish swims from a state, and the ticks at which it jumps."""
     rng, places, jumps, ticks = np.random.default_rng(0), [], [], 0
     while ticks < SWUM_S * planner.world.motion.rate_hz:
         stretch, state = planner.plan(state, goal, rng)
@@ -97,8 +97,8 @@ def _swum(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floats]:
     return np.concatenate(places), np.array(jumps, int)
 
 
-def _way(planner: Planner, state: State, row: int, rot: float) -> Floats:
-    """Return where playing a row leads (n, 2), from where a fish is."""
+def _film_path(planner: Planner, state: State, row: int, rot: float) -> Floats:
+    """Return the positions (n, 2) that playing the film from a row gives a fish."""
     film, x, y = planner.world.film, state.fish.x, state.fish.y
     ticks, places = round(WAY_S * planner.world.motion.rate_hz), [(x, y)]
     while ticks and film.has_next[row]:

@@ -147,8 +147,8 @@ def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
     return arena & hull.astype(bool)
 
 
-def settled(outline_px: Reals) -> bool:
-    """Whether half of the outlines (n, k, 2) fills nearly as much as all of them do.
+def is_area_complete(outline_px: Reals) -> bool:
+    """Return whether half of the outlines (n, k, 2) fills nearly as much as all of them do.
 
     The mean of the first half and the last one. If not, animals have not been everywhere where they
     can be: a longer film would show more.
@@ -205,28 +205,34 @@ def _ends(points: Reals, low: int, high: int) -> NDArray[np.int32]:
     return made
 
 
-def roamed(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None = None) -> Mask:
-    """Where the fish may be: the `arena`, where animals were `filmed`, or by `auto` one of them.
+def tank_area(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None = None) -> Mask:
+    """Return where fish may be: `arena`, where animals were `filmed`, or by `auto` one of both.
 
     That is where animals were filmed if the arena is the whole picture, so none was given, and they
     filled a quarter of it at least: elsewhere there may be no floor. A fish that keeps to less,
     as in a current, may swim anywhere. So may one whose film is too short to show the tank
-    (`settled`), if the `floor` goes on: it would be kept from most places where it was filmed.
+    (`is_area_complete`), if the `floor` goes on: it would be kept from most places where it was
+    filmed.
     """
     if tank == "arena" or (tank == "auto" and not arena.all()):
         return arena
     filmed = filmed_area(arena, outline_px)
-    known = tank == "filmed" or settled(outline_px) or floor is None or not goes_on(floor, filmed)
+    known = (
+        tank == "filmed"
+        or is_area_complete(outline_px)
+        or floor is None
+        or not goes_on(floor, filmed)
+    )
     return filmed if known and (tank == "filmed" or filmed.mean() >= _ROAMS) else arena
 
 
 def where(
     arena: Mask, outline_px: Reals, reach_px: float, tank: str, floor: Picture | None = None
 ) -> Mask:
-    """The part (h, w) that a fish may be in: where it `roamed`; by `auto` the whole arena, if it
+    """The part (h, w) that a fish may be in: where it `tank_area`; by `auto` the whole arena, if it
     reaches too far from its centre to fit in there.
     """
-    area = roamed(arena, outline_px, tank, floor)
+    area = tank_area(arena, outline_px, tank, floor)
     return arena if tank == "auto" and not fits(area, reach_px) else area
 
 

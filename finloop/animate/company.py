@@ -71,8 +71,8 @@ class Plans:
         self._begins, self._ticks = np.zeros(fish, np.int64), np.zeros(fish, np.int64)
 
     @classmethod
-    def of(cls, ways: Sequence[Floats], start: int) -> "Plans":
-        """Of ways (n, 4), as in `Company`, that all begin at a tick."""
+    def from_paths(cls, ways: Sequence[Floats], start: int) -> "Plans":
+        """Make the plans of paths (n, 4), as in `Company`, that all begin at tick `start`."""
         plans = cls(len(ways))
         for number, way in enumerate(ways):
             plans.put(number, start, way)
@@ -99,8 +99,8 @@ class Plans:
         """Whether a fish has planned yet."""
         return bool(self._ticks[number])
 
-    def at(self, number: int, tick: int) -> Floats:
-        """Where a fish is (4,) at a tick."""
+    def place_at(self, number: int, tick: int) -> Floats:
+        """Return the place (4,) of a fish at a tick, as in `Company`."""
         row = min(max(tick - self._begins[number], 0), self._ticks[number] - 1)
         return np.asarray(self._ways[number, row])
 
@@ -247,8 +247,8 @@ def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
 
     first, second: number, heading.
     """
-    a, side, cos, sin = turned(discs, first)
-    b, other_side, other_cos, other_sin = turned(discs, second)
+    a, side, cos, sin = disc_orientation(discs, first)
+    b, other_side, other_cos, other_sin = disc_orientation(discs, second)
     table = discs.table
     for i in range(table.shape[1]):
         ahead, left = table[a, i, 0], side * table[a, i, 1]
@@ -264,7 +264,7 @@ def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def turned(discs, one):  # type: ignore[no-untyped-def]
+def disc_orientation(discs, one):  # type: ignore[no-untyped-def]
     """Of a picture, number and heading: its row of the discs, the side that is its left (±1), the
     heading's cosine and sine.
     """

@@ -29,8 +29,10 @@ class Shown(NamedTuple):
     heading_deg: float
 
 
-def placed(hull: Floats, x_px: float, y_px: float, heading_deg: float, mirrored: bool) -> Floats:
-    """An outline (p, 2), px ahead of and to the left of the mass centre, as x, y on screen."""
+def place_outline(
+    hull: Floats, x_px: float, y_px: float, heading_deg: float, mirrored: bool
+) -> Floats:
+    """Return an outline (p, 2), px ahead and left of the mass centre, as x, y on screen."""
     turned = ahead_left(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))  # its inverse
     return np.asarray(turned + np.array([x_px, y_px]))
 
@@ -38,7 +40,9 @@ def placed(hull: Floats, x_px: float, y_px: float, heading_deg: float, mirrored:
 def outline(player: AnyPlayer, row: Any) -> Floats:
     """The outline (p, 2) on screen of a row of an edit list, or `Shown`."""
     mirrored = row.kind == FRAME and row.mirrored
-    return placed(player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored)
+    return place_outline(
+        player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored
+    )
 
 
 def overlap(one: Floats, other: Floats) -> bool:
@@ -83,22 +87,22 @@ def nearest(where: Floats) -> Floats:
     return np.asarray(far.min(axis=1))
 
 
-def of_shoal(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]:
-    """How near the fish of an edit list come to each other; nothing of one alone."""
+def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]:
+    """Return how near the fish of an edit list come to each other; empty for a single fish."""
     where = places(edit)
     if len(where) < 2:
         return {}
     near = [nearest(tick) for tick in where.transpose(1, 0, 2)]
     return {
         "overlapping_pairs_per_1000_ticks": 1000 * float(overlaps(edit, player).mean()),
-        **of_distances(np.concatenate(near) / player.world.motion.body_length_px),
+        **distance_quantiles(np.concatenate(near) / player.world.motion.body_length_px),
     }
 
 
-def of_film(features: pd.DataFrame) -> dict[str, float]:
-    """How near the animals of a film come to each other; nothing where it shows one at a time."""
+def measure_film_clearance(features: pd.DataFrame) -> dict[str, float]:
+    """Return how near the animals of a film come to each other; empty if it shows one at a time."""
     near = film_nearest(features)
-    return of_distances(near) if len(near) else {}
+    return distance_quantiles(near) if len(near) else {}
 
 
 def film_nearest(features: pd.DataFrame) -> Floats:
@@ -111,8 +115,8 @@ def film_nearest(features: pd.DataFrame) -> Floats:
     )
 
 
-def of_distances(near: Floats) -> dict[str, float]:
-    """Quantiles of distances to the nearest neighbour, in body lengths."""
+def distance_quantiles(near: Floats) -> dict[str, float]:
+    """Return quantiles of the distances to the nearest neighbour, in body lengths."""
     at = np.quantile(near, [0.01, 0.05, 0.5])
     names = ("nearest_1pct", "nearest_5pct", "nearest_median")
     return {f"{name}_body_lengths": float(q) for name, q in zip(names, at, strict=True)}

@@ -94,8 +94,8 @@ def towards_by(own: float, error: float, most: float) -> float:
 
 
 @leaf_kernel
-def ahead(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
-    """Where one comes to, `forward` along the heading and `sideways` to its left."""
+def offset_point(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
+    """Return the point `forward` along the heading and `sideways` to its left."""
     angle = np.radians(heading)
     cos, sin = np.cos(angle), np.sin(angle)
     return x + forward * cos - sideways * sin, y - forward * sin - sideways * cos
@@ -108,7 +108,7 @@ def touches(x: float, y: float, heading: float, spot: Target) -> bool:
     reach = 1.001 * (spot.touch_px + spot.head_px)
     if dx * dx + dy * dy > reach * reach:
         return False  # Too far for the head, too; most calls end here, without sines.
-    head_x, head_y = ahead(x, y, heading, spot.head_px, 0.0)
+    head_x, head_y = offset_point(x, y, heading, spot.head_px, 0.0)
     return (
         np.hypot(dx, dy) <= spot.touch_px
         or np.hypot(head_x - spot.x, head_y - spot.y) <= spot.touch_px
@@ -130,9 +130,9 @@ def straight(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ig
     good, reached = n, n
     for k in range(n):
         heading = start[2] + swim.drift[k]
-        x, y = ahead(x, y, heading, swim.forward[k], 0.0)
+        x, y = offset_point(x, y, heading, swim.forward[k], 0.0)
         way[k, 0], way[k, 1], way[k, 2] = x, y, heading
-        stop_x, stop_y = ahead(x, y, heading, swim.brake[k], 0.0)
+        stop_x, stop_y = offset_point(x, y, heading, swim.brake[k], 0.0)
         if good == n and not (inside(legal, x, y) and inside(legal, stop_x, stop_y)):
             good = k
         if reached == n and touches(x, y, heading, goal):
@@ -161,7 +161,7 @@ def turn(  # type: ignore[no-untyped-def]
     error = wrap(bearing(x, y, aim.x, aim.y) - heading)
     side = 1.0 if error > 0 else -1.0
     for k in range(n):
-        x, y = ahead(x, y, heading, swim.forward[k], side * swim.sideways[k])
+        x, y = offset_point(x, y, heading, swim.forward[k], side * swim.sideways[k])
         towards = bearing(x, y, aim.x, aim.y) - error * (1.0 - swim.share[k])
         step = wrap(towards - heading)
         heading += step

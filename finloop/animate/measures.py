@@ -17,7 +17,7 @@ from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.base.distributions import wasserstein_distance
 from finloop.base.schema import Column, Schema
-from finloop.edit.measures import area_missed, of_steps, of_turns, shown_shares
+from finloop.edit.measures import area_missed, picture_kind_shares, step_measures, turn_measures
 from finloop.edit.schema import FRAME, Goal
 from finloop.features.current import through_water
 from finloop.features.table import wrap_deg
@@ -33,22 +33,24 @@ KINEMATICS = Schema(
 _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 
 
-def of_plan(
+def measure_plan(
     edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film: tuple[Floats, Floats]
 ) -> dict[str, float]:
-    """All measures of one fish that need no picture. film: of `motion_of_film`."""
+    """Return all measures of one fish that need no picture. film: of `motion_of_film`."""
     return {
-        **(of_goals(edit, goals, player.world) if goals else {}),
-        **of_kinematics(motion_of_edit(edit, player), film),
-        **of_turns(edit),
-        **shown_shares(edit),
+        **(measure_goals(edit, goals, player.world) if goals else {}),
+        **kinematic_distances(motion_of_edit(edit, player), film),
+        **turn_measures(edit),
+        **picture_kind_shares(edit),
         **area_missed(edit),
         "frames_outside": outside(edit, player),
     }
 
 
-def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px: float) -> Floats:
-    """The tick at which the head or the centre first comes within `touch_px` of each goal in turn.
+def arrival_ticks(
+    edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px: float
+) -> Floats:
+    """Return the first tick at which head or centre is within `touch_px` of each goal in turn.
 
     NaN where it does not.
     """
@@ -70,12 +72,12 @@ def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px:
     return ticks
 
 
-def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: World) -> dict[str, float]:
-    """Return goals reached, time, path error against straight ways, straightness, and the heading.
+def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: World) -> dict[str, float]:
+    """Return goals reached, time, path error against straight lines, straightness and heading.
 
     arrival_heading_error_deg: of the heading at a goal against the straight way there, on average.
     """
-    ticks, motion = reached(edit, goals, waters.touch_px, waters.head_px), waters.motion
+    ticks, motion = arrival_ticks(edit, goals, waters.touch_px, waters.head_px), waters.motion
     done = np.flatnonzero(~np.isnan(ticks))
     measures = {"goals": float(len(goals)), "goals_reached_pct": 100 * len(done) / len(goals)}
     if done.size == 0:
@@ -161,8 +163,10 @@ def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) 
     return wasserstein_distance(mine, film) / float(sd)
 
 
-def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> dict[str, float]:
-    """Kinematic distance of speed and of turn rate."""
+def kinematic_distances(
+    mine: tuple[Floats, Floats], film: tuple[Floats, Floats]
+) -> dict[str, float]:
+    """Return the kinematic distances of speed and of turn rate."""
     return {
         f"{name}_kinematic_distance_sd": kinematic_distance(*pair)
         for name, *pair in zip(("speed", "turn_rate"), mine, film, strict=True)
@@ -193,10 +197,10 @@ def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     return count
 
 
-def of_film(
+def measure_film(
     features: pd.DataFrame, swum: tuple[Floats, Floats], steps: Floats, motion: Motion
 ) -> dict[str, float]:
-    """The film by its own measures: the line that an animation is held against.
+    """Return the film's own measures: the line that an animation is held against.
 
     A film has no goals and no jumps. Its kinematic distance is that of its first half from its
     second, about as near as another film of the same fish would come.
@@ -215,5 +219,5 @@ def of_film(
         **halves,
         "speed_median_body_lengths_s": float(np.median(swum[0])),
         "turn_rate_sd_deg_s": float(swum[1].std()),
-        **of_steps(steps, steps),
+        **step_measures(steps, steps),
     }

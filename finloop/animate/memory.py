@@ -32,8 +32,8 @@ def last_on_screen(recent: Ints, first: int, last: int) -> int:
 
 
 @kernel
-def remembered(recent: Ints, first: int, last: int, tick: int, since: float) -> Ints:
-    """A memory to which the rows first … last are added, shown one after the other from `tick` on.
+def remember_rows(recent: Ints, first: int, last: int, tick: int, since: float) -> Ints:
+    """Add rows first … last, shown one after the other from `tick` on, to a memory.
 
     What was shown at `since` or before is forgotten.
     """

@@ -58,8 +58,8 @@ class Motion:
     body_length_px: float
     size: float = 1.0
 
-    def sized(self, size: float) -> "Motion":
-        """The same of a fish drawn so many times as large as filmed."""
+    def scale_to(self, size: float) -> "Motion":
+        """Return the motion of a fish drawn `size` times as large as filmed."""
         return replace(self, body_length_px=self.body_length_px * size / self.size, size=size)
 
 

@@ -68,7 +68,7 @@ def lay(line: Line, tank: Tank, motion: Motion, mm_per_px: float | None) -> Path
         x, y = np.append(x, x[0]), np.append(y, y[0])
         heading = None if heading is None else np.append(heading, heading[0])
     starts = _grains(x, y, grain)
-    x, y = _thinned(x, starts), _thinned(y, starts)
+    x, y = _grain_means(x, starts), _grain_means(y, starts)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     if along[-1] < 2 * _STEP * length:
         raise FinloopError(
@@ -78,10 +78,12 @@ def lay(line: Line, tank: Tank, motion: Motion, mm_per_px: float | None) -> Path
         )
     when = np.zeros(0)
     if line.time_s is not None:
-        time = _thinned(line.time_s - line.time_s[0], starts)
+        time = _grain_means(line.time_s - line.time_s[0], starts)
         ticks = np.arange(int(time[-1] * motion.rate_hz + 1e-6) + 1)
         when = np.interp(ticks / motion.rate_hz, time, along)
-    turned = np.zeros(0) if heading is None else _thinned(np.unwrap(heading, period=360), starts)
+    turned = (
+        np.zeros(0) if heading is None else _grain_means(np.unwrap(heading, period=360), starts)
+    )
     made = []
     for share in (_STEP, _FINE):
         count = max(2 + closed, round(along[-1] / (share * length)))
@@ -144,8 +146,8 @@ def _grains(x: Floats, y: Floats, grain: float) -> Ints:
     return starts[:n]
 
 
-def _thinned(values: Floats, starts: Ints) -> Floats:
-    """The first value, the means of all grains, so that they tremble less, and the last value."""
+def _grain_means(values: Floats, starts: Ints) -> Floats:
+    """Return the first value, the means of all grains, which tremble less, and the last value."""
     means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
     return np.concatenate([values[:1], means, values[-1:]])
 

@@ -39,8 +39,8 @@ class Route(NamedTuple):
         return self.step * (len(self.x) - (not self.closed))
 
     @property
-    def timed(self) -> bool:
-        """Whether it says when to be where."""
+    def is_timed(self) -> bool:
+        """Return whether the route says when to be where."""
         return len(self.when) > 0
 
     def done(self, along: float, tick: int) -> bool:

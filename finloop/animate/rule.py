@@ -27,6 +27,6 @@ class Rule(NamedTuple):
         return cls(Others(ways[:, :2], ways[:, 2]), shoaling)
 
     @classmethod
-    def after(cls, leader: Reals) -> "Rule":
-        """After a leader at x, y, heading (3,)."""
+    def from_leader(cls, leader: Reals) -> "Rule":
+        """Make the rule to follow a leader at x, y, heading (3,)."""
         return cls(Others(leader[None, :2], leader[None, 2]), None, 0)

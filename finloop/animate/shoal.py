@@ -118,7 +118,7 @@ class Swimmer:
         goal = self._goal() or self._rule(plans, others)
         state = self._player.with_others(self._state, others)
         stretch, self._state = self._player.plan(state, goal, self._task.rng)
-        plans.put(self._number, begins, stretch.shown)
+        plans.put(self._number, begins, stretch.path_and_pictures)
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
         self.swim.stretches.append(stretch)
         self.swim.names.append(name)
@@ -139,7 +139,7 @@ class Swimmer:
         """What it swims by when it has no goal. others (n, m, 4): of `Plans.others`, now."""
         task, shoaling = self._task, self._player.shoaling
         if task.follows is not None and plans.has(task.follows):
-            return Rule.after(plans.at(task.follows, self.tick))
+            return Rule.from_leader(plans.place_at(task.follows, self.tick))
         if not (task.zones and others.shape[1]):
             return None
         return Rule.by_zones(others[0, :, :3], rule_of(shoaling))

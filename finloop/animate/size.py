@@ -28,10 +28,10 @@ class Sized(NamedTuple):
     barred: Mask
 
 
-def sized(
+def scale_film(
     reel: Reel, outline_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
 ) -> Sized:
-    """The film at the size that is asked for; by `auto` it fits in where the fish may be.
+    """Return the film at the size `p.size`; `auto` fits it into where the fish may be.
 
     outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): where fish can be.
     """
@@ -43,7 +43,7 @@ def sized(
     area = where(arena, outline_px, size * reach_px, p.tank, floor)
     size = size_for(area, reach_px) if p.size == "auto" else size
     hulls_at_size = replace(filmed, scale=size * scale)
-    return Sized(reel.sized(size), hulls_at_size, area, size * reach_px, barred)
+    return Sized(reel.scale_to(size), hulls_at_size, area, size * reach_px, barred)
 
 
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:

@@ -43,8 +43,8 @@ class Fish:
     company: Company = ALONE
 
     @property
-    def bent(self) -> bool:
-        """Whether it was stopped in a turn; at the end of a turn a fish is straight."""
+    def is_bent(self) -> bool:
+        """Return whether the fish was stopped in a turn; at a turn's end a fish is straight."""
         return self.row < 0 and self.state == TURN and self.area > 0
 
     @property

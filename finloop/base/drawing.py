@@ -32,8 +32,8 @@ class Drawing:
     styles: dict[str, str] = field(default_factory=dict)
 
 
-def checked(curve: Curve, name: str) -> Curve:
-    """The curve without points that repeat the one before; `name` stands in messages.
+def clean_curve(curve: Curve, name: str) -> Curve:
+    """Return the curve without points that repeat the one before; `name` stands in messages.
 
     FinloopError if a coordinate is no number or beyond LARGEST, or fewer than 3 points of a closed
     curve (2 of an open one) are apart from the one before.
@@ -89,6 +89,6 @@ class Morph:
     height: float
     decimals: int  # digits after the point that coordinates have
 
-    def folded(self) -> dict[str, int]:
-        """In how many frames a contour meets itself, by id; 0 is left out."""
+    def count_fold_frames(self) -> dict[str, int]:
+        """Count the frames in which a contour meets itself, by id; 0 is left out."""
         return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}

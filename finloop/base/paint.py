@@ -89,10 +89,10 @@ def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -
     ]
 
 
-def painted(
+def paint_layers(
     layers: list[tuple[Shape, list[Points]]], shape: tuple[int, int], scale: float
 ) -> Picture:
-    """A picture (h, w, 3) on white of shapes and their contours (n, 2) in drawing units.
+    """Paint shapes and their contours (n, 2), in drawing units, as a picture (h, w, 3) on white.
 
     `scale` is px per unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
     """

@@ -160,7 +160,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
                 except BrokenProcessPool as error:
                     killed += 1
                     if killed == TRIES:
-                        raise ended(workers.count) from error
+                        raise worker_loss_error(workers.count) from error
                     break
                 results.popleft()
                 pending.popleft()
@@ -195,8 +195,8 @@ def _persist(work: Callable[[A], B], item: A) -> B:
     return work(item)
 
 
-def ended(workers: int) -> FinloopError:
-    """What to raise where workers are killed again and again at the same piece."""
+def worker_loss_error(workers: int) -> FinloopError:
+    """Return the error to raise where workers are killed again and again at the same piece."""
     return FinloopError(
         f"worker processes were ended from outside, {TRIES} times, perhaps for want of memory",
         f"{workers} processes that each hold a stretch of the film",

@@ -9,6 +9,6 @@ how far that is from the first.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["FilmShoal", "film_shoal"], "fit": ["Fitted", "fitted"], "points": ["swum_points"],
+    "film": ["FilmShoal", "film_shoal"], "fit": ["Fitted", "fit_zones"], "points": ["swum_points"],
     "rule": ["film_rule", "shortage"],
 })  # fmt: skip

@@ -10,7 +10,7 @@ from finloop.base.arrays import Complex, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.features.memory import memory_frames
 from finloop.social.measures import by_frame, middle, shoal_table, slots_of
-from finloop.social.neighbours import Neighbours, seen_from, vectors
+from finloop.social.neighbours import Neighbours, relative_neighbours, vectors
 from finloop.social.steps import last_rows
 from finloop.social.walls import Walls
 
@@ -41,14 +41,14 @@ class FilmShoal:
     table: pd.DataFrame
 
     @property
-    def seen_at_once(self) -> Ints:
-        """How many fish (frames,) each frame shows."""
+    def visible_counts(self) -> Ints:
+        """Return how many fish (frames,) each frame shows."""
         return np.asarray(np.isfinite(self.headings).sum(axis=1))
 
     @property
     def fish(self) -> int:
         """How many are seen at once, in the median of the frames."""
-        return int(np.median(self.seen_at_once))
+        return int(np.median(self.visible_counts))
 
     @property
     def first_half(self) -> Mask:
@@ -62,7 +62,7 @@ class FilmShoal:
     def lessons(self, first: bool, most: int) -> Ints:
         """Rows of one half with company and a later row in it, evenly spread, `most` at most."""
         half = self.first_half == first
-        company = self.seen_at_once[self.index] > 1
+        company = self.visible_counts[self.index] > 1
         return _spread(np.flatnonzero(half & company & (self.later >= 0) & half[self.later]), most)
 
     def whole_steps(self, most: int) -> Ints:
@@ -77,13 +77,13 @@ class FilmShoal:
         halves = [len(self.lessons(first, LEAST)) for first in (True, False)]
         return min(halves) == LEAST and len(self.whole_steps(1)) > 0
 
-    def seen(self, rows: Ints) -> Neighbours:
-        """What the fish of some rows see of the others."""
+    def visible_neighbours(self, rows: Ints) -> Neighbours:
+        """Return what the fish of some rows see of the others."""
         own = self.index[rows]
         places = self.places[own]
         places[np.arange(len(rows)), self.slot[rows]] = np.nan
         others = places, self.headings[own]
-        return seen_from(self.place[rows, None], self.heading[rows, None], others)
+        return relative_neighbours(self.place[rows, None], self.heading[rows, None], others)
 
     def moves(self, rows: Ints) -> Complex:
         """Displacements (n,) from some rows to those a while later, in the frame of the body."""

@@ -48,10 +48,10 @@ class Fitted:
     explained_held_out: float
 
 
-def fitted(film: FilmShoal, p: Settings) -> Fitted:
-    """The zones that foretell best the directions of the first half of a film."""
+def fit_zones(film: FilmShoal, p: Settings) -> Fitted:
+    """Fit the zones that predict best the directions of the first half of a film."""
     rows, others = (film.lessons(first, p.rows) for first in (True, False))
-    seen, wall, after = film.seen(rows), wall_pull(film, rows), film.directions(rows)
+    seen, wall, after = film.visible_neighbours(rows), wall_pull(film, rows), film.directions(rows)
     weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
     parts = film.frame[rows] < np.median(film.frame[rows])
@@ -61,7 +61,7 @@ def fitted(film: FilmShoal, p: Settings) -> Fitted:
         rings = Rings(seen, sorted({one for radii in choices for one in radii}), float(blind))
         for radii in choices:
             pulls = rings.means(radii)
-            square = crossed(pulls, wall, after, fixed, parts)
+            square = cross_validate(pulls, wall, after, fixed, parts)
             if best is None or square < best[0] * (1 - _EQUAL):
                 best = square, radii, float(blind), pulls
     assert best is not None
@@ -70,7 +70,7 @@ def fitted(film: FilmShoal, p: Settings) -> Fitted:
     own = max(float(lot[0]), _LEAST_OWN)
     zones = _zones(radii, blind_deg, lot[1:4] / own, fixed)
     alone, _ = regression(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
-    shares = [explained(film, half, zones, lot, alone) for half in (rows, others)]
+    shares = [share_explained(film, half, zones, lot, alone) for half in (rows, others)]
     return Fitted(zones, own, *shares)
 
 
@@ -101,8 +101,8 @@ class Rings:
         return np.stack(
             [
                 -_ratio(self._near[0][:, inner], self._near[1][:, inner]),
-                free * _between(self._heading, inner, middle),
-                free * _between(self._bearing, middle, outer),
+                free * _ring_mean(self._heading, inner, middle),
+                free * _ring_mean(self._bearing, middle, outer),
             ],
             axis=-1,
         )
@@ -112,7 +112,7 @@ def _sums(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
     return (vectors[..., None] * within).sum(axis=1), within.sum(axis=1)
 
 
-def _between(sums: tuple[Complex, Ints], inner: int, outer: int) -> Complex:
+def _ring_mean(sums: tuple[Complex, Ints], inner: int, outer: int) -> Complex:
     total, count = sums
     return _ratio(total[:, outer] - total[:, inner], count[:, outer] - count[:, inner])
 
@@ -132,7 +132,7 @@ class Sums(NamedTuple):
     right: Floats
     square: float
 
-    def left(self, solution: Floats) -> float:
+    def residual(self, solution: Floats) -> float:
         """Return the sum of squares that is left by coefficients (5,) of the columns."""
         return self.square + float(solution @ (self.gram @ solution - 2 * self.right))
 
@@ -166,11 +166,11 @@ def solve(sums: Sums, weights: Sequence[float | None]) -> Floats:
 
 def _columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
     """Columns (n, 5): the own direction with the zones of fixed weight, the zones, W."""
-    held = _held(weights)
+    held = _weight_vector(weights)
     return np.column_stack([1.0 + weighted_sum(pulls, held), pulls, wall])
 
 
-def _held(weights: Sequence[float | None]) -> Floats:
+def _weight_vector(weights: Sequence[float | None]) -> Floats:
     return np.array([weight or 0.0 for weight in weights])
 
 
@@ -184,36 +184,36 @@ def regression(
     sums = sum_rows(_columns(pulls, wall, weights), after)
     solution = solve(sums, weights)
     lot = solution.copy()
-    lot[1:4] += _held(weights) * lot[0]
-    return lot, sums.left(solution)
+    lot[1:4] += _weight_vector(weights) * lot[0]
+    return lot, sums.residual(solution)
 
 
-def crossed(
+def cross_validate(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
-    """The sum of squares that is left of each part by the coefficients of the other one."""
+    """Return the sum of squares left in each part by the coefficients of the other part."""
     columns = _columns(pulls, wall, weights)
     one, other = (sum_rows(columns[part], after[part]) for part in (parts, ~parts))
-    return one.left(solve(other, weights)) + other.left(solve(one, weights))
+    return one.residual(solve(other, weights)) + other.residual(solve(one, weights))
 
 
-def _left(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> float:
-    """The sum of squares that coefficients leave."""
+def _residual(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> float:
+    """Return the sum of squares that coefficients leave."""
     return float(
         (np.abs(after - lot[0] - weighted_sum(pulls, lot[1:4]) - lot[4] * wall) ** 2).sum()
     )
 
 
-def explained(
+def share_explained(
     film: FilmShoal, rows: Ints, zones: Zones, with_zones: Floats, alone: Floats
 ) -> float:
-    """The share of squares that the zones take away from what is left without them, of some rows.
+    """Return the share of the squares of some rows left without the zones that they explain.
 
     with_zones, alone: coefficients of `regression`, of all zones and of none.
     """
     after, wall = film.directions(rows), wall_pull(film, rows)
-    pulls = zone_means(film.seen(rows), zones.radii, zones.blind_deg)
-    left = [_left(pulls, wall, after, lot) for lot in (with_zones, alone)]
+    pulls = zone_means(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
+    left = [_residual(pulls, wall, after, lot) for lot in (with_zones, alone)]
     return 1 - left[0] / left[1]
 
 

@@ -12,7 +12,7 @@ from finloop.calibrate.film import FilmShoal
 from finloop.calibrate.settings import Settings
 from finloop.social.measures import shoal_table
 from finloop.social.neighbours import neighbours
-from finloop.social.steps import Steps, headed, last_rows, moved
+from finloop.social.steps import Steps, add_pull_to_moves, add_pull_to_turns, last_rows
 from finloop.social.walls import Walls
 from finloop.social.zones import Zones, pull
 
@@ -24,7 +24,7 @@ def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> Steps:
 
     A pull of 1 changes displacement and direction by as much as the fish's own direction has.
     """
-    pulls, own = pull(film.seen(rows), zones), film.heading[rows]
+    pulls, own = pull(film.visible_neighbours(rows), zones), film.heading[rows]
     move, turn = film.moves(rows), film.directions(rows)
     before = (film.place[rows] - film.place[last_rows(film.later)[rows]]) * own.conj()
     forward, onward = (_own_part(vector, pulls) for vector in (move, turn))
@@ -54,8 +54,10 @@ def swum_points(
         pulls = pull(neighbours(place, heading), zones)
         here = film.walls.near(place, heading), last * heading.conj()
         moves, turns = steps.draw(*here, p.alike, rng)
-        to, which = _taken(film.walls, place, heading * moved(moves.T, pulls, steps))
-        heading = heading * headed(turns[np.arange(fish), which], pulls, steps)
+        to, which = _choose_move(
+            film.walls, place, heading * add_pull_to_moves(moves.T, pulls, steps)
+        )
+        heading = heading * add_pull_to_turns(turns[np.arange(fish), which], pulls, steps)
         last, place = to - place, to
         if number >= first:
             places[number - first], headings[number - first] = place, heading
@@ -64,8 +66,8 @@ def swum_points(
     return shoal_table(frame, at, np.degrees(np.angle(headings)).ravel(), film.walls)
 
 
-def _taken(walls: Walls, place: Complex, ways: Complex) -> tuple[Complex, Ints]:
-    """Where fish (m,) go by the first of ways (k, m) that stays in the tank, and which that is.
+def _choose_move(walls: Walls, place: Complex, ways: Complex) -> tuple[Complex, Ints]:
+    """Return where fish (m,) go by the first of ways (k, m) inside the tank, and its number.
 
     Who has none stays.
     """

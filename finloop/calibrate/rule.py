@@ -1,7 +1,7 @@
 """The rule of a film's fish: zones, fitted where the film shows company, and own steps."""
 
 from finloop.calibrate.film import LEAST, FilmShoal
-from finloop.calibrate.fit import Fitted, fitted, without_company
+from finloop.calibrate.fit import Fitted, fit_zones, without_company
 from finloop.calibrate.points import own_steps
 from finloop.calibrate.settings import Settings
 from finloop.social.rule import Shoaling
@@ -9,7 +9,7 @@ from finloop.social.rule import Shoaling
 
 def film_rule(film: FilmShoal, p: Settings) -> tuple[Shoaling, Fitted | None]:
     """The rule, and the fit of its zones; None where the film shows too little company for one."""
-    fit = fitted(film, p) if film.teaches else None
+    fit = fit_zones(film, p) if film.teaches else None
     zones = fit.zones if fit else without_company(p)
     steps = own_steps(film, film.whole_steps(p.rows), zones)
     return Shoaling(zones, steps, film.horizon, p.alike), fit

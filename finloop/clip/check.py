@@ -15,10 +15,10 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema, columns
-from finloop.clip.doubled import doubled
+from finloop.clip.doubled import find_repeats
 from finloop.clip.fields import field_order
 from finloop.clip.light import gain, in_light, light
-from finloop.clip.shake import STILL, UNKNOWN, Shift, marks, shift, steadied
+from finloop.clip.shake import STILL, UNKNOWN, Shift, marks, shift, undo_shift
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
 RUNS, LENGTH = 8, 64  # how many runs, of how many frames, a long film is judged by
@@ -60,8 +60,8 @@ class Quality:
     animal_white_pct: float
 
     @classmethod
-    def of(cls, numbers: Mapping[str, float], prefix: str = "") -> "Quality":
-        """From metrics, whose names may have a prefix; NaN where one is missing."""
+    def from_metrics(cls, numbers: Mapping[str, float], prefix: str = "") -> "Quality":
+        """Read the quality from metrics, whose names may have a prefix; NaN if one is missing."""
         return cls(
             **{entry.name: numbers.get(prefix + entry.name, np.nan) for entry in fields(cls)}
         )
@@ -108,7 +108,7 @@ def still_tank(samples: Sequence[Picture]) -> Picture:
     if len(certain):
         middle = Shift(*np.median(certain, axis=0))
         few = [
-            frame if by is UNKNOWN else steadied(frame, by.beside(middle))
+            frame if by is UNKNOWN else undo_shift(frame, by.beside(middle))
             for frame, by in zip(few, shifts, strict=True)
         ]
     return _median(few)
@@ -143,7 +143,7 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
             row = {f"shift_{name}": value for name, value in place._asdict().items()}
             if before is not None and frame % _EVERY == 1:
                 row |= _against(before, here, light_before / bright)
-                steady = steadied(here, STILL if place is UNKNOWN else place, _THIN)
+                steady = undo_shift(here, STILL if place is UNKNOWN else place, _THIN)
                 movers.append(_movers(steady, tank[::_THIN, ::_THIN], bright))
             rows.append({"frame": frame} | row)
             before, light_before = here, bright
@@ -193,7 +193,7 @@ def _quality(table: pd.DataFrame, clip: Clip, looked: int, movers: Floats) -> Qu
     places = place[np.isfinite(place[:, 0])]
     far = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
     still = 2 * len(places) >= looked  # else the floor has too few marks
-    twice = doubled(np.array(clip.changes))
+    twice = find_repeats(np.array(clip.changes))
     pixels, contrast, black, white = movers.T
     many = max(1.0, float(pixels.sum()))
     return Quality(

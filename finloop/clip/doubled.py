@@ -25,8 +25,8 @@ _PHASES = 33  # that are tried
 _FEW = 8  # doubled pictures from which a cadence is looked for
 
 
-def thinned(frame: Picture) -> Picture:
-    """Every other pixel, grey: what `change` compares."""
+def subsample_grey(frame: Picture) -> Picture:
+    """Return every other pixel, grey: what `change` compares."""
     few = frame[::_THIN, ::_THIN]
     return np.ascontiguousarray(few) if few.ndim == 2 else cv2.cvtColor(few, cv2.COLOR_RGB2GRAY)
 
@@ -54,8 +54,8 @@ class Doubled(NamedTuple):
     repeats: Mask
 
 
-def doubled(changes: Floats) -> Doubled:
-    """Doubled pictures from the changes (frames,); `changes[k]` is from k - 1 to k, [0] is NaN."""
+def find_repeats(changes: Floats) -> Doubled:
+    """Find doubled frames by changes (frames,); `changes[k]` is from k - 1 to k, [0] is NaN."""
     decidable, twice = _decidable(changes)
     count = int(decidable.sum())
     share = float(twice[decidable].mean()) if count else 0.0

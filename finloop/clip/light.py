@@ -66,7 +66,7 @@ class Light(NamedTuple):
 def light(lights: Floats, rate_hz: float) -> Light:
     """Flicker and drift from the brightness of successive frames, of any unit."""
     mean = float(lights.mean())
-    slow = _smoothed(lights, rate_hz)
+    slow = _running_mean(lights, rate_hz)
     fast = lights - slow
     second = max(2, round(rate_hz))
     parts = [fast[k : k + second] for k in range(0, len(fast), second)]
@@ -75,8 +75,8 @@ def light(lights: Floats, rate_hz: float) -> Light:
     return Light(100 * usual / mean, _frequency(fast, rate_hz), 100 * float(high - low) / mean)
 
 
-def _smoothed(lights: Floats, rate_hz: float) -> Floats:
-    """What is slow: a running mean, mirrored at the ends."""
+def _running_mean(lights: Floats, rate_hz: float) -> Floats:
+    """Return the slow part: a running mean, mirrored at the ends."""
     half = min(round(_SLOW_S * rate_hz / 2), (len(lights) - 1) // 2)
     padded = np.pad(lights, half, mode="reflect") if half else lights
     return np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")

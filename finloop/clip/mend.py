@@ -15,7 +15,7 @@ from finloop.clip.check import Quality, grey
 from finloop.clip.doubled import Doubled
 from finloop.clip.light import gain, in_light
 from finloop.clip.settings import File
-from finloop.clip.shake import STILL, UNKNOWN, Marks, Shift, marks, shift, steadied
+from finloop.clip.shake import STILL, UNKNOWN, Marks, Shift, marks, shift, undo_shift
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
 
 # Of the picture's smaller side: a camera that moves farther takes a strip of that width from both
@@ -84,20 +84,20 @@ class Calm:
             if self.light:
                 frame = in_light(frame, gain(frame, self.tank))
             if self.place:
-                frame = self._steadied(frame)
+                frame = self._steady_frame(frame)
             yield time_s, (number, frame)
 
-    def _steadied(self, frame: Picture) -> Picture:
+    def _steady_frame(self, frame: Picture) -> Picture:
         self._marks = self._marks or marks(self.tank)
         by = shift(grey(frame), self._marks, self._last)
         by = self._last if by is UNKNOWN else by
         self._last = by
         self.right_px, self.left_px = max(self.right_px, by.x), max(self.left_px, -by.x)
         self.down_px, self.up_px = max(self.down_px, by.y), max(self.up_px, -by.y)
-        return steadied(frame, by)
+        return undo_shift(frame, by)
 
-    def filmed(self) -> Mask:
-        """Mask (h, w) of the pixels that every frame shows at its shift."""
+    def common_mask(self) -> Mask:
+        """Return the mask (h, w) of the pixels that every frame shows at its shift."""
         mask = np.zeros((self.tank.shape[0], self.tank.shape[1]), bool)
         height, width = self.tank.shape[:2]
         sides = (self.up_px, self.down_px, self.left_px, self.right_px)

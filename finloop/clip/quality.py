@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from finloop.clip.doubled import change, thinned
+from finloop.clip.doubled import change, subsample_grey
 from finloop.clip.light import gain
 
 PLAIN_LEVELS = 8  # a film with less between its darkest and brightest pixel shows nothing
@@ -37,7 +37,7 @@ class Tally:
         self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
         low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
-        here = thinned(frame)
+        here = subsample_grey(frame)
         self._first = here if self._first is None else self._first
         self.lights.append(float(gain(here, self._first)[0]))
         self.changes.append(float("nan") if self._last is None else change(self._last, here))

@@ -107,7 +107,7 @@ def shift(frame: Picture, of: Marks, last: Shift = STILL) -> Shift:
     slope = np.stack([of.right, of.down, of.level, np.ones(len(of.level))], axis=1)
     weight = of.trust
     for _ in range(_ROUNDS):
-        value = _at(soft, of, place)
+        value = _sample_marks(soft, of, place)
         for _ in range(2):
             normal = (slope * weight[:, None]).T @ slope + 1e-9 * np.eye(4)
             step = np.linalg.solve(normal, slope.T @ (weight * value))
@@ -118,7 +118,7 @@ def shift(frame: Picture, of: Marks, last: Shift = STILL) -> Shift:
         place = place + move
         if np.hypot(*move) < _STILL:
             break
-    return _judged(place, off, weight, sigma, of)
+    return _judge_shift(place, off, weight, sigma, of)
 
 
 def _start(soft: Picture, of: Marks, last: Shift) -> Floats:
@@ -135,8 +135,8 @@ def _start(soft: Picture, of: Marks, last: Shift) -> Floats:
     return starts[int(np.argmin(misfits))]
 
 
-def _at(soft: Picture, of: Marks, place: Floats) -> Floats:
-    """Grey levels of the frame where the marks lie after a shift, between pixels bilinearly."""
+def _sample_marks(soft: Picture, of: Marks, place: Floats) -> Floats:
+    """Return grey levels where the marks lie after a shift, between pixels bilinearly."""
     height, width = soft.shape
     x = np.clip(of.x + place[0], 0, width - 1.001)
     y = np.clip(of.y + place[1], 0, height - 1.001)
@@ -149,13 +149,13 @@ def _at(soft: Picture, of: Marks, place: Floats) -> Floats:
 
 def _misfit(soft: Picture, of: Marks, place: Floats) -> float:
     """Median difference at the marks, in the light of the frame."""
-    value = _at(soft, of, place)
+    value = _sample_marks(soft, of, place)
     light = float(np.median(value)) / max(1.0, float(np.median(of.level)))
     return float(np.median(np.abs(value - light * of.level)))
 
 
-def _judged(place: Floats, off: Floats, weight: Floats, sigma: float, of: Marks) -> Shift:
-    """The shift, if enough of the picture says so, and how far apart its tiles lie."""
+def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: Marks) -> Shift:
+    """Return the shift, if enough of the picture says so, and how far apart its tiles lie."""
     apart = []
     for slope in (of.right, of.down):
         count = np.bincount(of.tile, weight * slope**2, _TILES**2)
@@ -169,8 +169,8 @@ def _judged(place: Floats, off: Floats, weight: Floats, sigma: float, of: Marks)
     return Shift(float(place[0]), float(place[1]), max(apart, default=float("nan")))
 
 
-def steadied(frame: Picture, by: Shift, every: int = 1) -> Picture:
-    """The frame moved back by a shift; what was not filmed repeats the border. A new array.
+def undo_shift(frame: Picture, by: Shift, every: int = 1) -> Picture:
+    """Return a new frame moved back by a shift; what was not filmed repeats the border.
 
     every: it is thinned to every so many pixels in both directions.
     """

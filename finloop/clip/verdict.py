@@ -70,7 +70,7 @@ def findings(
 
 
 def _all(q: Quality) -> list[Finding]:
-    return [*_light(q), _shake(q), _doubled(q), _interlaced(q), *_exposure(q), _contrast(q)]
+    return [*_light(q), _shake(q), _repeats(q), _interlacing(q), *_exposure(q), _contrast(q)]
 
 
 def _short(value: float) -> str:
@@ -117,7 +117,7 @@ def _shake(q: Quality) -> Finding:
     return Finding("shake", still, text, do)
 
 
-def _doubled(q: Quality) -> Finding:
+def _repeats(q: Quality) -> Finding:
     good = not q.doubled_pct >= DOUBLED_PCT
     if good:
         text = "Every frame is a picture of its own."
@@ -137,7 +137,7 @@ def _doubled(q: Quality) -> Finding:
     return Finding("doubled", good, text, do)
 
 
-def _interlaced(q: Quality) -> Finding:
+def _interlacing(q: Quality) -> Finding:
     good = not abs(q.field_order) >= INTERLACED
     which = "upper" if q.field_order > 0 else "lower"
     text = "Pictures are whole, not interlaced." if good else (

@@ -42,8 +42,8 @@ class Home:
     facts: Mapping[str, str]
 
     @classmethod
-    def here(cls, folder: Path, start: str, variables: Iterable[str]) -> "Home":
-        """Of this process. variables: of the environment, such as hold thread counts."""
+    def from_process(cls, folder: Path, start: str, variables: Iterable[str]) -> "Home":
+        """Return the home of this process."""
         return cls(str(folder.absolute()), start, _facts(tuple(variables)))
 
     def refuse_other(self) -> None:

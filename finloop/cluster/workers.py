@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from uuid import uuid4
 
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import TRIES, ended
+from finloop.base.parallel import TRIES, worker_loss_error
 from finloop.cluster.piece import Call, Home, piece, ready
 from finloop.cluster.settings import Local, Settings
 from finloop.io.atomic import passing_file
@@ -45,7 +45,7 @@ def dask_workers(
     need: modules that they import at once. FinloopError where Dask is not installed, no scheduler
     or worker answers, or a worker has another folder or other code.
     """
-    distributed = _distributed()
+    distributed = _import_distributed()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said by us
     with ExitStack() as stack:
         address: Any = p.source
@@ -114,10 +114,10 @@ class DaskWorkers:
     def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Task"]]:
         """As in `base.parallel.Workers`."""
         name, number = uuid4().hex, count()
-        with self._shared(work) as path:
+        with self._share_work(work) as path:
 
             def hand(item: A) -> _Task:
-                call = pickle.dumps(Call(piece, self.home, path, _pickled(item)))
+                call = pickle.dumps(Call(piece, self.home, path, _pickle_bytes(item)))
 
                 def submitted() -> Any:
                     key = f"piece-{name}-{next(number)}"
@@ -135,7 +135,7 @@ class DaskWorkers:
 
         FinloopError where one is not; it names all of them.
         """
-        with self._shared(_nothing) as path:
+        with self._share_work(_do_nothing) as path:
             call = pickle.dumps(Call(partial(_fit, need), self.home, path))
             answers = self.client.run(pickle.loads, call, on_error="return")
         refused = [
@@ -146,10 +146,10 @@ class DaskWorkers:
             raise FinloopError(came, refused[0].wanted, refused[0].do)
 
     @contextmanager
-    def _shared(self, work: Callable[[A], B]) -> Iterator[str]:
-        """A file in the shared folder that holds `work` for the workers."""
+    def _share_work(self, work: Callable[[A], B]) -> Iterator[str]:
+        """Write `work` to a file in the shared folder for the workers, and yield its path."""
         with passing_file(Path(self.home.folder) / _FOLDER / f"cluster-{uuid4().hex}") as path:
-            path.write_bytes(_pickled(work))
+            path.write_bytes(_pickle_bytes(work))
             yield str(path)
 
     def refusal(self, error: Exception) -> FinloopError:
@@ -172,8 +172,8 @@ class DaskWorkers:
             "start it and its workers again, then run the same command again",
         )
 
-    def deserted(self) -> FinloopError:
-        """The error where no worker is left."""
+    def no_worker_error(self) -> FinloopError:
+        """Return the error where no worker is left."""
         return FinloopError(
             f"the scheduler at {self.address} has had no worker for {_BACK_S:.0f} s",
             "at least one worker",
@@ -189,7 +189,7 @@ class _Task:
 
     def result(self) -> Any:
         """As in `base.parallel.Task`; FinloopError where nobody is left to work."""
-        killed = _distributed().KilledWorker
+        killed = _import_distributed().KilledWorker
         for _ in range(TRIES - 1):
             try:
                 return self._outcome()
@@ -198,7 +198,7 @@ class _Task:
         try:
             return self._outcome()
         except killed as error:
-            raise ended(self._workers.count) from error
+            raise worker_loss_error(self._workers.count) from error
 
     def _outcome(self) -> Any:
         """Wait for the result; raise the exception of the work."""
@@ -206,13 +206,13 @@ class _Task:
         while not self._future.done():
             try:
                 with self._workers.client.as_current():
-                    _distributed().wait([self._future], timeout=_LOOK_S)
+                    _import_distributed().wait([self._future], timeout=_LOOK_S)
             except CancelledError:
                 break
             except TimeoutError as error:
                 alone_s = 0.0 if self._workers.threads() else alone_s + _LOOK_S
                 if alone_s >= _BACK_S:
-                    raise self._workers.deserted() from error
+                    raise self._workers.no_worker_error() from error
         try:
             return pickle.loads(self._future.result())
         except CancelledError as error:
@@ -228,17 +228,17 @@ def _fit(need: Sequence[str], home: Home, work: str) -> None:
         import_module(name)
 
 
-def _nothing(_: Any) -> None:
-    """The work of a check."""
+def _do_nothing(_: Any) -> None:
+    """Do nothing: the work of a check."""
 
 
-def _pickled(what: Any) -> bytes:
-    """As bytes; what the program's main module defines goes with its code."""
+def _pickle_bytes(what: Any) -> bytes:
+    """Pickle to bytes; what the program's main module defines goes with its code."""
     return import_module("cloudpickle").dumps(what)
 
 
-def _distributed() -> Any:
-    """The package; FinloopError where it is not installed."""
+def _import_distributed() -> Any:
+    """Import the package `distributed`; raise FinloopError where it is not installed."""
     try:
         return import_module("distributed")
     except ImportError as error:

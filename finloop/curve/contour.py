@@ -43,17 +43,17 @@ def centroid(points: Floats) -> Floats:
 
 def clockwise(curve: Curve) -> Curve:
     """The curve, reversed if it runs anticlockwise as seen; open curves stay as they are."""
-    return reversed(curve) if curve.closed and area(curve) < 0 else curve
+    return reverse_curve(curve) if curve.closed and area(curve) < 0 else curve
 
 
-def reversed(curve: Curve) -> Curve:
-    """The curve run the other way; a closed one keeps its first point."""
+def reverse_curve(curve: Curve) -> Curve:
+    """Return the curve run the other way; a closed one keeps its first point."""
     points = curve.points[::-1]
     return Curve(np.roll(points, 1, axis=0) if curve.closed else points.copy(), curve.closed)
 
 
-def resampled(curve: Curve, n: int) -> Curve:
-    """The polyline at n points of equal arc length: t(l) = l / L of §2.2.
+def resample_curve(curve: Curve, n: int) -> Curve:
+    """Resample the polyline to n points of equal arc length: t(l) = l / L of §2.2.
 
     A closed curve keeps its first point, an open one both ends. Corners between the new points are
     cut off, so the result is no longer than the curve. FinloopError if n is below 3 for a closed

@@ -4,8 +4,8 @@
 "modal", by which every other method is judged. The parameter of a curve runs from 0 to
 1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
 
-An open curve moves as one half of `curve.wavelet.mirrored`, whose symmetry K preserves; its ends
-are free.
+An open curve moves as one half of `curve.wavelet.close_by_mirroring`, whose symmetry K
+preserves; its ends are free.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from finloop.curve.problem import (
     Options,
     Problem,
     Solution,
-    checked,
+    check_problem,
     force_at,
     velocity_at_start,
 )
@@ -37,11 +37,11 @@ def solve(problem: Problem, method: str = "modal", options: Options | None = Non
     problem or the method's settings make no sense; the message says which and why.
     """
     options = options or Options()
-    problem = checked(problem, method)
+    problem = check_problem(problem, method)
     exact = modal(problem, options)
     if method == "modal":
         return Motion(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
-    solution = {"decoupled": decoupled, **METHOD}[method](problem, options)
+    solution = {"decoupled": solve_decoupled, **METHOD}[method](problem, options)
     off = np.abs(solution.displacement - exact.displacement).max()
     size = np.abs(exact.displacement).max()
     error = float(off / size) if size else float(off)
@@ -71,21 +71,21 @@ def modal(problem: Problem, options: Options) -> Solution:
         lambda modes: np.fft.irfft(modes, n, axis=-2),
         eigenvalues(problem.wavelet, n, problem.material.elastic),
     )
-    return _in(basis, problem, options)
+    return _solve_in_basis(basis, problem, options)
 
 
-def decoupled(problem: Problem, options: Options) -> Solution:
-    """Eq. 3.16: the wavelet basis, off-diagonals of K dropped; that error is not small."""
+def solve_decoupled(problem: Problem, options: Options) -> Solution:
+    """Solve Eq. 3.16 in the wavelet basis without K's off-diagonals; the error is not small."""
     n, levels = len(problem.rest), options.levels
     basis = Basis(
         lambda points: forward(points, problem.wavelet, levels),
         lambda coefficients: back(np.asarray(coefficients, float), problem.wavelet, levels),
         stiffness(problem.wavelet, n, levels, problem.material.elastic).diagonal(),
     )
-    return _in(basis, problem, options)
+    return _solve_in_basis(basis, problem, options)
 
 
-def _in(basis: Basis, problem: Problem, options: Options) -> Solution:
+def _solve_in_basis(basis: Basis, problem: Problem, options: Options) -> Solution:
     material = problem.material
     mass = material.density or 1.0  # of C, see Material
     damping = material.mass_damping * mass + material.stiffness_damping * basis.k

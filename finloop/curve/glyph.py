@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
-from finloop.base.drawing import checked
+from finloop.base.drawing import clean_curve
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
 
@@ -30,4 +30,4 @@ def glyph(character: str, size: float = 1000.0) -> list[Curve]:
             f"{character!r} has no outline", "a letter, a digit, a sign", "ask for another one"
         )
     # On a screen y is down.
-    return [checked(Curve(np.array(o, float) * (1, -1), True), character) for o in outlines]
+    return [clean_curve(Curve(np.array(o, float) * (1, -1), True), character) for o in outlines]

@@ -141,13 +141,13 @@ def _even_step(problem: Problem, options: Options) -> float:
     return float(gaps.mean()) / options.substeps
 
 
-def _marched(
+def _integrate_steps(
     problem: Problem,
     options: Options,
     step: float,
     advance: Callable[[float, Floats, Floats], Floats],
 ) -> Floats:
-    """Coefficients (t, n, d) from `advance` of time, q and Q."""
+    """Return the coefficients (t, n, d), stepped with `advance` of time, q and Q."""
     push = _push(problem, options)
     q = forward(problem.displacement, problem.wavelet, options.levels)
     course = [q]
@@ -187,7 +187,7 @@ def euler(problem: Problem, options: Options, implicit: bool) -> Solution:
             return solve(c @ q + step * force)
         return q + step * solve(force - k @ q)
 
-    coefficients = _marched(problem, options, step, advance)
+    coefficients = _integrate_steps(problem, options, step, advance)
     push = _push(problem, options)
     rates = np.stack(
         [

@@ -71,7 +71,7 @@ def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Re
         rate = k / oscillators.damping
         place = np.exp(-rate * t)
         none = np.zeros_like(place)
-        pushed = t * _decayed(rate * t) / oscillators.damping
+        pushed = t * _mean_decay(rate * t) / oscillators.damping
         return Response(place, none, pushed, -rate * place, none, place / oscillators.damping)
     gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
     inside = gamma**2 - square
@@ -81,28 +81,32 @@ def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Re
     speed = even * t
     apart, turn = 2 * root[real] * t, root[~real] * t
     even[:, real] *= (1 + np.exp(-apart)) / 2
-    speed[:, real] *= _decayed(apart)
+    speed[:, real] *= _mean_decay(apart)
     even[:, ~real] *= np.cos(turn)
     speed[:, ~real] *= np.sin(turn) / np.where(turn > 0, turn, 1) + (turn == 0)
     place = even + gamma * speed
     pushed = np.zeros_like(place)
     if forced:
-        pushed = t**2 * _pushed(2 * gamma * t, square * t**2, slow * t, place) / oscillators.density
+        pushed = (
+            t**2
+            * _force_response(2 * gamma * t, square * t**2, slow * t, place)
+            / oscillators.density
+        )
     return Response(
         place, speed, pushed, -square * speed, even - gamma * speed, speed / oscillators.density
     )
 
 
-def _decayed(x: Floats) -> Floats:
-    """(1 − e^−x) / x, 1 at 0."""
+def _mean_decay(x: Floats) -> Floats:
+    """Return (1 − e^−x) / x, which is 1 at 0."""
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
 
 
-def _pushed(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
-    """(1 − place) / product, and what that tends to at 0, no digits lost.
+def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
+    """Return (1 − place) / product, and its limit at 0, without loss of digits.
 
     `total`, `product` of the roots −x, −y in steps of t, `slow` the x nearer 0: the same is
-    (D(x) − D(y)) / (y − x) with D of `_decayed`, a power series where both roots are small.
+    (D(x) − D(y)) / (y − x) with D of `_mean_decay`, a power series where both roots are small.
     """
     term, before = np.ones_like(product), np.zeros_like(product)
     series = np.zeros_like(product)
@@ -112,7 +116,7 @@ def _pushed(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floa
         term, before = near * term - spread * before, term
     far = product < 0.01 * total**2  # x is much nearer 0 than y
     x, y = np.where(far, slow, 0), np.where(far, total - slow, 1)
-    apart = (_decayed(x) - _decayed(y)) / (y - x)
+    apart = (_mean_decay(x) - _mean_decay(y)) / (y - x)
     rest = (1 - place) / np.where(product > 0, product, 1)
     return np.where((total < 0.5) & (product < 0.25), series, np.where(far, apart, rest))
 
@@ -147,7 +151,7 @@ def forced_motion(
         ]
     before, steps = None, 1
     while steps <= _FINEST:
-        state = _stepped(oscillators, a, v, times, force, steps, tolerance)
+        state = _integrate_steps(oscillators, a, v, times, force, steps, tolerance)
         if state is not None and before is not None:
             size = np.abs(state[0]).max()
             change = float(np.abs(state[0] - before).max() / size) if size else 0.0
@@ -162,7 +166,7 @@ def forced_motion(
     )
 
 
-def _stepped(
+def _integrate_steps(
     oscillators: Oscillators,
     a: Numbers,
     v: Numbers,
@@ -171,7 +175,7 @@ def _stepped(
     steps: int,
     tolerance: float,
 ) -> tuple[Numbers, Numbers] | None:
-    """`forced_motion` with a number of steps between times; None if the iteration fails."""
+    """Run `forced_motion` with `steps` steps between times; None if the iteration fails."""
     places, speeds = [a], [v]
     width, tables = 0.0, None
     for start, stop in pairwise(times):

@@ -88,8 +88,8 @@ class Solution(NamedTuple):
     facts: dict[str, float]
 
 
-def checked(problem: Problem, method: str) -> Problem:
-    """The problem with every field an array; FinloopError if it makes no sense."""
+def check_problem(problem: Problem, method: str) -> Problem:
+    """Return the problem with every field an array; FinloopError if it makes no sense."""
     material, force = problem.material, problem.force
     times, rest = np.asarray(problem.times, np.float64), np.asarray(problem.rest, np.float64)
     u = np.asarray(problem.displacement, np.float64)

@@ -156,8 +156,8 @@ def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
             half *= 2
 
 
-def mirrored(points: Floats) -> Floats:
-    """An open curve (…, n, k) there and back, (…, 2n, k): closed, and without a jump.
+def close_by_mirroring(points: Floats) -> Floats:
+    """Run an open curve (…, n, k) there and back, (…, 2n, k): closed, and without a jump.
 
     A periodized transform joins the last point to the first. Of an open curve that join is a jump,
     and coarse scales would draw the ends towards each other.
@@ -183,11 +183,11 @@ def from_control(points: Floats, wavelet: str, level: int) -> Floats:
     return back(out, wavelet, level)
 
 
-def truncated(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
-    """Curves (…, n, k) rebuilt from 1/2^level of their samples (Fig. 2): the details are dropped.
+def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
+    """Rebuild curves (…, n, k) from 1/2^level of their samples (Fig. 2), without the details.
 
-    Open curves are `mirrored` for it. FinloopError as `check`.
+    Open curves are `close_by_mirroring` for it. FinloopError as `check`.
     """
     if not closed:
-        return truncated(mirrored(points), wavelet, level)[..., : points.shape[-2], :]
+        return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]
     return from_control(control(points, wavelet, level), wavelet, level)

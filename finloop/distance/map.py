@@ -89,8 +89,8 @@ def about_mean(pictures: Picture) -> Picture:
     return x
 
 
-def between(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
-    """Eq. 5 between pictures a[k] and b[k], one by one."""
+def pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
+    """Return the distances of Eq. 5 between pictures a[k] and b[k], one by one."""
     distances = np.empty(len(a), np.float32)
     lot = max(1, _CHUNK // x.shape[1])
     for start in range(0, len(a), lot):
@@ -110,7 +110,7 @@ def full(pictures: Picture) -> Picture:
     distances = np.empty((len(x), len(x)), np.float32)
     for rows in _lots(0, len(x), _SIDE):
         for columns in _lots(rows.start, len(x), _SIDE):  # the map is symmetric
-            block = _squared(x, norms, Block(rows, columns))
+            block = _distance_squares(x, norms, Block(rows, columns))
             if rows == columns:
                 np.fill_diagonal(block, np.inf)  # not to be measured again
             _sharpen(x, norms, Block(rows, columns), block)
@@ -132,8 +132,8 @@ def _norms(x: Picture) -> NDArray[np.float32]:
     return np.einsum("nk,nk->n", x, x, dtype=np.float64).astype(np.float32)
 
 
-def _squared(x: Picture, norms: NDArray[np.float32], at: Block) -> Picture:
-    """Squares of Eq. 5 in a block, as a matrix product leaves them."""
+def _distance_squares(x: Picture, norms: NDArray[np.float32], at: Block) -> Picture:
+    """Return the squares of Eq. 5 in a block, as a matrix product leaves them."""
     columns = x[at.columns].T
     if at.rows == at.columns:
         columns = columns.copy()  # numpy takes a slow way for a product with the same memory
@@ -162,7 +162,7 @@ def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) 
         block[close] = np.maximum(exact[close], 0)
     elif count:
         a, b = np.nonzero(close)
-        block[close] = between(x, a + at.rows.start, b + at.columns.start) ** 2
+        block[close] = pair_distances(x, a + at.rows.start, b + at.columns.start) ** 2
 
 
 # --- Eq. 6: like with like
@@ -205,8 +205,8 @@ def bands(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
             yield from (Block(rows, c) for c in _lots(rows.start, end, 8 * _BAND))
 
 
-def computed(blocks: Iterable[Block]) -> int:
-    """How many pairs a < b lie in blocks."""
+def count_pairs(blocks: Iterable[Block]) -> int:
+    """Count the pairs a < b that lie in blocks."""
     count = 0
     for rows, columns in blocks:
         a = np.arange(rows.start, rows.stop)
@@ -224,7 +224,7 @@ def similar(
     """
     norms = _norms(x)
     for at in bands(kind, area, threshold):
-        block = _squared(x, norms, at)
+        block = _distance_squares(x, norms, at)
         rows, columns = (np.arange(part.start, part.stop) for part in at)
         compared = _near(area[at.rows], area[at.columns], threshold) & (rows[:, None] < columns)
         block[~compared] = np.inf
@@ -254,12 +254,12 @@ def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1)
     follows = here["track_id"].diff(frames).eq(0) & here["frame"].diff(frames).eq(frames)
     after = np.flatnonzero(follows)
     step = np.full(len(here), np.nan, np.float32)
-    step[after - frames] = between(x, place[after - frames], place[after])
+    step[after - frames] = pair_distances(x, place[after - frames], place[after])
     return here.assign(step=step)
 
 
-def mapped(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
-    """The rows (k,) of a feature table that are mapped: those of STEPS."""
+def map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
+    """Return the rows (k,) of a feature table that are mapped: those of STEPS."""
     here, there = (
         table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
         for table in (features, steps)

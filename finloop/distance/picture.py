@@ -32,14 +32,14 @@ def places(table: pd.DataFrame) -> list[Place]:
     return [Place(x, y) for x, y in table[["x_px", "y_px"]].to_numpy(float)]
 
 
-def centred(
+def centre_cutout(
     pixels: NDArray[np.uint8],
     centre: tuple[float, float],
     length_px: float,
     size: int,
     turn_deg: float = 0.0,
 ) -> NDArray[np.float32]:
-    """A premultiplied cut-out (h, w, c), 0 … 1, its mass centre in the middle of (size, size, c).
+    """Draw a premultiplied cut-out (h, w, c), 0 … 1, with its centre amid (size, size, c).
 
     `centre` is x, y in the cut-out, `length_px` its body length: all fish come out equally long.
     `turn_deg` turns it anticlockwise as seen.
@@ -47,12 +47,12 @@ def centred(
     scale = size / (SPAN * length_px)
     matrix = cv2.getRotationMatrix2D(centre, turn_deg, scale)
     matrix[:, 2] += (size - 1) / 2 - np.array(centre)
-    source = softened(pixels.astype(np.float32) / 255, scale)
+    source = blur_for_shrinking(pixels.astype(np.float32) / 255, scale)
     return cv2.warpAffine(source, matrix, (size, size), flags=cv2.INTER_LINEAR)
 
 
-def softened(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
-    """A picture (h, w, c) that is to be drawn `scale` as large, so blurred that none of it is lost.
+def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
+    """Blur a picture (h, w, c) so that none of it is lost when drawn `scale` as large.
 
     A linear filter thins out where it shrinks: blur first, as an area filter would.
     """
@@ -64,7 +64,7 @@ def picture(
 ) -> NDArray[np.float32]:
     """A cut-out whose mass centre is `at.x_px`, `at.y_px` of the film, centred."""
     centre = at.x_px - cutout.x0_px, at.y_px - cutout.y0_px
-    return centred(cutout.pixels, centre, length_px, size, turn_deg)
+    return centre_cutout(cutout.pixels, centre, length_px, size, turn_deg)
 
 
 def typical_length(features: pd.DataFrame) -> pd.Series:

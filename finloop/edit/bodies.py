@@ -28,8 +28,8 @@ class Body(NamedTuple):
     mirrored: Mask
     heading_deg: Floats
 
-    def some(self, which: Any) -> "Body":
-        """Some of them."""
+    def select(self, which: Any) -> "Body":
+        """Return the bodies that an index selects."""
         return Body(self.row[which], self.mirrored[which], self.heading_deg[which])
 
 
@@ -56,8 +56,8 @@ class Bodies:
         return movement(self.poses.pose)
 
     @cached_property
-    def _of_sprites(self) -> tuple[Rows, Mask, Floats, Floats]:
-        """Row, whether mirrored, the line's direction as filmed, its turn to the next frame."""
+    def _sprite_bodies(self) -> tuple[Rows, Mask, Floats, Floats]:
+        """Return each sprite's row, mirror flag, filmed direction and turn to the next frame."""
         if not len(self.sprites):
             return np.zeros(1, np.intp), np.zeros(1, bool), np.zeros(1), np.zeros(1)
         row = self.sprites["row"].to_numpy(np.intp)
@@ -81,13 +81,13 @@ class Bodies:
         """The direction of a sprite's line on screen: as stored, and turned on."""
         return direction_deg(orientation, self._orientations) + rotation_deg
 
-    def of(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """The bodies of pictures (…).
+    def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
+        """Return the bodies (…) of pictures.
 
         frame: whether it is one; number: of the frame or sprite; turn_deg: by which a frame is
         turned, or the direction of a sprite's line; mirrored: whether a frame is.
         """
-        rows, flips, axis, _ = self._of_sprites
+        rows, flips, axis, _ = self._sprite_bodies
         sprite = np.where(frame, 0, number)
         row, mirror = (
             np.where(frame, number, rows[sprite]),
@@ -97,16 +97,18 @@ class Bodies:
         sway = np.where(mirror, -1, 1) * wrap_deg(heading - axis[sprite])
         return Body(row, mirror, turn_deg + np.where(frame, heading, sway))
 
-    def shown(
+    def edit_row_body(
         self, kind: str, source: int, orientation: int, rotation_deg: float, mirrored: bool
     ) -> Body:
-        """The body of one picture of an edit list."""
+        """Return the body of one picture of an edit list."""
         turn = rotation_deg if kind == FRAME else self.line_deg(int(orientation), rotation_deg)
         frame = np.array(kind == FRAME)
-        return self.of(frame, np.array(source), np.asarray(turn, float), np.array(mirrored))
+        return self.picture_bodies(
+            frame, np.array(source), np.asarray(turn, float), np.array(mirrored)
+        )
 
-    def after(self, body: Body) -> Body:
-        """What the film shows next; where nothing is next, the same."""
+    def next_body(self, body: Body) -> Body:
+        """Return the body that the film shows next, or the same body where nothing follows."""
         row = body.row + self.goes_on[body.row]
         side = np.where(body.mirrored, -1, 1)
         turn = side * wrap_deg(self.heading_deg[row] - self.heading_deg[body.row])
@@ -114,7 +116,7 @@ class Bodies:
 
     def line_turn_deg(self, frame: Mask, number: Rows) -> Floats:
         """By how much the line of sprites turns to the next frame; 0 of frames."""
-        return np.where(frame, 0.0, self._of_sprites[3][np.where(frame, 0, number)])
+        return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
     def same_moment(self, one: Body, other: Body, frames: int) -> Mask:
         """Whether two bodies are of the same track, and at most so many frames apart."""
@@ -124,11 +126,11 @@ class Bodies:
 
     def codes(self, body: Body) -> Floats:
         """The codes (…, c) of bodies, as they are drawn."""
-        return self._mirrored(self.poses.codes[body.row], body.mirrored)
+        return self._mirror_codes(self.poses.codes[body.row], body.mirrored)
 
     def speed(self, body: Body) -> Floats:
         """How the codes (…, c) change a frame."""
-        return self._mirrored(self._speed[body.row], body.mirrored)
+        return self._mirror_codes(self._speed[body.row], body.mirrored)
 
-    def _mirrored(self, codes: Floats, mirrored: Mask) -> Floats:
+    def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
         return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror, codes)

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
-from finloop.edit.joins import INERTIAL, Joins, Shown, cross_fades, inertialized
+from finloop.edit.joins import INERTIAL, Joins, Shown, cross_fades, inertialize
 from finloop.edit.schema import EDIT, FRAME, SPRITE, STATES, TERMS
 from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import direction_deg, orientation, wrap_deg
@@ -98,7 +98,7 @@ def edit_columns(
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
     rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
-    pictures = folded(
+    pictures = resolve_mirror_images(
         np.array([s.kind == FRAME for s in stretches])[owner],
         np.concatenate([s.number for s in stretches])[:ticks],
         np.concatenate(rots)[:ticks],
@@ -117,7 +117,7 @@ def edit_columns(
     return {
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / sources.rate_hz,
-        **joined(pictures, heading, first[new], sources),
+        **join_columns(pictures, heading, first[new], sources),
         "x_px": way[:, 0],
         "y_px": way[:, 1],
         "heading_deg": heading,
@@ -131,8 +131,8 @@ def edit_columns(
     }
 
 
-def folded(frame: Mask, number: Ints, rot: Floats, heading_deg: Reals) -> Shown:
-    """Pictures (ticks,) whose frames are numbered with mirror images at the end, from n on.
+def resolve_mirror_images(frame: Mask, number: Ints, rot: Floats, heading_deg: Reals) -> Shown:
+    """Return pictures (ticks,) whose frame numbers from n on become mirrored frames.
 
     There a mirror image is the frame upside down; drawn, it is mirrored about its own heading.
     heading_deg (n,): of the rows as filmed.
@@ -144,29 +144,32 @@ def folded(frame: Mask, number: Ints, rot: Floats, heading_deg: Reals) -> Shown:
     return Shown(frame, row, np.where(mirrored, wrap_deg(rot - 2 * heading), rot), mirrored)
 
 
-def joined(
+def join_columns(
     pictures: Shown, heading: Floats, new: Ints, sources: Sources
 ) -> dict[str, NDArray[Any]]:
-    """The columns (ticks,) of pictures, partners and poses.
+    """Return the columns (ticks,) of pictures, partners and poses.
 
     heading (ticks,): of the fish; new: ticks whose picture begins something else. Where pictures
     are inertialized, the pictures themselves say where that is.
     """
-    how, own = sources.joins, drawn(pictures, heading, sources)
+    how, own = sources.joins, picture_columns(pictures, heading, sources)
     pose = np.full(len(heading), None, object)
     if how.kind == INERTIAL and len(heading):
-        join = inertialized(pictures, heading, how)
+        join = inertialize(pictures, heading, how)
         new = join.begins
         for tick in np.flatnonzero(join.posed):
             pose[tick] = join.codes[tick]
         own["rotation_deg"] = wrap_deg(own["rotation_deg"] + join.turn_deg).astype(np.float32)
     partner, weight = cross_fades(pictures, new, how.fade, sources.following)
-    other = {f"partner_{name}": column for name, column in drawn(partner, heading, sources).items()}
+    other = {
+        f"partner_{name}": column
+        for name, column in picture_columns(partner, heading, sources).items()
+    }
     return own | {"partner": other.pop("partner_source")} | other | {"weight": weight, "pose": pose}
 
 
-def drawn(pictures: Shown, heading: Floats, sources: Sources) -> dict[str, NDArray[Any]]:
-    """The columns kind, source, orientation (a frame's is 0), rotation_deg, scale, mirrored."""
+def picture_columns(pictures: Shown, heading: Floats, sources: Sources) -> dict[str, NDArray[Any]]:
+    """Return the columns kind, source, orientation (0: frame), rotation_deg, scale, mirrored."""
     count = sources.orientations
     sector = orientation(heading, count)
     residual = wrap_deg(heading - direction_deg(sector, count))

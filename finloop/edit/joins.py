@@ -138,21 +138,21 @@ class Inertial(NamedTuple):
     turn_deg: Floats
 
 
-def inertialized(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
-    """The poses of pictures. line_deg (ticks,): the direction that a sprite is drawn for."""
+def inertialize(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
+    """Inertialize pictures; line_deg (ticks,) is the direction that a sprite is drawn for."""
     bodies, frame, number = how.bodies, shown.frame, shown.number
-    own = bodies.of(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
-    last, new = own.some(np.s_[:-1]), own.some(np.s_[1:])
-    follows = _expected(last, (frame[:-1], number[:-1]), np.diff(line_deg), bodies)
+    own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
+    last, new = own.select(np.s_[:-1]), own.select(np.s_[1:])
+    follows = _next_bodies(last, (frame[:-1], number[:-1]), np.diff(line_deg), bodies)
     natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
     natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
     moves = np.append(True, ~(natural & how.rests[new.row]))
     natural[1:] |= (new.row[1:] == last.row[1:]) & (last.row[1:] == last.row[:-1])  # it is held
     at = np.flatnonzero(~natural) + 1
-    old = follows.some(at - 1)
+    old = follows.select(at - 1)
     before = wrap_deg(old.heading_deg - last.heading_deg[at - 1])
     offset, velocity = _jumps(own, old, at, before, bodies)
-    here = own.some(at)
+    here = own.select(at)
     pairs = np.stack([here.row, old.row, here.mirrored, old.mirrored], -1).tolist()
     plain = at[[not how.helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]]
     offset[plain, :-1] = velocity[plain, :-1] = 0
@@ -171,11 +171,11 @@ def inertialized(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
     return Inertial(begins, codes.astype(np.float32), posed, left[:, -1])
 
 
-def _expected(
+def _next_bodies(
     last: Body, pictures: tuple[Mask, Ints], line_turn_deg: Floats, bodies: Bodies
 ) -> Body:
-    """What would be drawn next after each picture; a sprite's line turns as the fish does."""
-    after = bodies.after(last)
+    """Return the body due after each picture; a sprite's line turns as the fish does."""
+    after = bodies.next_body(last)
     turn = np.where(pictures[0], 0.0, line_turn_deg - bodies.line_turn_deg(*pictures))
     return after._replace(heading_deg=after.heading_deg + turn)
 
@@ -187,7 +187,7 @@ def _jumps(
 
     own: of all ticks; old: what was expected at these; before_deg: how it turned.
     """
-    here, ticks = own.some(at), len(own.row)
+    here, ticks = own.select(at), len(own.row)
     ahead = np.minimum(at + 1, ticks - 1)
     plays = (ahead > at) & ~np.isin(ahead, at)
     turns = np.where(plays, wrap_deg(own.heading_deg[ahead] - here.heading_deg), before_deg)

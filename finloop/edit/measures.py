@@ -30,7 +30,7 @@ FILM, POSED, MIRRORED, SPRITE_SHOWN, PREDICTED = SHOWN = (
 (bent or not), a sprite, a frame in a predicted pose (mirrored or not)."""
 
 
-def shown(edit: pd.DataFrame) -> pd.Series:
+def picture_kinds(edit: pd.DataFrame) -> pd.Series:
     """Return what each tick (ticks,) shows, one of `SHOWN`."""
     frame = edit["kind"] == FRAME
     choices = [~frame, edit["state"] == STATES[FORECAST], edit["mirrored"], edit["pose"].notna()]
@@ -38,13 +38,13 @@ def shown(edit: pd.DataFrame) -> pd.Series:
     return pd.Series(np.select([one.to_numpy(bool) for one in choices], names, FILM), edit.index)
 
 
-def shown_shares(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the per cent of ticks that show each of `SHOWN`; of film, and on the spot; switches.
+def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
+    """Return the percentage of ticks that show each of `SHOWN`, and the number of switches.
 
     film_pct: ticks played as filmed, bent or mirrored or not; stuck_pct: ticks on the spot as no
     way leads on; switches: between sprites and film; switches_without_gateway: those by no gateway.
     """
-    names, frame = shown(edit), (edit["kind"] == FRAME).to_numpy()
+    names, frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
     switched = np.append(False, frame[1:] != frame[:-1])
     gateway = edit["reason"].eq(ENTER).to_numpy() | edit["exit"].notna().to_numpy()
     gateway &= edit["seam"].notna().to_numpy()
@@ -73,13 +73,13 @@ def area_missed(edit: pd.DataFrame) -> dict[str, float]:
     return {"turn_area_missed_median": float(missed.median())}
 
 
-def averaged(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Measures of several fish on average, each of those that have it."""
+def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Average the measures of several fish, each over the fish that have it."""
     return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
 
 
-def of_turns(edit: pd.DataFrame) -> dict[str, float]:
-    """Whether the error of the heading against the aim falls at every tick of every turn."""
+def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
+    """Measure whether the error of the heading falls at every tick of every turn to the aim."""
     turning = (edit["state"] == STATES[TURN]).to_numpy()
     begins = edit["reason"].notna().to_numpy()
     number = np.cumsum(begins)
@@ -99,14 +99,14 @@ def of_turns(edit: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def of_steps(mine: Floats, film: Floats) -> dict[str, float]:
-    """Steps between drawn pictures against the film's own."""
+def step_measures(mine: Floats, film: Floats) -> dict[str, float]:
+    """Compare the steps between drawn pictures with the film's own."""
     above = 100 * float((mine > np.quantile(film, 0.995)).mean())
     return _against(film, "step", mine, "steps") | {"steps_above_film_p995_pct": above}
 
 
-def of_seams(seams: Floats, film: Floats) -> dict[str, float]:
-    """Seam ratios of joins, as drawn, without any cross-fade."""
+def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
+    """Compare the discontinuities of joins, drawn without cross-fade, with the film's steps."""
     if seams.size == 0:
         return {"jumps": 0.0}
     return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
@@ -121,8 +121,8 @@ def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[st
     }
 
 
-def of_poses(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
-    """Ticks drawn in another pose than filmed; those whose pose the film hardly shows."""
+def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
+    """Return the share of ticks in an unfilmed pose, and in a pose the film hardly shows."""
     codes = [pose for pose in edit["pose"] if pose is not None]
     far = int(shapes.far(np.stack(codes).astype(float)).sum()) if codes else 0
     return {
@@ -131,8 +131,8 @@ def of_poses(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
     }
 
 
-def of_states(edit: pd.DataFrame) -> dict[str, float]:
-    """Share of time in each state."""
+def state_measures(edit: pd.DataFrame) -> dict[str, float]:
+    """Return the share of time in each state."""
     share = 100 * edit["state"].value_counts(normalize=True)
     return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
 
@@ -156,8 +156,10 @@ def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
     return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
 
 
-def of_rhythm(edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float) -> dict[str, float]:
-    """Freezing and flickering: the longest time one picture stays, the shortest between two jumps.
+def rhythm_measures(
+    edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
+) -> dict[str, float]:
+    """Return the longest time one picture stays and the shortest time between two jumps.
 
     jumps: ticks at which the picture does not follow; only those from frame to frame count.
     """

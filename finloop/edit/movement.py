@@ -28,7 +28,7 @@ def movement(pose: Pose) -> Movement:
 
     def of_lot(first: int) -> Floats:
         lot = pose[first : first + _LOT + 1]
-        line = lot.at(0.0, 0.0, 0.0, 1.0).backbone_px()
+        line = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
         turn = np.diff(lot.heading_rad)[:, None]
         cos, sin, x, y = np.cos(turn), np.sin(turn), line[1:, :, 0], line[1:, :, 1]
         turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)

@@ -48,12 +48,12 @@ class Pictures:
     def target(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
         """Where a body is drawn, turned on, in the posture of these codes (c,)."""
         middle = (self.size - 1) / 2
-        pose = self.bodies.poses.posed(int(body.row), codes)
+        pose = self.bodies.poses.pose_from_codes(int(body.row), codes)
         size = float(pose.size_px) * scale * self.size / (SPAN * self.reel.length_px)
-        return pose.at(middle, middle, np.radians(float(body.heading_deg) + turn_deg), size)
+        return pose.move_to(middle, middle, np.radians(float(body.heading_deg) + turn_deg), size)
 
-    def posed(self, body: Body, target: Pose) -> Picture:
-        """A body of the film drawn there."""
+    def draw_body(self, body: Body, target: Pose) -> Picture:
+        """Draw a body of the film in a target pose."""
         row, size = int(body.row), (self.size, self.size)
         cutout, pose = self.reel.film[row], self.bodies.poses.pose[row]
         return draw(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
@@ -73,30 +73,31 @@ class Pictures:
             for number, flip in ((row, mirrored), (other, other_mirrored))
         )
         own, its = (
-            self.bodies.poses.posed(int(body.row), self.bodies.codes(body)) for body in (one, two)
+            self.bodies.poses.pose_from_codes(int(body.row), self.bodies.codes(body))
+            for body in (one, two)
         )
-        there = its.at(middle, middle, 0, size)
-        wanted = self.posed(two, there)
-        plain = self.posed(one, own.at(middle, middle, 0, size))
-        return bool(apart(self.posed(one, there), wanted) < apart(plain, wanted))
+        there = its.move_to(middle, middle, 0, size)
+        wanted = self.draw_body(two, there)
+        plain = self.draw_body(one, own.move_to(middle, middle, 0, size))
+        return bool(apart(self.draw_body(one, there), wanted) < apart(plain, wanted))
 
     @cached_property
-    def headed(self) -> Picture:
-        """Every sprite headed right."""
+    def right_facing_sprites(self) -> Picture:
+        """Return every sprite headed right."""
         return self.reel.sprite_pictures(self.size)
 
     @cached_property
-    def after(self) -> Picture:
+    def sprite_successors(self) -> Picture:
         """What the film shows after every sprite, turned as the sprite's next one would be."""
         return self.reel.after_sprites(self.size)
 
 
 def fade_distance(row: Any, pictures: Pictures) -> float:
     """Eq. 5 between the two pictures of a cross-fade, a row of an edit list."""
-    return float(apart(_own(row, pictures), _partner(row, pictures)))
+    return float(apart(_row_picture(row, pictures), _partner(row, pictures)))
 
 
-def _own(row: Any, pictures: Pictures) -> Picture:
+def _row_picture(row: Any, pictures: Pictures) -> Picture:
     return pictures(
         row.kind, row.source, row.orientation, row.rotation_deg, row.scale, row.mirrored
     )
@@ -111,11 +112,11 @@ def _partner(row: Any, pictures: Pictures) -> Picture:
 
 def _body(row: Any, pictures: Pictures) -> Body:
     own = row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored
-    return pictures.bodies.shown(*own)
+    return pictures.bodies.edit_row_body(*own)
 
 
 def _partner_body(row: Any, pictures: Pictures) -> Body:
-    return pictures.bodies.shown(
+    return pictures.bodies.edit_row_body(
         row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
         row.partner_mirrored,
     )  # fmt: skip
@@ -141,25 +142,25 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
 
 def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
     """Eq. 5 between what is drawn at successive ticks, joins and all."""
-    every = pairwise(drawn(edit, pictures))
+    every = pairwise(draw_edit(edit, pictures))
     return np.array([float(apart(after, before)) for before, after in every])
 
 
-def drawn(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
-    """What an edit list shows at every tick."""
+def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
+    """Draw what an edit list shows at every tick."""
     for row in edit.itertuples():
         if row.pose is None:
-            first = _own(row, pictures)
+            first = _row_picture(row, pictures)
         else:
             body = _body(row, pictures)
             target = pictures.target(body, row.scale, row.pose)
-            first = pictures.posed(body, target)
+            first = pictures.draw_body(body, target)
         if row.weight == 0:
             yield first
         elif row.pose is None:
             yield blend(first, _partner(row, pictures), row.weight)
         else:
-            yield blend(first, pictures.posed(_partner_body(row, pictures), target), row.weight)
+            yield blend(first, pictures.draw_body(_partner_body(row, pictures), target), row.weight)
 
 
 def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.intp]]:
@@ -179,13 +180,13 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
         if len(held) == 3 and len(set(held)) == 1:
             continue
         if before.kind == FRAME:
-            follows = int(pictures.reel.after(before.source))
+            follows = int(pictures.reel.next_rows(before.source))
             alike = now.kind == FRAME and now.mirrored == before.mirrored
             if alike and now.source == follows != before.source:
                 continue
         elif now.kind == SPRITE and now.source == next_sprite[before.source]:
             continue
-        distances.append(float(apart(_new(now, pictures), _expected(before, now, pictures))))
+        distances.append(float(apart(_new(now, pictures), _next_picture(before, now, pictures))))
         ticks.append(tick)
     return np.array(distances), np.array(ticks, np.intp)
 
@@ -195,25 +196,25 @@ def _new(now: Any, pictures: Pictures) -> Picture:
     turn = -float(now.heading_deg)
     if now.pose is not None:
         body = _body(now, pictures)
-        return pictures.posed(body, pictures.target(body, now.scale, now.pose, turn))
+        return pictures.draw_body(body, pictures.target(body, now.scale, now.pose, turn))
     if now.kind == FRAME:
-        return _own(now._replace(rotation_deg=now.rotation_deg + turn), pictures)
-    return pictures.headed[now.source]
+        return _row_picture(now._replace(rotation_deg=now.rotation_deg + turn), pictures)
+    return pictures.right_facing_sprites[now.source]
 
 
-def _expected(before: Any, now: Any, pictures: Pictures) -> Picture:
-    """What the film shows after a row, where the fish heads right now."""
+def _next_picture(before: Any, now: Any, pictures: Pictures) -> Picture:
+    """Return what the film shows after a row, drawn at the fish's current heading."""
     turn = -float(now.heading_deg)
     if before.pose is not None and now.pose is not None:
         target = pictures.target(_body(now, pictures), now.scale, now.pose, turn)
-        return pictures.posed(pictures.bodies.after(_body(before, pictures)), target)
+        return pictures.draw_body(pictures.bodies.next_body(_body(before, pictures)), target)
     if before.kind == SPRITE:
-        return pictures.after[before.source]
-    follows = int(pictures.reel.after(before.source))
+        return pictures.sprite_successors[before.source]
+    follows = int(pictures.reel.next_rows(before.source))
     side = 2 * before.mirrored * (
         pictures.bodies.heading_deg[before.source] - pictures.bodies.heading_deg[follows]
     )  # fmt: skip
-    return _own(
+    return _row_picture(
         before._replace(source=follows, rotation_deg=before.rotation_deg + side + turn), pictures
     )
 

@@ -74,13 +74,13 @@ class Stretch:
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property
-    def shown(self) -> Floats:
-        """Its way and its pictures (n, 4) as `Company` has them."""
+    def path_and_pictures(self) -> Floats:
+        """Return the path and the pictures (n, 4) as `Company` stores them."""
         return np.column_stack([self.way, self.pictures])
 
     def rest(self, gone: int) -> Floats:
         """What is shown (k, 4) after so many of its ticks, at least its last one."""
-        return self.shown[min(gone, len(self.way) - 1) :]
+        return self.path_and_pictures[min(gone, len(self.way) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
         """Its first `ticks` ≥ 1 alone."""

@@ -63,38 +63,41 @@ class Alone:
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
-        over_black, over_white = (painter.canvas[box.of] for painter in (self.black, self.white))
+        over_black, over_white = (
+            painter.canvas[box.slices] for painter in (self.black, self.white)
+        )
         through = over_white.astype(np.float32) - over_black
         alpha = np.rint(_WHITE - through.mean(axis=2, keepdims=True)).astype(np.uint8)
         rgb = over_black if over_black.shape[2] == 3 else over_black.repeat(3, axis=2)
         return np.concatenate([rgb, alpha], axis=2)
 
 
-def way(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
-    """The smallest box of the canvas that holds all fish, and the rim of their colour."""
+def bounding_box(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
+    """Return the smallest box of the canvas that holds all fish, and the rim of their colour."""
     boxes = [box for fish in frames if not (box := alone.show(*fish)).empty]
     if not boxes:
         return Box(0, 0, 1, 1)
-    return Box.around(boxes).grown(RIM).within(alone.black.canvas.shape)
+    return Box.around(boxes).grow(RIM).within(alone.black.canvas.shape)
 
 
 def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iterator[Image]:
     """Tick by tick the fish on nothing: the part `crop` of the canvas, RGBA with straight alpha.
 
-    The array is drawn on again: take a copy to keep it. `crop` is that of `way`, or a smaller one.
+    The array is drawn on again: take a copy to keep it. `crop` is that of `bounding_box`, or a
+    smaller one.
     """
     frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
     last = Box(0, 0, 0, 0)
     for fish in frames:
-        frame[last.of] = 0
-        box = alone.show(*fish).grown(RIM).common(crop)
+        frame[last.slices] = 0
+        box = alone.show(*fish).grow(RIM).common(crop)
         last = Box(0, 0, 0, 0)
         if not box.empty:
             last = Box(
                 box.top - crop.top, box.left - crop.left,
                 box.bottom - crop.top, box.right - crop.left,
             )  # fmt: skip
-            frame[last.of] = straight(alone.cut(box))
+            frame[last.slices] = straight(alone.cut(box))
         yield frame
 
 
@@ -124,7 +127,7 @@ def cycle(
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
-        gallery.turned(SPRITE, int(sprite), 1, 0.0, float(scale))
+        gallery.rotate_picture(SPRITE, int(sprite), 1, 0.0, float(scale))
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
     half = RIM + max(math.ceil(step.scale * math.hypot(*step.picture.near.shape)) for step in steps)

@@ -73,11 +73,11 @@ def alike(one: Cutout, like: Likeness) -> Cutout:
         pixels = np.concatenate([lit, pixels[..., -1:]], axis=-1)
     if like.scale == 1.0:
         return one._replace(pixels=pixels)
-    return _resized(one._replace(pixels=pixels), like.scale)
+    return _resample(one._replace(pixels=pixels), like.scale)
 
 
-def _resized(one: Cutout, scale: float) -> Cutout:
-    """Resample on the grid of the first film, whose pixel X shows what X / scale showed."""
+def _resample(one: Cutout, scale: float) -> Cutout:
+    """Resample a cut-out on the grid of the first film: its pixel X shows what X / scale showed."""
     h, w = one.pixels.shape[:2]
     x0, y0 = (int(np.floor(scale * (start - 0.5))) for start in (one.x0_px, one.y0_px))
     x1, y1 = (

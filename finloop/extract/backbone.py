@@ -64,7 +64,7 @@ def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     `_NOTCH` of the largest half width. Not where that closes a ring: there head and tail are near.
     """
     picture = mask.view(np.uint8)
-    widest = float(cv2.distanceTransform(rimmed(picture, 1), cv2.DIST_L2, 3).max())
+    widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
     reach = int(_NOTCH * widest + 0.5)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     closed = _closing(picture, disc)
@@ -77,12 +77,12 @@ def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
 def _closing(picture: Picture, disc: Picture) -> Picture:
     """The closing (h, w) of a picture in which nothing lies beyond the border."""
     (h, w), rim = picture.shape, len(disc) // 2
-    closed = cv2.morphologyEx(rimmed(picture, rim), cv2.MORPH_CLOSE, disc)
+    closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, disc)
     return closed[rim : rim + h, rim : rim + w].copy()
 
 
-def rimmed(picture: Picture, rim: int) -> Picture:
-    """A picture with a rim of 0. Unlike np.pad it leaves no cycles of references."""
+def pad_picture(picture: Picture, rim: int) -> Picture:
+    """Add a rim of 0 to a picture; unlike np.pad it leaves no cycles of references."""
     return np.asarray(cv2.copyMakeBorder(picture, rim, rim, rim, rim, cv2.BORDER_CONSTANT))
 
 
@@ -194,7 +194,7 @@ def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
     `chain` (m, 2) are the pixels just inside it, in order, closed. They are resampled evenly, moved
     outwards along the normal to the crossing, and resampled again.
     """
-    inside = _closed(chain.astype(np.float64), points)
+    inside = _resample_closed(chain.astype(np.float64), points)
     area = 0.0
     for i in range(points):
         j = (i + 1) % points
@@ -208,12 +208,12 @@ def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
         far = _flank(alpha, (inside[i, 0], inside[i, 1]), (nx, ny), 127.5, 3.0)
         out[i, 0] += far * nx
         out[i, 1] += far * ny
-    return _closed(out, points)
+    return _resample_closed(out, points)
 
 
 @kernel
-def _closed(xy, points):  # type: ignore[no-untyped-def]
-    """`points` points at equal arc lengths along the closed polygon `xy` (m, 2)."""
+def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
+    """Return `points` points at equal arc lengths along the closed polygon `xy` (m, 2)."""
     line = np.empty((len(xy) + 1, 2))
     for i in range(len(line)):
         line[i, 0], line[i, 1] = xy[i % len(xy), 0], xy[i % len(xy), 1]

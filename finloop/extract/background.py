@@ -80,7 +80,7 @@ def sample_size(samples: int, frames: int, shape: tuple[int, ...]) -> int:
 def median_background(frames: Iterable[Picture], crew: Threads = ALONE) -> Picture:
     """Median over frames (k, h, w[, 3]) over the clip, each brought to the first one's light."""
     first, *others = frames
-    alike = [first, *(brightened(frame, 1 / light(frame, first)) for frame in others)]
+    alike = [first, *(scale_brightness(frame, 1 / light(frame, first)) for frame in others)]
     # a strip of every frame at a time stays in the cache
     strips = [slice(top, top + _STRIP) for top in range(0, len(first), _STRIP)]
     medians = ordered_map(lambda strip: _median([frame[strip] for frame in alike]), strips, crew)
@@ -135,7 +135,7 @@ def patched_background(frames: Sequence[Picture], middle: Picture, least: float)
     differs = _strong(cv2.absdiff(middle, around)) > least
     seen = np.zeros_like(differs)
     for frame in frames:
-        here = brightened(frame, 1 / light(frame, middle))
+        here = scale_brightness(frame, 1 / light(frame, middle))
         seen |= _strong(cv2.absdiff(here, around)) <= least / 2
     count, label = cv2.connectedComponents(differs.astype(np.uint8))
     away = np.bincount(label[seen], minlength=count) / np.bincount(label.ravel(), minlength=count)
@@ -192,15 +192,19 @@ def _light(frame: Picture, tank: Tank) -> float:
     return 1.0 if abs(gain - 1.0) * tank.level < 0.5 or gain <= 0 else gain
 
 
-def brightened(picture: Picture, gain: float) -> Picture:
-    """The picture in a light `gain` times as strong."""
+def scale_brightness(picture: Picture, gain: float) -> Picture:
+    """Return the picture in a light `gain` times as strong."""
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
 def in_light_of(scene: Scene, frame: Picture) -> Scene:
     """The scene in the light of `frame`."""
     gain = _light(frame, scene.tank)
-    return scene if gain == 1.0 else replace(scene, background=brightened(scene.background, gain))
+    return (
+        scene
+        if gain == 1.0
+        else replace(scene, background=scale_brightness(scene.background, gain))
+    )
 
 
 def difference(frame: Picture, scene: Scene) -> Picture:

@@ -117,8 +117,8 @@ class Reader(Protocol):
 class Keeper(Protocol):
     """Keeps what was made of a piece, in any thread; a cluster pickles it."""
 
-    def kept_or_made(self, name: str, make: Callable[[], T]) -> T:
-        """What is kept under a name, else what `make` makes."""
+    def load_or_make(self, name: str, make: Callable[[], T]) -> T:
+        """Load what is stored under a name, or else return what `make` makes."""
         ...
 
 
@@ -159,16 +159,16 @@ def _stretch(
     film: Film, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> list[Detections | None]:
     """What is detected in the frames of a span, kept or computed."""
-    compute = partial(_computed, film, scene, detector, span)
+    compute = partial(_detect_span, film, scene, detector, span)
     if film.keeper is None:
         return compute()
-    return film.keeper.kept_or_made("{:09d}-{:09d}".format(*span), compute)
+    return film.keeper.load_or_make("{:09d}-{:09d}".format(*span), compute)
 
 
-def _computed(
+def _detect_span(
     film: Film, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> list[Detections | None]:
-    """What is detected in the frames of a span; after one that is damaged, from the next key on."""
+    """Detect animals in the frames of a span; after a damaged one resume at the next key frame."""
     start, stop = span
     seen: list[Detections | None] = []
     while (at := start + len(seen)) < stop:
@@ -182,8 +182,8 @@ def _computed(
     return seen
 
 
-def decoded(seen: Iterable[Detections | None], lost: list[int]) -> Iterator[Detections]:
-    """Detections of every frame, none where it could not be decoded; its number goes to `lost`."""
+def fill_lost_frames(seen: Iterable[Detections | None], lost: list[int]) -> Iterator[Detections]:
+    """Yield detections of every frame, none for a lost one, whose number is added to `lost`."""
     for number, one in enumerate(seen):
         if one is None:
             lost.append(number)
@@ -244,8 +244,8 @@ class FollowedNoneError(FinloopError):
     """No track of a film is long enough."""
 
 
-def nothing_followed(settings: Settings, verdicts: Counter[Verdict]) -> FollowedNoneError:
-    """What to raise where no track is long enough."""
+def no_track_error(settings: Settings, verdicts: Counter[Verdict]) -> FollowedNoneError:
+    """Return the error to raise where no track is long enough."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
     return FollowedNoneError(
         f"no fish could be followed for {settings.least_frames} frames (silhouettes: {counts})",

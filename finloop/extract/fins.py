@@ -83,13 +83,13 @@ def with_fins(
     at `corner`.
     """
     at = corner[0] - fins.x0, corner[1] - fins.y0
-    shown, x, y = _shown(alpha, at, fins.mask, fins.field, levels)
+    shown, x, y = _add_fins(alpha, at, fins.mask, fins.field, levels)
     return shown, (x + fins.x0, y + fins.y0)
 
 
 @kernel
-def _shown(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
-    """As `with_fins`, its first pixel too; at: the first pixel of `alpha`, x and y in the mask."""
+def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
+    """Return alpha with fins and its first pixel x, y; at: first pixel of `alpha` in the mask."""
     (left, top), (contrast, threshold) = at, levels
     (h, w), (height, width) = alpha.shape, mask.shape
     x, y, right, bottom = left, top, left + w, top + h

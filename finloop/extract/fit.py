@@ -30,10 +30,10 @@ class FilmSize(NamedTuple):
     height_px: int
 
 
-def given_of(
+def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: Settings
 ) -> tuple[Given, str | None, str | None]:
-    """The poses by frames of the clip, and the names of the keypoints at head and tail, if any.
+    """Return the poses by frames of the clip, and the names of head and tail keypoints, if any.
 
     clip_frames: (frames of the clip,) the frame of the film that each shows. FinloopError if a
     keypoint that is named is missing, the file says places beyond the film's end or none in the
@@ -143,8 +143,8 @@ class Fit(NamedTuple):
     seen: int
 
     @property
-    def needed(self) -> float:
-        """The least share for tracks of this film: midway between chance and all.
+    def least_share(self) -> float:
+        """Return the least share for tracks of this film: midway between chance and all.
 
         Tracks of another film agree by chance alone; so do this film's where animals rest, which
         have to agree nearly always then.
@@ -182,7 +182,7 @@ def _near(points: Floats, spots: Sequence[Spot], length_px: float) -> NDArray[np
 
 def refuse_other_film(tracks: Given, agreement: Fit, film: FilmSize) -> None:
     """FinloopError if too few places show an animal."""
-    if agreement.share >= agreement.needed:
+    if agreement.share >= agreement.least_share:
         return
     place = np.nanmean(tracks.points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
@@ -193,7 +193,7 @@ def refuse_other_film(tracks: Given, agreement: Fit, film: FilmSize) -> None:
         f"{agreement.chance:.0%}. At most {agreement.seen} silhouettes are seen in a frame; "
         f"places lie at x {x0:.4g} … {x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of "
         f"{film.width_px}×{film.height_px}" + (f"; never at an animal: {lost}" if lost else ""),
-        f"tracks of this film: at least {agreement.needed:.0%}, midway between chance and all",
+        f"tracks of this film: at least {agreement.least_share:.0%}, midway between chance and all",
         "give this film's tracks, in px (extract.tracks_scale), without animals that are not "
         f"there; where they are this film's, {SHOWN_ALONE}",
     )

@@ -85,10 +85,10 @@ def distances(points: Floats, spots: Sequence[Spot], most_px: float) -> Floats:
     return result
 
 
-def matched(
+def match_silhouettes(
     points: Floats, spots: Sequence[Spot], length_px: float
 ) -> list[tuple[Outcome, int | None]]:
-    """For each place (animals, k, 2) px what became of it, and the number of its silhouette."""
+    """Return the outcome and silhouette number of each place (animals, k, 2) px."""
     if not len(points) or not spots:
         return [("no silhouette", None)] * len(points)
     apart = distances(points, spots, length_px)
@@ -137,7 +137,7 @@ class Followed:
         for number, (verdicts, spots, fish) in enumerate(detections):
             rows = self._given.rows(number)
             animals = self._given.individual[rows].tolist()
-            found = matched(self._given.points[rows], spots, self._length)
+            found = match_silhouettes(self._given.points[rows], spots, self._length)
             seen: dict[int, TrackedFish] = {}
             for animal, (outcome, j) in zip(animals, found, strict=True):
                 self.outcomes[animal, outcome] += 1
@@ -168,8 +168,8 @@ class Followed:
             del running[animal]
 
 
-def nothing_used(given: Given, followed: Followed, least_frames: int) -> FollowedNoneError:
-    """What to raise where no animal has a silhouette for long enough to be a track."""
+def no_silhouette_error(given: Given, followed: Followed, least_frames: int) -> FollowedNoneError:
+    """Return the error to raise where no animal has silhouettes long enough for a track."""
     counts = Counter[Outcome]()
     for (_, outcome), count in followed.outcomes.items():
         counts[outcome] += count

@@ -244,7 +244,7 @@ def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -
         outline_px=outline(alpha) + corner,
         x0=left,
         y0=top,
-        cutout=premultiplied(frame[window], scene.background[window], shown),
+        cutout=premultiply(frame[window], scene.background[window], shown),
     )
 
 
@@ -285,19 +285,19 @@ def outline(alpha: Picture) -> Floats:
     return ring(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
 
 
-def premultiplied(film: Picture, tank: Picture, alpha: Picture) -> Picture:
-    """Cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, premultiplied by alpha.
+def premultiply(film: Picture, tank: Picture, alpha: Picture) -> Picture:
+    """Return the cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, premultiplied.
 
     It is film − (1 − alpha) · tank: laid over the same tank it gives back the film, and over any
     other picture it has no fringe of tank colour. `film` and `tank` are (h, w) or (h, w, 3),
     `alpha` (h, w).
     """
     deep = (*alpha.shape, film.size // alpha.size)
-    return _premultiplied(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
+    return _premultiply(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
 
 
 @kernel
-def _premultiplied(film, tank, alpha):  # type: ignore[no-untyped-def]
+def _premultiply(film, tank, alpha):  # type: ignore[no-untyped-def]
     height, width, channels = film.shape
     out = np.empty((height, width, channels + 1), np.uint8)
     for y in range(height):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Picture
-from finloop.extract.backbone import rimmed
+from finloop.extract.backbone import pad_picture
 
 EDGE = 0.2  # of the animal's contrast, down to which a thin part belongs to it
 _THIN = 0.4  # of a body's largest half width; what is narrower is thin
@@ -22,11 +22,11 @@ def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
     """
     body = np.minimum(above, 1)
     pale = cv2.threshold(change, level, 1, cv2.THRESH_BINARY)[1] | body
-    half_width = float(cv2.distanceTransform(rimmed(body, 1), cv2.DIST_L2, 3).max())
+    half_width = float(cv2.distanceTransform(pad_picture(body, 1), cv2.DIST_L2, 3).max())
     reach = max(1, int(_THIN * half_width + 0.5))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     rim = 2 * reach + 2
-    wide = cv2.morphologyEx(rimmed(pale, rim), cv2.MORPH_OPEN, disc)[rim:-rim, rim:-rim]
+    wide = cv2.morphologyEx(pad_picture(pale, rim), cv2.MORPH_OPEN, disc)[rim:-rim, rim:-rim]
     both = body | (pale & (1 - wide))
     _, number = cv2.connectedComponents(both)
     touch = np.isin(number, number[body.view(bool)])

@@ -45,7 +45,7 @@ class _Track:
     vy: float = 0.0
 
     @property
-    def expected(self) -> tuple[float, float]:
+    def next_place(self) -> tuple[float, float]:
         return self.spot.x_px + self.vx, self.spot.y_px + self.vy
 
 
@@ -96,7 +96,7 @@ class Linker:
         """Spot index → track, for the pairs of an optimal assignment that pass both gates."""
         if not self._tracks or not spots:
             return {}
-        cost = _distances([t.expected for t in self._tracks], [(s.x_px, s.y_px) for s in spots])
+        cost = _distances([t.next_place for t in self._tracks], [(s.x_px, s.y_px) for s in spots])
         clear = cost < self._gate / 4
         clear |= (_CLEARLY * cost < _others(cost)) & (_CLEARLY * cost < _others(cost.T).T)
         ratio = np.log([[s.area_px / t.spot.area_px for s in spots] for t in self._tracks])
@@ -126,7 +126,7 @@ class Linker:
 def _has_swallowed(track: _Track, spot: Spot, alone: list[_Track]) -> bool:
     """Whether a track's spot has grown, over where a track without a spot was expected."""
     grown = spot.area_px > _GREW * track.spot.area_px
-    return grown and _holds_any(spot.box, (other.expected for other in alone))
+    return grown and _holds_any(spot.box, (other.next_place for other in alone))
 
 
 def _others(cost: Floats) -> Floats:

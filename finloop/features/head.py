@@ -32,8 +32,8 @@ def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
     return last < first
 
 
-def given_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
-    """The end that another program gives as the head: 1 the first, −1 the last, 0 unknown; (rows,).
+def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
+    """Return the head end (rows,) of another program: 1 the first, −1 the last, 0 unknown.
 
     backbone: (rows, n, 2) px; head, tail: (rows, 2) px, NaN where unknown.
     """
@@ -56,7 +56,7 @@ def head_first(
     backbone: (frames, n, 2) px, of consecutive frames, either end first.
     half_width: (frames, n) px, beside it.
     rate_hz: frames per second.
-    given_head: (frames,) as `given_head_end` gives it; where it is not 0 it decides.
+    given_head: (frames,) as `match_head_end` gives it; where it is not 0 it decides.
 
     Returns
     -------

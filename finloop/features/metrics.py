@@ -6,7 +6,13 @@ import pandas as pd
 from finloop.base.schema import lists_to_points
 from finloop.features.area import at_places
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
-from finloop.features.table import delta_of, given_ends, orientations_of, oriented, wrap_deg
+from finloop.features.table import (
+    delta_of,
+    head_tail_points,
+    orient_backbones,
+    orientations_of,
+    wrap_deg,
+)
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
@@ -147,14 +153,14 @@ def against_truth(
 def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> dict[str, float]:
     """Agreement of the heads that another program gives with our own, for metrics.json.
 
-    Our own heads are those of `oriented` without the given ones. The angle is that between the two
-    directions from tail to head; above 90° the ends are exchanged. Where the program gives no tail,
-    its direction is that from the middle of the backbone to the head.
+    Our own heads are those of `orient_backbones` without the given ones. The angle is that between
+    the two directions from tail to head; above 90° the ends are exchanged. Where the program gives
+    no tail, its direction is that from the middle of the backbone to the head.
 
     tracks: the columns `finloop.features.table.USED`; given: schema GIVEN, the same rows.
     """
-    own, _ = oriented(tracks, rate_hz)
-    head, tail = given_ends(given)
+    own, _ = orient_backbones(tracks, rate_hz)
+    head, tail = head_tail_points(given)
     tail = np.where(np.isfinite(tail), tail, own[:, own.shape[1] // 2])
     ours, theirs = own[:, 0] - own[:, -1], head - tail
     comparable = np.isfinite(theirs).all(axis=1)

@@ -17,7 +17,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import at_places, bend
 from finloop.features.current import measured_current, through_water
-from finloop.features.head import given_head_end, head_first
+from finloop.features.head import head_first, match_head_end
 from finloop.features.memory import measured_delta
 from finloop.features.settings import Settings
 from finloop.features.swimming_type import Thresholds, swimming_type, thresholds, turn
@@ -121,7 +121,7 @@ def features(
             "make it again: `dvc repro --force extract`",
         )
     every = spans(tracks)
-    backbone, confidence = oriented(tracks, rate_hz, given)
+    backbone, confidence = orient_backbones(tracks, rate_hz, given)
     length = tracks["length_px"].to_numpy(float)
     bent, direction = bend(backbone, length), heading(backbone)
     delta_s = settings.delta_s
@@ -206,13 +206,13 @@ def spans(tracks: pd.DataFrame) -> list[slice]:
     return [slice(*one) for one in pairwise([*first.tolist(), len(tracks)])]
 
 
-def oriented(
+def orient_backbones(
     tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None
 ) -> tuple[Floats, Floats]:
-    """Backbones (rows, n, 2) of tracks, head first, and the confidence (rows,) in that."""
+    """Return backbones (rows, n, 2) px, head first, and the confidence (rows,) in that."""
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
-    ends = None if given is None else given_head_end(backbone, *given_ends(given))
+    ends = None if given is None else match_head_end(backbone, *head_tail_points(given))
     first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
     for one in spans(tracks):
         end = None if ends is None else ends[one]
@@ -220,7 +220,7 @@ def oriented(
     return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
 
 
-def given_ends(given: pd.DataFrame) -> tuple[Floats, Floats]:
-    """Head and tail, (rows, 2) px each, as another program gives them; NaN where it does not."""
+def head_tail_points(given: pd.DataFrame) -> tuple[Floats, Floats]:
+    """Return head and tail, (rows, 2) px each, of another program; NaN where unknown."""
     head, tail = (given[[f"{end}_x_px", f"{end}_y_px"]].to_numpy(float) for end in ("head", "tail"))
     return head, tail

@@ -83,10 +83,10 @@ def ensembles(
     )
 
 
-def of_forecasts(
+def measure_predictions(
     film: FilmStates, ensemble: Ensemble, swim: Sampler, parts: Partition
 ) -> dict[str, float]:
-    """Errors, log likelihoods [nats per number of the state] and coverage of held-out forecasts."""
+    """Return errors, log likelihoods [nats per state number] and coverage when held out."""
     rows, true = parts.held_out, film.states[parts.held_out + 1]
     numbers = {}
     for name, part in {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}.items():
@@ -118,8 +118,8 @@ def _log_likelihood(error: Floats, deviation: Floats) -> float:
     return float(np.mean(-((error / deviation) ** 2) / 2 - np.log(deviation * np.sqrt(2 * np.pi))))
 
 
-def ahead(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
-    """States (k, d) Δ after rows (k,) whose next Δ can be learnt from: means, of means before."""
+def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
+    """Predict the states (k, d) Δ after rows (k,) by a roll-out of means."""
     past = film.states[rows[:, None] - np.arange(film.lags[-1] + 1)]
     for tick in range(film.delta):
         later = model.mean(past[:, film.lags], film.control[rows + tick])
@@ -144,7 +144,7 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
             state = step(swim, state, control, rng)
             way.append(state.past[0, -MOTION:] * step_s)
         controls.append(control)
-        motions.append(_covered(np.array(way)))
+        motions.append(_net_displacement(np.array(way)))
     names = ("displacement_slope", "angle_slope")
     x, y = np.array(controls), np.array(motions)
     return {
@@ -154,8 +154,8 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
     }
 
 
-def _covered(way: Floats) -> tuple[float, float]:
-    """Displacement and included angle of steps (t, 3): ahead, to the left, turned."""
+def _net_displacement(way: Floats) -> tuple[float, float]:
+    """Return displacement and included angle of steps (t, 3): ahead, to the left, turned."""
     heading = np.cumsum(way[:, 2])
     before = np.append(0.0, heading[:-1])
     z = ((way[:, 0] + 1j * way[:, 1]) * np.exp(1j * before)).sum()
@@ -183,8 +183,10 @@ def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def of_free_run(states: Floats, rows: Ints, film: FilmStates, swim: Sampler) -> dict[str, float]:
-    """Of a fish that swims freely: how its spread compares with the film's, and what repeats."""
+def measure_free_run(
+    states: Floats, rows: Ints, film: FilmStates, swim: Sampler
+) -> dict[str, float]:
+    """Return how a free-swimming fish's spread compares with the film's, and what repeats."""
     usual = film.states[film.rows]
     clamped = (states <= swim.low) | (states >= swim.high)
     spread = states.std(0) / usual.std(0)

@@ -109,8 +109,8 @@ def film_states(
     )  # fmt: skip
 
 
-def shown_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
-    """The mirror of postures if mirror images may be shown: `look` of `jumps` has their rows."""
+def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
+    """Return the mirror of postures if `look` of `jumps` has rows of mirror images, else None."""
     return poses.shapes.mirror if len(look) > len(poses.codes) else None
 
 

@@ -113,21 +113,21 @@ def _similar(film: FilmStates, look: Reals, p: Settings) -> Iterator[Ints]:
     @lru_cache(1)
     def of_part(number: int) -> tuple[Ints, Nearest]:
         some = np.flatnonzero(part == number)
-        return some, Nearest.of(space[some], MOST if parts == 1 else len(some))
+        return some, Nearest.from_vectors(space[some], MOST if parts == 1 else len(some))
 
     for first in range(0, n, _LOT):
         lot = np.arange(first, min(first + _LOT, n))
         some, index = of_part(first // _TURN % parts)
         choose = partial(_passages, rows, lot, (looks, p.look), limits)
-        (choice,) = index.choose(space[lot], near, partial(_numbered, some, choose), most)
+        (choice,) = index.choose(space[lot], near, partial(_choose_among, some, choose), most)
         at, place = np.nonzero(choice >= 0)
         yield np.column_stack([rows[lot[at]], choice[at, place]])
 
 
-def _numbered(
+def _choose_among(
     some: Ints, choose: Choice, queries: Ints, near: Ints
 ) -> tuple[tuple[NDArray[Any], ...], Mask]:
-    """What is chosen, where `near` are numbers into `some` rows alone."""
+    """Return what is chosen, where `near` are numbers into `some` rows alone."""
     return choose(queries, np.where(near < 0, -1, some[near]))
 
 

@@ -13,7 +13,7 @@ from finloop.gait.feet import align_phase, feet
 from finloop.gait.film import Film, hips
 from finloop.gait.limbs import Limbs, Region, limbs
 from finloop.gait.outline import Swim, steady
-from finloop.gait.period import Period, filled, period, require_periodic
+from finloop.gait.period import Period, fill_gaps, period, require_periodic
 
 OUTLINE = "outline"
 
@@ -53,12 +53,12 @@ def film_of_regions(
 def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
     points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
-    beat = period(filled(signal), frame_rate_hz, ahead(points))
+    beat = period(fill_gaps(signal), frame_rate_hz, limb_signal(points))
     return require_periodic(beat, f"the limbs {', '.join(points)}")
 
 
-def ahead(points: dict[str, Floats]) -> Floats:
-    """A signal (frames,) that is greatest at key 1: right fore and left hind limbs ahead.
+def limb_signal(points: dict[str, Floats]) -> Floats:
+    """Return a signal (frames,), greatest at key 1: right fore and left hind limbs ahead.
 
     The other limbs are behind. Of ids that are neither fore nor hind the right ones are ahead.
     """
@@ -66,5 +66,5 @@ def ahead(points: dict[str, Floats]) -> Floats:
     for name, limb in points.items():
         x = limb[..., 0].mean(axis=1)
         sign = 1 if ("right" in name) != ("hind" in name) else -1
-        total += sign * filled((x - np.nanmean(x))[:, None])[:, 0]
+        total += sign * fill_gaps((x - np.nanmean(x))[:, None])[:, 0]
     return total

@@ -10,7 +10,14 @@ import numpy as np
 
 from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
-from finloop.curve.wavelet import back, forward, mirrored, most_levels, scales, truncated
+from finloop.curve.wavelet import (
+    back,
+    close_by_mirroring,
+    drop_details,
+    forward,
+    most_levels,
+    scales,
+)
 from finloop.gait.clock import clock
 
 
@@ -28,7 +35,7 @@ def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -
 
     FinloopError as `curve.wavelet.check`.
     """
-    points = points if closed else mirrored(points)
+    points = points if closed else close_by_mirroring(points)
     return forward(points, wavelet, levels_of(points.shape[-2], coarse, closed))
 
 
@@ -51,7 +58,7 @@ def per_coefficient(gamma: tuple[float, ...], n: int, coarse: int, closed: bool 
     return out
 
 
-def between(
+def interpolate_contours(
     start: Points,
     end: Points,
     tau: Points,
@@ -60,7 +67,7 @@ def between(
     coarse: int,
     closed: bool = True,
 ) -> Points:
-    """Frames (f, n, 2) between two contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
+    """Return frames (f, n, 2) between contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
 
     A single γ moves every coefficient, and so every point, alike: then no transform is needed.
     """
@@ -87,4 +94,4 @@ def few_control(points: Points, control: int, wavelet: str, closed: bool = True)
             "no more control points than points",
             "ask for fewer control points, or for more points",
         )
-    return truncated(points, wavelet, level, closed) if level else points
+    return drop_details(points, wavelet, level, closed) if level else points

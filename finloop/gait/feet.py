@@ -40,7 +40,7 @@ def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
     middle = float(phases.mean())
 
     def off(change: Floats) -> float:
-        return _off(phases - change[0] + change[1] * (phases - middle), way, split)
+        return _fit_residual(phases - change[0] + change[1] * (phases - middle), way, split)
 
     moves = np.linspace(-REACH, REACH, STEPS)
     first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])
@@ -57,8 +57,8 @@ def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
     return phase - best[0] + best[1] * (phase - middle)
 
 
-def _off(phase: Floats, way: Floats, split: float) -> float:
-    """Squared residual of four parabolas, joined at the keys, fitted to (frames, k)."""
+def _fit_residual(phase: Floats, way: Floats, split: float) -> float:
+    """Return the squared residual of four parabolas, joined at the keys, fitted to (frames, k)."""
     which, tau = subcycle(phase, split)
     terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
     terms[row, which] = 1 - tau

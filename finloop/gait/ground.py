@@ -65,7 +65,7 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
     paths = _paths(limbs, support)
     speed = _ground(paths).speed
     return {
-        name: _sheared(name, stack, paths[name], speed) if name in paths else stack
+        name: _shear_limb(name, stack, paths[name], speed) if name in paths else stack
         for name, stack in limbs.items()
     }
 
@@ -114,7 +114,7 @@ def _ground(paths: Paths) -> Ground:
     return Ground(speed, slide)
 
 
-def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: float) -> Points:
+def _shear_limb(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: float) -> Points:
     frames = len(stack)
     top, low = stack[..., 1].min(axis=1), stack[..., 1].max(axis=1)
     if not (low - top > FLAT * (low - top).max()).all():
@@ -126,14 +126,14 @@ def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: f
     for run, way in ways:
         frame, slid = run % frames, way - speed * run
         shift[frame] = np.stack([slid.mean() - slid, level - low[frame]], axis=1)
-    shift = _bridged(shift)
+    shift = _interpolate_shifts(shift)
     shift[:, 1] = np.minimum(shift[:, 1], level - low)  # never below the ground
     share = (stack[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
     return stack + np.minimum(share, 1)[..., None] * shift[:, None]
 
 
-def _bridged(shift: Points) -> Points:
-    """Shifts (f, 2) of a cycle; missing ones (NaN) are interpolated smoothly."""
+def _interpolate_shifts(shift: Points) -> Points:
+    """Return the shifts (f, 2) of a cycle, missing ones (NaN) interpolated smoothly."""
     frames, present = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     out = shift.copy()
     for here, there in zip(present, np.append(present[1:], present[0] + frames), strict=True):

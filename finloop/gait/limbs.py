@@ -18,9 +18,9 @@ import skimage
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area, centroid, clockwise, resampled
+from finloop.curve.contour import Curve, area, centroid, clockwise, resample_curve
 from finloop.gait.model import partner
-from finloop.gait.period import filled
+from finloop.gait.period import fill_gaps
 
 BODY = "body"
 SMOOTH_PX = 1.0
@@ -102,10 +102,12 @@ def limbs(
             "trace the limbs, one id each",
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
-    notes = _checked(regions, first)
+    notes = _check_regions(regions, first)
     centres = {name: _centres(of) for name, of in regions.items()}
     where = [BODY] if BODY in regions else names
-    course = smoothed(np.mean([filled(centres[name]) for name in where], axis=0), smooth_frames)
+    course = smooth_track(
+        np.mean([fill_gaps(centres[name]) for name in where], axis=0), smooth_frames
+    )
     points = dict[str, Floats]()
     for name in names:
         if name != BODY and name not in points:
@@ -129,7 +131,7 @@ def corresponding(regions: Sequence[Region], n: int) -> Floats:
     there = [k for k, curve in enumerate(curves) if curve is not None]
     out = np.full((len(curves), n, 2), np.nan)
     fine = np.stack(
-        [resampled(curve, n * FINE).points @ [1, 1j] for curve in curves if curve is not None]
+        [resample_curve(curve, n * FINE).points @ [1, 1j] for curve in curves if curve is not None]
     )
     centred = fine - fine.mean(axis=1, keepdims=True)
     spectra = np.fft.fft(centred, axis=1)
@@ -151,8 +153,8 @@ def corresponding(regions: Sequence[Region], n: int) -> Floats:
     return out
 
 
-def smoothed(track: Floats, window: float | None) -> Floats:
-    """A track (frames, k) without its motion of period `window` frames; None = a straight line.
+def smooth_track(track: Floats, window: float | None) -> Floats:
+    """Return a track (frames, k) without its motion of period `window`; None = a straight line.
 
     The mean over a window about each frame. Within half a window of the ends, where there is none,
     the means beside them go on in a straight line; a track shorter than two windows is taken as one
@@ -197,8 +199,8 @@ def _length(regions: Sequence[Sequence[Region]]) -> float:
     return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in contours if len(f) == most]))
 
 
-def _checked(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
-    """Notes on frames that lack a limb; refuse a limb that too many frames lack."""
+def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
+    """Return notes on frames that lack a limb; refuse a limb that too many frames lack."""
     notes, wrong, hints = [], [], []
     often = {
         name

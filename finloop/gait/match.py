@@ -13,7 +13,7 @@ import numpy as np
 from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, clockwise, resampled
+from finloop.curve.contour import Curve, clockwise, resample_curve
 from finloop.gait.model import Symmetry, partner, reversal
 
 UPRIGHT = 0.02
@@ -39,23 +39,23 @@ def corresponding(
                 "contours that are closed in every pose, left and right, or open in every pose",
                 "close them all, or none",
             )
-        model = first.get(twin, resampled(clockwise(curve), points).points)
-        first[name] = renumbered(model, curve) if twin in first else model
-        second[name] = renumbered(model, key2.curves[name])
+        model = first.get(twin, resample_curve(clockwise(curve), points).points)
+        first[name] = renumber_curve(model, curve) if twin in first else model
+        second[name] = renumber_curve(model, key2.curves[name])
     return first, second
 
 
-def renumbered(model: Points, curve: Curve) -> Points:
-    """The curve at as many points as `model` (n, 2), in the order that is most like the model.
+def renumber_curve(model: Points, curve: Curve) -> Points:
+    """Return the curve at as many points as `model` (n, 2), in the order most like the model.
 
     A closed curve may start between two points: an error of half a step would make feet slide.
     """
     a, n = _complex(model), len(model)
     if not curve.closed:
-        points = resampled(curve, n).points
+        points = resample_curve(curve, n).points
         ways = [points, points[::-1]]
         return max(ways, key=lambda way: float(likeness(a @ _complex(way).conj())))
-    points = resampled(clockwise(curve), n * FINE).points
+    points = resample_curve(clockwise(curve), n * FINE).points
     ways = [points[start::FINE] for start in range(FINE)]
     # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
     b = np.stack([_complex(way) for way in ways])

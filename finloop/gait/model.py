@@ -18,7 +18,7 @@ from pydantic import AfterValidator, Field
 
 from finloop.base.arrays import Ints, Points
 from finloop.base.errors import FinloopError
-from finloop.gait.descriptor import between, few_control
+from finloop.gait.descriptor import few_control, interpolate_contours
 
 Symmetry = Literal["swap", "mirror"]
 SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
@@ -89,8 +89,8 @@ def reversal(n: int, start: int = 0) -> Ints:
     return (start - np.arange(n)) % n
 
 
-def mirrored(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
-    """Contours (…, n, 2) reflected in the line y = middle, renumbered to keep their direction.
+def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
+    """Reflect contours (…, n, 2) in the line y = middle and renumber to keep their direction.
 
     `order` (n,) are the indices of the points; by default `reversal(n)`, for an outline that starts
     at the snout. Reflecting twice is the identity if `order` is its own inverse.
@@ -104,7 +104,7 @@ class Layout:
     """How the second half of a cycle lies in the picture, compared with the first."""
 
     middle: float = 0.0  # mirror: y of the axis
-    # mirror, by id: the points' order, see `mirrored`; an id and its partner share one
+    # mirror, by id: the points' order, see `mirror_contours`; an id and its partner share one
     orders: Mapping[str, Ints] | None = None
     # swap, by id, (2,): how much farther right and down the id hangs on the body than its
     # partner; the partner's is the negative. A limb then keeps its hip
@@ -149,7 +149,7 @@ def half_later(
         if symmetry == "mirror":
             order = orders.get(name, reversal(contours[twin].shape[-2]))
             identity = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
-            out[name] = mirrored(contours[twin], layout.middle, order)
+            out[name] = mirror_contours(contours[twin], layout.middle, order)
         else:
             offset = offsets.get(name, np.zeros(2))
             identity = np.allclose(offset, -np.asarray(offsets.get(twin, -offset)))
@@ -228,7 +228,7 @@ def at_phases(
         for sub in range(2):
             start, end = keys[sub][name], keys[sub + 1][name]
             gamma = gamma_of(gait, name, sub)
-            frames[which == sub] = between(
+            frames[which == sub] = interpolate_contours(
                 start, end, tau[which == sub], gamma, gait.wavelet, gait.coarse, loop
             )
         if control is not None:

@@ -41,8 +41,8 @@ class Swim:
     length_px: float
 
 
-def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Floats]:
-    """Outlines (frames, m, 2) and backbones (frames, k, 2), head first, of one track, px.
+def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Floats]:
+    """Return outlines (frames, m, 2) and backbones (frames, k, 2), head first, of a track, px.
 
     Both tables must hold the same frames; the feature table says which end is the head.
     """

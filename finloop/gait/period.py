@@ -60,12 +60,12 @@ def period(
     slowest_hz, fastest_hz: bounds of the search; never below one cycle in the film or above 0.4 of
         the frame rate.
     """
-    signal = _checked(signal, frame_rate_hz)
+    signal = _check_signal(signal, frame_rate_hz)
     whole = np.asarray(np.isfinite(signal).all(axis=1))
     frames = len(signal)
     if frames < LEAST_FRAMES:
         return _none(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
-    modes = _modes(filled(np.where(whole[:, None], signal, np.nan)))
+    modes = _modes(fill_gaps(np.where(whole[:, None], signal, np.nan)))
     if not modes.size:
         return _none(frames, "nothing moves")
     low = max(frame_rate_hz / frames, slowest_hz)
@@ -126,7 +126,7 @@ def require_periodic(beat: Period, name: str) -> Period:
     return beat
 
 
-def _checked(signal: Floats, frame_rate_hz: float) -> Floats:
+def _check_signal(signal: Floats, frame_rate_hz: float) -> Floats:
     signal = np.asarray(signal, np.float64)
     if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
         raise FinloopError(
@@ -146,8 +146,8 @@ def _none(frames: int, why: str) -> Period:
     return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
 
 
-def filled(signal: Floats) -> Floats:
-    """A signal (frames, k) whose NaN are filled by linear interpolation, column by column.
+def fill_gaps(signal: Floats) -> Floats:
+    """Fill the NaN of a signal (frames, k) by linear interpolation, column by column.
 
     FinloopError if a column is all NaN.
     """

@@ -19,7 +19,7 @@ def record_of(gait: Gait) -> dict[str, Any]:
 
     FinloopError if the gait is not one that `gait_of` would take.
     """
-    content = json.loads(json.dumps(_rounded(asdict(gait))))
+    content = json.loads(json.dumps(_round_floats(asdict(gait))))
     try:
         gait_of(content)
     except ValueError as error:
@@ -38,9 +38,9 @@ def gait_of(content: Any) -> Gait:
     return gait
 
 
-def _rounded(value: Any) -> Any:
+def _round_floats(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _rounded(item) for key, item in value.items()}
+        return {key: _round_floats(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_rounded(item) for item in value]
+        return [_round_floats(item) for item in value]
     return round(float(value), DECIMALS) + 0.0 if isinstance(value, float) else value

@@ -109,7 +109,7 @@ def summary(result: Transfer, gait: Gait, seconds: float) -> str:
             f"in key 2 {', '.join(result.lifted)} should stand, but their partners do:"
             " are left and right, or the keys, exchanged?"
         )
-    if folded := morph.folded():
+    if folded := morph.count_fold_frames():
         lines.append("folds: " + in_frames(folded, frames))
     if result.outside:
         lines.append("leaves the picture: " + in_frames(result.outside, frames))

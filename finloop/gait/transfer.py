@@ -17,7 +17,7 @@ from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
 from finloop.gait.match import corresponding, mirror_orders
 from finloop.gait.model import POOLED, Gait, Layout, cycle, partner
 from finloop.morph.folds import folds, stays_simple
-from finloop.morph.layers import check_pairs, check_sizes, fitted
+from finloop.morph.layers import check_pairs, check_sizes, fit_drawing
 
 LEAST_FRAMES = 4  # one a key
 LIFT = 0.02  # of a limb's height
@@ -62,7 +62,7 @@ def transfer(
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)
-    key2 = fitted(key2, key1.width, key1.height)
+    key2 = fit_drawing(key2, key1.width, key1.height)
     closed = {name: curve.closed for name, curve in key1.curves.items()}
     keys = corresponding(key1, key2, gait.symmetry, points)
     swap = gait.symmetry == "swap"
@@ -80,7 +80,7 @@ def transfer(
         before=_ground(layers, support, width),
         after=_ground(morph.layers, support, width),
         outside=_outside(morph),
-        lifted=_lifted(keys[1], gait, layout.offsets or {}) if swap else (),
+        lifted=_find_lifted_feet(keys[1], gait, layout.offsets or {}) if swap else (),
     )
 
 
@@ -133,7 +133,7 @@ def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
 
     The far limbs of a drawing often stand higher in the picture: farther up on the ground.
     """
-    down = {name for name in key1 if any(0 in run for run in _wrapped(gait, name))}
+    down = {name for name in key1 if any(0 in run for run in _support_keys(gait, name))}
     return {
         name: np.array([0, key1[name][:, 1].max() - key1[twin][:, 1].max()])
         for name in down
@@ -141,8 +141,10 @@ def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
     }
 
 
-def _lifted(key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]) -> tuple[str, ...]:
-    """See `Transfer.lifted`."""
+def _find_lifted_feet(
+    key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]
+) -> tuple[str, ...]:
+    """Return the feet that `Transfer.lifted` names, sorted."""
     down = {
         name
         for name, spans in gait.support.items()
@@ -157,8 +159,8 @@ def _lifted(key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]) 
     return tuple(sorted(out))
 
 
-def _wrapped(gait: Gait, name: str) -> list[Ints]:
-    """Key numbers 0…3 in each support of a limb."""
+def _support_keys(gait: Gait, name: str) -> list[Ints]:
+    """Return the key numbers 0…3 in each support of a limb."""
     return [run % LEAST_FRAMES for run in supports(gait.support.get(name, ()), LEAST_FRAMES)]
 
 

@@ -127,7 +127,7 @@ def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
 def _rows_of(reel: Reel) -> tuple[Ints, Ints]:
     """The row of every sprite's frame, and of the next one; at the end of a track the same."""
     row = reel.sprites["row"].to_numpy(np.intp)
-    return row, reel.after(row)
+    return row, reel.next_rows(row)
 
 
 def _frames_ahead(features: pd.DataFrame) -> Ints:

@@ -16,7 +16,7 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import painted, shapes
+from finloop.base.paint import paint_layers, shapes
 from finloop.base.parallel import Threads, ordered_map
 from finloop.io.animation_lottie import to_lottie
 from finloop.io.animation_svg import to_svg
@@ -107,7 +107,7 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
 
     def paint_frame(frame: int) -> Picture:
         contours = [(form, [morph.layers[name][frame] for name in form.layers]) for form in forms]
-        return painted(contours, shape, scale)
+        return paint_layers(contours, shape, scale)
 
     points = np.hstack([frames.reshape(len(frames), -1) for frames in morph.layers.values()])
     first, alike = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]

@@ -26,7 +26,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     On any exception the temporary file is removed and `path` is left as it was. FinloopError if the
     disk is full.
     """
-    part = path.with_name(f".{path.stem}.{_own()}.part{path.suffix}")
+    part = path.with_name(f".{path.stem}.{_process_tag()}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(path.parent)
@@ -47,7 +47,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     On any exception the temporary folder is removed and `path` is left as it was. FinloopError if
     the disk is full.
     """
-    part = path.with_name(f".{path.name}.{_own()}.part")
+    part = path.with_name(f".{path.name}.{_process_tag()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(path.parent)
@@ -69,7 +69,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 @contextmanager
 def passing_file(path: Path) -> Iterator[Path]:
     """Yield a hidden path beside `path` for a file that is needed during the block alone."""
-    part = path.with_name(f".{path.name}.{_own()}.part")
+    part = path.with_name(f".{path.name}.{_process_tag()}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_leftovers(path.parent)
     try:
@@ -78,14 +78,14 @@ def passing_file(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def _own() -> str:
-    """This process: its machine, as others may write into the same folder, and its number."""
+def _process_tag() -> str:
+    """Return a tag of this process: its machine and its process number."""
     return f"{socket.gethostname().partition('.')[0]}-{os.getpid()}"
 
 
 def _remove_leftovers(folder: Path) -> None:
     """Remove the unfinished files that ended processes of this machine left in a folder."""
-    host = _own().rpartition("-")[0]
+    host = _process_tag().rpartition("-")[0]
     for path in folder.glob(f".*.{glob.escape(host)}-*.part*"):
         number = path.name.rpartition(".part")[0].rpartition("-")[2]
         if number.isdecimal() and not _runs(int(number)):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
-from finloop.io.record import made_by
+from finloop.io.record import remake_hint
 
 _INDEX = {
     "track_id": (pa.int32(), "1"),
@@ -78,7 +78,7 @@ class CutoutWriter:
         if keys is not None:
             index[:, :2] = keys
         for row, of_row in zip(rows.tolist(), index.tolist(), strict=True):
-            self._append((*of_row, store.packed(row).to_pybytes()))
+            self._append((*of_row, store.pixel_buffer(row).to_pybytes()))
 
     def _append(self, row: tuple[Any, ...]) -> None:
         self._rows.append(row)
@@ -115,18 +115,18 @@ class CutoutStore:
     def __len__(self) -> int:
         return len(self.index)
 
-    def packed(self, row: int) -> pa.Buffer:
-        """The compressed pixels of cut-out number `row`."""
+    def pixel_buffer(self, row: int) -> pa.Buffer:
+        """Return the compressed pixels of cut-out number `row`."""
         return self._pixels[row].as_buffer()
 
     def __getitem__(self, row: int) -> Cutout:
         """Cut-out number `row` of the index; FinloopError if it is damaged."""
         track_id, frame, x0, y0, *shape = self._places[row, :7].tolist()
         try:
-            raw = _CODEC.decompress(self.packed(row), decompressed_size=int(np.prod(shape)))
+            raw = _CODEC.decompress(self.pixel_buffer(row), decompressed_size=int(np.prod(shape)))
         except (OSError, pa.ArrowException) as error:
             came = f"cut-out {row} of the store is damaged ({error})"
-            raise FinloopError(came, *made_by("extract")) from error
+            raise FinloopError(came, *remake_hint("extract")) from error
         pixels = np.frombuffer(raw, np.uint8).reshape(shape)
         return Cutout(track_id, frame, x0, y0, pixels, *self._places[row, 7:].tolist())
 
@@ -148,7 +148,7 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
             table = pa.ipc.open_file(source).read_all()
         except (OSError, pa.ArrowException) as error:
             came = f"{path} cannot be read as a cut-out store ({error})"
-            raise FinloopError(came, *made_by("extract")) from error
+            raise FinloopError(came, *remake_hint("extract")) from error
         if not any(map(table.schema.equals, (_FILM, _SPRITES))):
             raise FinloopError(
                 came=f"{path} has the columns {', '.join(table.column_names)}",

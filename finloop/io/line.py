@@ -26,14 +26,14 @@ def load_line(path: Path, unit: str) -> Line:
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
-        return checked_line(_of_drawing(path, unit))
+        return checked_line(_line_from_drawing(path, unit))
     if suffix not in (".csv", ".parquet"):
         raise FinloopError(
             f"{path} is no file that a path is read from",
             "a file .csv, .parquet or .svg; or a track of the film, such as track:8",
             "save the path as one of these, or correct matching.path",
         )
-    return checked_line(_of_table(path, _table(path, suffix), unit))
+    return checked_line(_line_from_table(path, _table(path, suffix), unit))
 
 
 def _table(path: Path, suffix: str) -> pa.Table:
@@ -45,8 +45,8 @@ def _table(path: Path, suffix: str) -> pa.Table:
         ) from error
 
 
-def _of_table(path: Path, table: pa.Table, unit: str) -> Line:
-    """The line of a table, by the names of its columns."""
+def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
+    """Return the line of a table, by the names of its columns."""
     names = {name.strip().lower(): name for name in table.column_names}
     units = [PX, MM, TANK]
     own = next((choice for choice in units if {f"x_{choice}", f"y_{choice}"} <= names.keys()), None)
@@ -73,8 +73,8 @@ def _numbers(path: Path, table: pa.Table, name: str) -> Floats:
     return np.array(column.to_numpy(zero_copy_only=False), float)
 
 
-def _of_drawing(path: Path, unit: str) -> Line:
-    """The one path of a drawing."""
+def _line_from_drawing(path: Path, unit: str) -> Line:
+    """Return the only path of a drawing as a line."""
     drawing = load_svg(path)
     if len(drawing.curves) != 1:
         raise FinloopError(

@@ -80,7 +80,7 @@ class Movie(ABC):
             self._stack = stack.pop_all()
         return self._stream
 
-    def _halved(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
+    def _set_half_chroma(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
         """Set the stream to colours of half the size: even sides, limited range."""
         height, width = self._shape[:2]
         self._odd = height % 2, width % 2
@@ -101,8 +101,8 @@ class Movie(ABC):
     def __enter__(self) -> Self: ...
 
     @abstractmethod
-    def _coded(self, frame: Picture) -> VideoFrame:
-        """The frame in the stream's pixel format."""
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
+        """Convert a frame to the stream's pixel format."""
 
     def write(self, frame: Picture) -> None:
         """Append one frame, uint8 of the film's shape."""
@@ -121,7 +121,7 @@ class Movie(ABC):
         if self._broken:  # to write on after an error crashes the library
             return
         self._broken = True
-        coded = self._coded(frame)
+        coded = self._convert_frame(frame)
         coded.pts, coded.time_base = number, 1 / self._rate
         packets = self._stream.encode(coded)
         self._file.mux(packets)
@@ -147,10 +147,10 @@ class Movie(ABC):
 _LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
 
 
-def _subsampled(
+def _subsample_chroma(
     frame: Picture, matrix: Colorspace, size: tuple[int, int] | None = None
 ) -> VideoFrame:
-    """A frame as 4:2:0 of limited range, in an even size (width, height), else in its own."""
+    """Convert a frame to 4:2:0, limited range, of an even size (width, height) or its own."""
     width, height = frame.shape[1::-1] if size is None else size
     if frame.ndim == 2:  # swscale gives grey a tint that varies
         if size is not None:
@@ -191,8 +191,8 @@ class VideoWriter(Movie):
         self._format = ("yuv420p" if even else "yuv444p") if colour else "gray"
 
     @classmethod
-    def of(cls, path: Path, facts: VideoFacts) -> Self:
-        """The writer of a clip whose size, rate, colour and quality are known."""
+    def from_facts(cls, path: Path, facts: VideoFacts) -> Self:
+        """Return the writer of a clip whose size, rate, colour and quality are known."""
         size = facts.width_px, facts.height_px
         return cls(path, *size, facts.frame_rate, facts.colour, facts.crf)
 
@@ -210,7 +210,7 @@ class VideoWriter(Movie):
         coder.color_range, coder.colorspace = ColorRange.JPEG, Colorspace.ITU601
         return self
 
-    def _coded(self, frame: Picture) -> VideoFrame:
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
         if frame.ndim == 2:
             picture = VideoFrame.from_ndarray(frame, format="gray")
             picture.color_range = ColorRange.JPEG
@@ -233,11 +233,11 @@ class Mp4Writer(Movie):
     def __enter__(self) -> Self:
         options = {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE
         stream = self._begin("mp4", {"movflags": "+faststart"}, "libx264", options)
-        self._halved(stream, "yuv420p", Colorspace.ITU709)
+        self._set_half_chroma(stream, "yuv420p", Colorspace.ITU709)
         return self
 
-    def _coded(self, frame: Picture) -> VideoFrame:
-        return _subsampled(self._even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
+        return _subsample_chroma(self._even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
 class WebpWriter(Movie):
@@ -261,5 +261,5 @@ class WebpWriter(Movie):
         (stream.width, stream.height), stream.pix_fmt = self._size, "yuv420p"
         return self
 
-    def _coded(self, frame: Picture) -> VideoFrame:
-        return _subsampled(frame, Colorspace.ITU601, self._size)  # as WebP is defined
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
+        return _subsample_chroma(frame, Colorspace.ITU601, self._size)  # as WebP is defined

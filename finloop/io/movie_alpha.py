@@ -32,11 +32,11 @@ class WebmWriter(Movie):
         }  # fmt: skip
         container = {"fflags": "bitexact"}  # else a random number names the file
         stream = self._begin("webm", container, "libvpx-vp9", options)
-        self._halved(stream, "yuva420p", Colorspace.ITU601)
+        self._set_half_chroma(stream, "yuva420p", Colorspace.ITU601)
         return self
 
-    def _coded(self, frame: Picture) -> VideoFrame:
-        """4:2:0 of limited range, BT.601, with alpha as it is.
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
+        """Convert a frame to 4:2:0 of limited range, BT.601, with alpha as it is.
 
         By OpenCV: swscale takes three times as long, and changes alpha by 1.
         """
@@ -65,5 +65,5 @@ class AlphaWebpWriter(Movie):
         stream.pix_fmt = "bgra"  # the coder's own order: it makes 4:2:0 itself, alpha in mind
         return self
 
-    def _coded(self, frame: Picture) -> VideoFrame:
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
         return VideoFrame.from_ndarray(cv2.cvtColor(frame, cv2.COLOR_RGBA2BGRA), format="bgra")

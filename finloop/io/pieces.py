@@ -28,17 +28,17 @@ class Pieces:
 
     folder: Path
 
-    def kept_or_made(self, name: str, make: Callable[[], T]) -> T:
-        """The piece of that name from an earlier run; else the result of `make()`, which is stored.
+    def load_or_make(self, name: str, make: Callable[[], T]) -> T:
+        """Load the piece of that name, or store and return the result of `make()`.
 
         FinloopError if the disk is full.
         """
         path = self.folder / name
         try:
-            return unpacked(path.read_bytes())
+            return unpack_piece(path.read_bytes())
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):
             piece = make()
-        save_bytes(path, packed(piece))
+        save_bytes(path, pack_piece(piece))
         return piece
 
     def size(self) -> int:
@@ -52,14 +52,14 @@ class Pieces:
             self.folder.parent.rmdir()
 
 
-def packed(piece: object) -> bytes:
-    """A result as compressed bytes, its size before it."""
+def pack_piece(piece: object) -> bytes:
+    """Compress a result to bytes, its size in front."""
     plain = pickle.dumps(piece, pickle.HIGHEST_PROTOCOL)
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
-def unpacked(content: bytes) -> Any:
-    """A result again; ValueError or an error of pickle where it is damaged."""
+def unpack_piece(content: bytes) -> Any:
+    """Restore a result; ValueError or an error of pickle where it is damaged."""
     size = int.from_bytes(content[:_SIZE])
     return pickle.loads(_CODEC.decompress(content[_SIZE:], size))
 

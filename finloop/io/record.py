@@ -42,7 +42,7 @@ def save_record(path: Path, record: Any) -> None:
 
 def load_record(path: Path, kind: Callable[..., T], stage: str) -> T:
     """`kind(**content)` of an object that a stage wrote; errors as for `load_json`."""
-    return load_json(path, lambda content: kind(**content), *made_by(stage))
+    return load_json(path, lambda content: kind(**content), *remake_hint(stage))
 
 
 def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
@@ -52,10 +52,12 @@ def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
 
 def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
     """A `kind(**one)` for each object of a list that a stage wrote; errors as for `load_json`."""
-    return load_json(path, lambda content: [kind(**record) for record in content], *made_by(stage))
+    return load_json(
+        path, lambda content: [kind(**record) for record in content], *remake_hint(stage)
+    )
 
 
-def made_by(stage: str) -> tuple[str, str]:
-    """`wanted` and `do` of an error: a file is not as a stage wrote it."""
+def remake_hint(stage: str) -> tuple[str, str]:
+    """Return `wanted` and `do` of an error: a file is not as a stage wrote it."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

@@ -78,7 +78,7 @@ def load_regions(
 
 
 def _load_masks(paths: Mapping[str, list[Path]], of_mask: Callable[[Mask], T]) -> Regions[T]:
-    numbered = {name: _numbered(files) for name, files in paths.items()}
+    numbered = {name: _paths_by_number(files) for name, files in paths.items()}
     numbers = [number for files in numbered.values() for number in files]
     first, last = min(numbers), max(numbers)
     frames: list[dict[str, T | None]] = [dict.fromkeys(paths) for _ in range(first, last + 1)]
@@ -101,7 +101,7 @@ def _load_masks(paths: Mapping[str, list[Path]], of_mask: Callable[[Mask], T]) -
 
 
 def _load_traces(paths: list[Path], of_trace: Callable[[Curve, float, float], T]) -> Regions[T]:
-    numbered = _numbered(paths)
+    numbered = _paths_by_number(paths)
     first, last = min(numbered), max(numbered)
     frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
@@ -121,8 +121,8 @@ def _load_traces(paths: list[Path], of_trace: Callable[[Curve, float, float], T]
     return Regions(whole, first)
 
 
-def _numbered(paths: list[Path]) -> dict[int, Path]:
-    """Paths by the last number in their names."""
+def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
+    """Map the last number in the name of each path to the path."""
     out = dict[int, Path]()
     for path in paths:
         numbers = re.findall(r"\d+", path.stem)

@@ -17,7 +17,7 @@ import numpy as np
 import svgelements as svg
 
 from finloop.base.arrays import Points
-from finloop.base.drawing import Curve, Drawing, checked
+from finloop.base.drawing import Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
 from finloop.io.svg_guard import load_tree
@@ -37,7 +37,7 @@ def load_svg(path: Path) -> Drawing:
     A contour without an id has that of the nearest group or `use` around it, else "contour"; where
     several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
     no SVG that may be read (see `load_tree`), has no contour, one that is not valid (see
-    `checked`), or two of one id.
+    `clean_curve`), or two of one id.
     """
     tree = load_tree(path)
     try:
@@ -64,7 +64,7 @@ def load_svg(path: Path) -> Drawing:
         )
     names = _names(path, [name for name, _, _ in contours])
     curves = {
-        name: checked(curve, name) for name, (_, curve, _) in zip(names, contours, strict=True)
+        name: clean_curve(curve, name) for name, (_, curve, _) in zip(names, contours, strict=True)
     }
     styles = {name: style for name, (_, _, style) in zip(names, contours, strict=True) if style}
     return Drawing(curves, *_size(tree, picture, curves), styles)

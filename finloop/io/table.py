@@ -85,7 +85,9 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
         for problem in _holes(arrays[column.name], column)
     ]
     if problems:
-        raise _refused(f"the table for {name}", problems, "mend the stage that makes the table")
+        raise _schema_error(
+            f"the table for {name}", problems, "mend the stage that makes the table"
+        )
     return pa.Table.from_arrays(
         [arrays[c.name] for c in schema.columns], schema=arrow_schema(schema)
     )
@@ -103,7 +105,7 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
     columns as rows of arrays. FinloopError if the file is missing or unreadable; or it lists every
     missing, unknown, ill-typed, wrongly null column and every other unit at once.
     """
-    return _to_frame(*_checked(path, schema, columns))
+    return _to_frame(*_read_columns(path, schema, columns))
 
 
 def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
@@ -111,7 +113,7 @@ def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
 
     FinloopError as `load_table`, and where the lists of a column have several lengths.
     """
-    table, schema = _checked(path, schema, names)
+    table, schema = _read_columns(path, schema, names)
     arrays, ragged = [], []
     for name in names:
         column = table.column(name).combine_chunks()
@@ -121,7 +123,7 @@ def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
         flat = column.flatten().to_numpy(zero_copy_only=False)
         arrays.append(flat if ragged else flat.reshape(len(column), length["max"] or 0))
     if ragged:
-        raise _refused(str(path), ragged, _AGAIN)
+        raise _schema_error(str(path), ragged, _AGAIN)
     return arrays
 
 
@@ -136,7 +138,7 @@ def read_lists(
     try:
         with pq.ParquetFile(path) as file:
             if missing := [name for name in names if name not in file.schema_arrow.names]:
-                raise _refused(str(path), [f"{name}: missing" for name in missing], _AGAIN)
+                raise _schema_error(str(path), [f"{name}: missing" for name in missing], _AGAIN)
             for batch in file.iter_batches(rows, columns=list(names)):
                 lengths = [column.length for column in schema.columns if column.name in names]
                 yield [
@@ -148,8 +150,10 @@ def read_lists(
         raise FinloopError(came=came, wanted="a Parquet file", do=_AGAIN) from error
 
 
-def _checked(path: Path, schema: Schema, columns: Sequence[str] | None) -> tuple[pa.Table, Schema]:
-    """A table's columns, or some of them, after every check, and their schema."""
+def _read_columns(
+    path: Path, schema: Schema, columns: Sequence[str] | None
+) -> tuple[pa.Table, Schema]:
+    """Return a table's columns, or some of them, after every check, and their schema."""
     if columns is not None:
         schema = Schema(*(column for column in schema.columns if column.name in columns))
     try:
@@ -170,7 +174,7 @@ def _checked(path: Path, schema: Schema, columns: Sequence[str] | None) -> tuple
             problems.append(f"{column.name}: in {unit or 'no unit'!r}, wanted {column.unit!r}")
         problems += _holes(table.column(column.name).combine_chunks(), column)
     if problems:
-        raise _refused(str(path), problems, _AGAIN)
+        raise _schema_error(str(path), problems, _AGAIN)
     return table, schema
 
 
@@ -251,7 +255,7 @@ def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
     return array.to_pandas()
 
 
-def _refused(what: str, problems: list[str], do: str) -> FinloopError:
+def _schema_error(what: str, problems: list[str], do: str) -> FinloopError:
     return FinloopError(
         came=f"{what} does not fit its schema:\n    " + "\n    ".join(problems),
         wanted="every column of the schema, with its type and unit, and no other",

@@ -97,7 +97,7 @@ def _facts(record: dict[str, Any]) -> VideoFacts:
 
 
 @contextmanager
-def _opened(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStream, Fraction]]:
+def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStream, Fraction]]:
     """Open a normalised clip: container, stream, ticks from one frame to the next."""
     try:
         with av.open(str(path)) as container:
@@ -106,10 +106,10 @@ def _opened(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStr
             stream.codec_context.thread_count = threads
             yield container, stream, Fraction(stream.duration or 0, stream.frames)
     except (OSError, av.error.FFmpegError, IndexError, ZeroDivisionError) as error:
-        raise _damaged(path, str(error), FinloopError) from error
+        raise _clip_error(path, str(error), FinloopError) from error
 
 
-def _damaged(path: Path, why: str, kind: type[FinloopError] = UndecodableError) -> FinloopError:
+def _clip_error(path: Path, why: str, kind: type[FinloopError] = UndecodableError) -> FinloopError:
     return kind(
         came=f"{path} cannot be read as a normalised clip ({why})",
         wanted="the clip as the stage `clip` wrote it",
@@ -117,12 +117,14 @@ def _damaged(path: Path, why: str, kind: type[FinloopError] = UndecodableError) 
     )
 
 
-def _decoded(path: Path, container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
-    """The frames from where the container stands; UndecodableError at one that is damaged."""
+def _decode_clip(
+    path: Path, container: InputContainer, stream: VideoStream
+) -> Iterator[VideoFrame]:
+    """Yield the frames from the present position on; UndecodableError at a damaged one."""
     try:
         yield from container.decode(stream)
     except av.error.InvalidDataError as error:
-        raise _damaged(path, str(error)) from error
+        raise _clip_error(path, str(error)) from error
 
 
 def _number(frame: VideoFrame, step: Fraction) -> int:
@@ -148,9 +150,9 @@ def _rgb(frame: VideoFrame) -> np.ndarray:
 
 def refuse_other_length(path: Path, frames: int) -> None:
     """FinloopError where a normalised clip cannot be read, or has another number of frames."""
-    with _opened(path, 1) as (_, stream, _):
+    with _open_clip(path, 1) as (_, stream, _):
         if stream.frames != frames:
-            raise _damaged(path, f"it has {stream.frames} frames, not {frames}", FinloopError)
+            raise _clip_error(path, f"it has {stream.frames} frames, not {frames}", FinloopError)
 
 
 def read_frames(
@@ -171,7 +173,7 @@ def read_frames(
     start, stop: half-open range of frames; `stop` None = to the end.
     threads: of the decoder.
     """
-    with _opened(path, threads) as (container, stream, step):
+    with _open_clip(path, threads) as (container, stream, step):
         convert = _rgb if colour else luma
         stop = stream.frames if stop is None else min(stop, stream.frames)
         if start >= stop:
@@ -179,17 +181,17 @@ def read_frames(
         if start > 0:
             container.seek(int(start * step), stream=stream)
         number = start
-        for frame in _decoded(path, container, stream):
+        for frame in _decode_clip(path, container, stream):
             index = _number(frame, step)
             if index < start:
                 continue
             if index != number:
-                raise _damaged(path, f"frame {number} is missing")
+                raise _clip_error(path, f"frame {number} is missing")
             yield convert(frame)
             number += 1
             if number == stop:
                 return
-        raise _damaged(path, f"it ends before frame {number}")
+        raise _clip_error(path, f"it ends before frame {number}")
 
 
 def read_spread(
@@ -206,18 +208,18 @@ def read_spread(
     """
     if any(b < a for a, b in pairwise(frames)):
         raise ValueError("frames must ascend")
-    with _opened(path, threads) as (container, stream, step):
+    with _open_clip(path, threads) as (container, stream, step):
         convert = _rgb if colour else luma
         decoded: Iterator[VideoFrame] = iter(())
         position, current = -KEY_FRAME_EVERY, None
         for number in frames:
             if number - position >= KEY_FRAME_EVERY:  # else decoding on is as quick as seeking
                 container.seek(int(number * step), stream=stream)
-                decoded, current = _decoded(path, container, stream), None
+                decoded, current = _decode_clip(path, container, stream), None
             while current is None or position < number:
                 current = next(decoded, None)
                 if current is None:
-                    raise _damaged(path, f"frame {number} is missing")
+                    raise _clip_error(path, f"frame {number} is missing")
                 position = _number(current, step)
             yield convert(current)
 

@@ -14,7 +14,7 @@ from finloop.features.table import delta_of
 from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.settings import Settings
 from finloop.jumps.sides import handedness, sides_apart
-from finloop.jumps.signature import Straight, blocks, parts, scaled, signatures
+from finloop.jumps.signature import Straight, blocks, parts, signatures, standardize
 from finloop.jumps.source import Source
 from finloop.jumps.visible import VisibleDistance
 
@@ -52,8 +52,8 @@ def film_jumps(
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(row_parts, reel.step_ends, settings)
     least = max(1, round(settings.least * delta_of(reel.features)))
-    search = Search.of(values, track, settings.candidates, least, mirror)
-    visible, tables = VisibleDistance.of(source, crew), []
+    search = Search.from_values(values, track, settings.candidates, least, mirror)
+    visible, tables = VisibleDistance.from_source(source, crew), []
     rows = blocks(len(track), _LOT)
     counts = settings.neighbours, min(settings.nearest, settings.neighbours)
     best_of = partial(_best_jumps, source, search, visible.natural, counts)
@@ -64,7 +64,7 @@ def film_jumps(
     first, later = reel.step_ends
     step = np.linalg.norm(values[0, later] - values[0, first], axis=-1)
     best = jumps.groupby("row")["seam"].min()
-    look = scaled(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
+    look = standardize(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
     return FilmJumps(jumps, look.astype(np.float32), visible, {
         "jumps": len(jumps),
         "rows_with_jumps_pct": 100 * len(best) / len(track),

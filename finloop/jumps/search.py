@@ -36,14 +36,14 @@ class Search:
     least: int
 
     @classmethod
-    def of(
+    def from_values(
         cls, values: Floats, track: Ints, count: int, least: int, mirror: bool = True
     ) -> "Search":
-        """Values (2, n, d): of rows [0] and mirror images [1]."""
+        """Make the search from values (2, n, d): of rows [0] and mirror images [1]."""
         targets = np.ascontiguousarray(values[: 1 + mirror].reshape(-1, values.shape[-1]))
         stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
         goals = np.flatnonzero(np.tile(stays, 1 + mirror))
-        index = Nearest.of(targets[goals])
+        index = Nearest.from_vectors(targets[goals])
         part = parts_of(len(track), _STRETCH * least)
         return cls(targets, goals, index, np.asarray(track), part, count, least)
 
@@ -59,7 +59,7 @@ class Search:
     def in_part(self, rows: Ints, part: int) -> pd.DataFrame:
         """The same, of the neighbours in one part of the film."""
         goals = self.goals[self.part[self.goals % len(self.track)] == part]
-        return self._nearest(rows, goals, Nearest.of(self.targets[goals], len(goals)))
+        return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
 
     def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
         """Neighbours of rows among some goals, which are in an index."""

@@ -100,15 +100,15 @@ def signatures(row_parts: Parts, ends: tuple[Ints, Ints], settings: Settings) ->
     step is the median distance between the rows `ends`, each (k,), that are one apart.
     """
     weights = (settings.pose, settings.change, settings.motion, settings.look)
-    sides = [scaled(part, name == "motion") * weight for (name, part), weight in
+    sides = [standardize(part, name == "motion") * weight for (name, part), weight in
              zip(row_parts._asdict().items(), weights, strict=True)]  # fmt: skip
     values = np.concatenate(sides, axis=-1)
     step = np.median(np.linalg.norm(values[0, ends[1]] - values[0, ends[0]], axis=-1))
     return values / max(float(step), 1e-12)
 
 
-def scaled(part: Floats, each: bool = False) -> Floats:
-    """Deviations from the mean; in units of the part's deviation, or of each of its numbers'."""
+def standardize(part: Floats, each: bool = False) -> Floats:
+    """Return deviations from the mean in units of the part's deviation, or of each number's."""
     return (part - part.mean((0, 1))) / deviation(part, each)
 
 

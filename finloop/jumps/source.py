@@ -45,8 +45,8 @@ class InMemory:
     drawn: Pictures
 
     @classmethod
-    def of(cls, reel: Reel, poses: FilmPoses, size: int) -> "InMemory":
-        """With pictures `size` px across. poses: of the reel's rows."""
+    def from_reel(cls, reel: Reel, poses: FilmPoses, size: int) -> "InMemory":
+        """Make the source with room for pictures `size` px across. poses: of the reel's rows."""
         return cls(reel, poses, np.empty(shape_of(reel, size), np.uint8))
 
     def film(self) -> tuple[Reel, FilmPoses]:

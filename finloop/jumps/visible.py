@@ -32,11 +32,11 @@ class VisibleDistance:
     natural: float
 
     @classmethod
-    def of(cls, source: Source, crew: Workers) -> "VisibleDistance":
+    def from_source(cls, source: Source, crew: Workers) -> "VisibleDistance":
         """Draw the rows of a film into the room that it has for its pictures."""
         reel, poses = source.film()
         pictures, rows = source.pictures(), blocks(len(reel), _LOT)
-        drawn = ordered_map(partial(_drawn, source, pictures.shape[1]), rows, crew)
+        drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, crew)
         for lot, of_lot in zip(rows, drawn, strict=True):
             pictures[lot] = of_lot
         source.keep()
@@ -73,12 +73,12 @@ class VisibleDistance:
         return np.where(steps < 0, np.inf, steps / self.natural)
 
 
-def _drawn(source: Source, size: int, rows: Ints) -> Pictures:
-    """Pictures (k, size, size, c) of rows (k,) in their own postures, headed right."""
+def _draw_rows(source: Source, size: int, rows: Ints) -> Pictures:
+    """Draw pictures (k, size, size, c) of rows (k,) in their own postures, headed right."""
     reel, poses = source.film()
     middle, length, shape = (size - 1) / 2, size / SPAN, (size, size)
     own = poses.pose[rows]
-    there = own.at(middle, middle, 0.0, length)
+    there = own.move_to(middle, middle, 0.0, length)
     pictures = np.stack([
         draw(reel.film[row], own[k], there[k], shape, sharp=False)
         for k, row in enumerate(rows.tolist())

@@ -90,8 +90,8 @@ def _policy(page: str, host: str) -> str:
     )
 
 
-def bound(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> socket.socket:
-    """A socket, of this machine alone unless told otherwise; port 0: any that is free.
+def bind_socket(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> socket.socket:
+    """Bind a socket, by default of this machine alone; port 0 takes any that is free.
 
     FinloopError if the port is taken or not allowed, or this machine has no such address.
     """

@@ -118,25 +118,25 @@ class LiveFish:
         return self._modes.players[self.mode]
 
     @property
-    def now(self) -> int:
-        """The last tick played."""
+    def last_tick(self) -> int:
+        """Return the last tick played."""
         return self.born + self._state.fish.tick - len(self._plan) + self._played - 1
 
-    def at(self, tick: int) -> Row | None:
-        """What was drawn at a tick; None where it is not known."""
-        if not self._oldest <= tick <= self.now:
+    def row_at(self, tick: int) -> Row | None:
+        """Return what was drawn at a tick; None where it is not known."""
+        if not self._oldest <= tick <= self.last_tick:
             return None
         return Row._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
 
-    def way(self, tick: int) -> Floats:
-        """Its way (n, 4) from a tick on, as far as it is planned, n ≥ 1, as `Company` has it."""
+    def path_from(self, tick: int) -> Floats:
+        """Return the planned path (n, 4) from a tick on, n ≥ 1, as `Company` has it."""
         last = self._choices[-1].stretch
         return last.rest(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
     def _around(self, tick: int) -> Floats:
         """The other fish (n, m, 4), of `Plans.others`, from one of its own ticks on."""
         ways = list(self._others(self, self.born + tick).values())
-        return Plans.of(ways, tick).others(-1, tick)
+        return Plans.from_paths(ways, tick).others(-1, tick)
 
     def wish_at(self, tick: int) -> Wish:
         """What it was asked for at a tick that is known."""
@@ -151,11 +151,11 @@ class LiveFish:
 
     @property
     def _oldest(self) -> int:
-        return max(self.born, self.now - HISTORY + 1)
+        return max(self.born, self.last_tick - HISTORY + 1)
 
     def choice(self, tick: int) -> Choice | None:
         """The decision in force at a tick."""
-        row = self.at(tick)
+        row = self.row_at(tick)
         if row is None:
             return None
         return next((one for one in reversed(self._choices) if one.tick == row.decided), None)
@@ -205,8 +205,8 @@ class LiveFish:
             self._decide_first_anew()
         self._go_on()
 
-    def on(self) -> None:
-        """One tick."""
+    def advance(self) -> None:
+        """Advance the fish by one tick."""
         self._ghost_before = self._was_ghost
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
             self._decide_anew()
@@ -225,9 +225,11 @@ class LiveFish:
         if self._played == len(self._plan):
             self._arrive(last)
         goal = self.goal
-        self._poses[self.now % HISTORY] = row.pose
-        self._wishes[self.now % HISTORY] = Wish(self.mode, self.errand, self.order, self._cut_after)
-        self._ring[self.now % HISTORY] = row._replace(
+        self._poses[self.last_tick % HISTORY] = row.pose
+        self._wishes[self.last_tick % HISTORY] = Wish(
+            self.mode, self.errand, self.order, self._cut_after
+        )
+        self._ring[self.last_tick % HISTORY] = row._replace(
             weight=0.0 if self._was_ghost else row.weight,
             goal_x_px=goal.x_px if goal else math.nan,
             goal_y_px=goal.y_px if goal else math.nan,
@@ -242,7 +244,7 @@ class LiveFish:
         if self.order is not None:
             others = self._others(self, self.born + self._state.fish.tick)
             if self.order.leader in others:
-                return Rule.after(others[self.order.leader][0])
+                return Rule.from_leader(others[self.order.leader][0])
             if self.order.shoaling is not None and others:
                 here = np.stack([way[0, :3] for way in others.values()])
                 return Rule.by_zones(here, self.order.shoaling)
@@ -263,7 +265,7 @@ class LiveFish:
 
     def back_to(self, tick: int) -> None:
         """Swim on from a tick that is known: as it did then, if it is left alone as then."""
-        row, choice = self.at(tick), self.choice(tick)
+        row, choice = self.row_at(tick), self.choice(tick)
         if row is None or choice is None:
             return
         while self._choices.pop().tick > choice.tick:

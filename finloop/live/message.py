@@ -147,8 +147,8 @@ Wish = (
 _WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="do")])
 
 
-def parsed(text: str | bytes | None) -> Wish | None:
-    """The wish that a message holds; None where it is too long, no JSON, or not what is wanted."""
+def parse_message(text: str | bytes | None) -> Wish | None:
+    """Parse a message to a wish; None where it is too long, no JSON, or not valid."""
     if text is None or len(text) > LONGEST:
         return None
     try:

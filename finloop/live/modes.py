@@ -15,7 +15,7 @@ class Modes(NamedTuple):
     sources: Mapping[str, Sources]
 
     @classmethod
-    def of(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
+    def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
         """Return the modes of these players; each can draw the sprites that another one leaves."""
         every = {mode: one.sources for mode, one in players.items()}
         widest = max(every.values(), key=lambda one: len(one.sprite_scale))

@@ -19,7 +19,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from finloop.live.door import BUSY, MALFORMED, AppServer, Door
-from finloop.live.message import Seen, SetGoal, Step, Wish, parsed
+from finloop.live.message import Seen, SetGoal, Step, Wish, parse_message
 from finloop.live.view import View
 
 MOST_PAGES = 8
@@ -73,7 +73,7 @@ class Host:
 
     def hear(self, page: Page, text: str | bytes | None) -> None:
         """A message of a page."""
-        wish = parsed(text)
+        wish = parse_message(text)
         if wish is None:
             self.view.counts.bad += 1
             return
@@ -138,7 +138,7 @@ class Host:
         for _ in range(steps):
             self.view.grant(Step(do="step"))
         if self.view.runs:
-            self.view.on(ticks)
+            self.view.advance(ticks)
         frame = self.view.show(self.frame_ms)
         self.frame_ms = 1e3 * (time.perf_counter() - start)
         return frame
@@ -208,9 +208,9 @@ class Server(AppServer):
     def __init__(
         self, view: View, page: str, listens: socket.socket, started: Callable[[], None]
     ) -> None:
-        made = app(view, page, listens.getsockname()[1], self._ended)
+        made = app(view, page, listens.getsockname()[1], self._handle_task_end)
         super().__init__(made, listens, started)
 
-    def _ended(self, task: "asyncio.Task[None]") -> None:
+    def _handle_task_end(self, task: "asyncio.Task[None]") -> None:
         if not task.cancelled():
             self.fail(task.exception())

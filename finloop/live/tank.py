@@ -46,7 +46,7 @@ class LiveTank:
                 "take one of these",
             )
         self.players, self.mode, self.tick = players, mode, 0
-        self._modes = Modes.of(players)
+        self._modes = Modes.from_players(players)
         self.shoaling = next((one.shoaling for one in players.values() if one.shoaling), None)
         self._ghost, self._draws, self._born = ghost, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
@@ -67,11 +67,11 @@ class LiveTank:
         """The first tick that one can go back to."""
         return max(0, self.tick - play_fish.HISTORY + 1)
 
-    def on(self) -> None:
-        """One tick."""
+    def advance(self) -> None:
+        """Advance the tank and its fish by one tick."""
         self.tick += 1
         for fish in self.fish:
-            fish.on()
+            fish.advance()
 
     def renew(self, which: int) -> None:
         """A fish decides the last tick anew, if it was in the tank before."""
@@ -102,19 +102,19 @@ class LiveTank:
                 )
             except FinloopError:
                 return
-            one.on()
+            one.advance()
             self.fish.append(one)
 
     def _others(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
         """The ways of all fish but one, from a tick on."""
-        return {other.name: other.way(tick) for other in self.fish if other is not fish}
+        return {other.name: other.path_from(tick) for other in self.fish if other is not fish}
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
         """A fish, or all of them, to the place nearest to (x, y) px that a fish can touch."""
         near = self.world.tank.into(x, y)
         if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
             x, y = near
-        for number in self._of(which):
+        for number in self._fish_numbers(which):
             self.fish[number].send((float(x), float(y)), drag)
 
     def _paper_alone(self, what: str, mode: str) -> FinloopError:
@@ -146,19 +146,19 @@ class LiveTank:
             return
         line = Line("the drawn path", x, y, PX, closed=closed)
         route = lay(line, waters.tank, waters.motion, None).route
-        for number in self._of(which):
+        for number in self._fish_numbers(which):
             self.fish[number].follow(route)
 
     def drop(self, which: int | None) -> None:
         """A fish, or all of them, wander."""
-        for number in self._of(which):
+        for number in self._fish_numbers(which):
             self.fish[number].send(None)
 
     def shoal(self, which: int | None) -> None:
         """A fish, or all of them, swim in company. FinloopError where there is no rule for it."""
         self._refuse_in_paper("company")
         rule = rule_of(self.shoaling)
-        for number in self._of(which):
+        for number in self._fish_numbers(which):
             self.fish[number].obey(Order(rule))
 
     def lead(self, which: int | None, leader: int) -> None:
@@ -166,7 +166,7 @@ class LiveTank:
         self._refuse_in_paper("a leader")
         if leader >= len(self.fish):
             return
-        followers = [one for one in self._of(which) if which is not None or one != leader]
+        followers = [one for one in self._fish_numbers(which) if which is not None or one != leader]
         for number in followers:
             if said := contradiction(self.leaders, number + 1, leader + 1):
                 raise FinloopError(
@@ -222,14 +222,14 @@ class LiveTank:
     def back_to(self, tick: int) -> None:
         """Swim on from a tick that has been; what came after it is forgotten."""
         self.tick = min(max(tick, self.oldest), self.tick)
-        self.fish = [fish for fish in self.fish if fish.at(self.tick) is not None]
+        self.fish = [fish for fish in self.fish if fish.row_at(self.tick) is not None]
         for fish in self.fish:
             fish.back_to(self.tick)
         self.mode = self.fish[0].mode
         orders = [fish.order.shoaling for fish in self.fish if fish.order is not None]
         self.shoaling = next((one for one in orders if one is not None), self.shoaling)
 
-    def _of(self, which: int | None) -> range:
+    def _fish_numbers(self, which: int | None) -> range:
         if which is None:
             return range(len(self.fish))
         return range(which, which + 1) if which < len(self.fish) else range(0)

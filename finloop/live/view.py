@@ -105,7 +105,7 @@ class View:
                 self.paused, self.looked = wish.on, None
             case message.Step():
                 self.paused, self.looked = True, None
-                self.on()
+                self.advance()
             case message.Speed():
                 self.speed = wish.times
             case message.Look():
@@ -120,11 +120,11 @@ class View:
                 tank.count(wish.fish)
                 self.explained = min(self.explained, wish.fish - 1)
 
-    def on(self, ticks: int = 1) -> None:
-        """So many ticks."""
+    def advance(self, ticks: int = 1) -> None:
+        """Advance the tank by so many ticks."""
         for _ in range(ticks):
             before = [fish.reached for fish in self.tank.fish]
-            self.tank.on()
+            self.tank.advance()
             now = [fish.reached for fish in self.tank.fish]
             self.counts.reached += sum(b and not a for a, b in zip(before, now, strict=True))
 
@@ -132,7 +132,7 @@ class View:
         """The next frame. took_ms: how long the one before took."""
         self.frame += 1
         tick, painter = self.tick, self.painter
-        rows = [row for fish in self.tank.fish if (row := fish.at(tick)) is not None]
+        rows = [row for fish in self.tank.fish if (row := fish.row_at(tick)) is not None]
         painter.show(*map(self.gallery.place, rows))
         picture = painter.frame
         if picture.ndim == 3:
@@ -175,7 +175,7 @@ class View:
 
     def _fish(self, number: int, tick: int) -> dict[str, Any] | None:
         fish = self.tank.fish[number]
-        row = fish.at(tick)
+        row = fish.row_at(tick)
         if row is None:
             return None
         x, y, reached = row.goal_x_px, row.goal_y_px, row.reached
@@ -190,14 +190,14 @@ class View:
         return {
             "x": round(row.x_px, 1), "y": round(row.y_px, 1),
             "heading": round(row.heading_deg, 1), "speed": round(row.speed, 2),
-            "mode": row.mode, "state": row.state, "goal": goal, "path": _shown(errand),
-            "rule": self._told(order),
+            "mode": row.mode, "state": row.state, "goal": goal, "path": _describe_path(errand),
+            "rule": self._leader_number(order),
             "done": reached,
             "trail": np.rint(fish.places(trail)).astype(int).tolist(),
         }  # fmt: skip
 
-    def _told(self, order: Order | None) -> int | None:
-        """A rule: the number of the leader, −1 where fish swim in company; None of none."""
+    def _leader_number(self, order: Order | None) -> int | None:
+        """Return the number of the leader of a rule, −1 for the group; None without a rule."""
         if order is None or order.leader is None:
             return None if order is None else -1
         names = [fish.name for fish in self.tank.fish]
@@ -207,7 +207,7 @@ class View:
         """Return a decision, with the ways that were weighed when its plan was made."""
         plan = self.tank.fish[self.explained].plan_of(choice)
         fish, stretch, options = plan.state.fish, choice.stretch, plan.stretch.options
-        ways = [] if options is None else _ranked(options)
+        ways = [] if options is None else _rank_candidates(options)
         return {
             "tick": choice.tick, "mode": choice.mode,
             "why": in_words(stretch.decision, choice.name, stretch.area),
@@ -215,10 +215,10 @@ class View:
             "aim": [round(part, 1) for part in stretch.aim[:2]],
             "planned": plan.tick,
             "more": max(0, len(ways) - _MOST_WAYS),
-            "ways": [self._way(plan, way) for way in ways[:_MOST_WAYS]],
+            "ways": [self._describe_candidate(plan, way) for way in ways[:_MOST_WAYS]],
         }  # fmt: skip
 
-    def _way(self, choice: Choice, way: int) -> dict[str, Any]:
+    def _describe_candidate(self, choice: Choice, way: int) -> dict[str, Any]:
         fish, options = choice.state.fish, choice.stretch.options
         assert options is not None
         row, cost = int(options.rows[way]), float(options.value[way])
@@ -248,8 +248,8 @@ class View:
         return np.rint(way).astype(int).tolist()
 
 
-def _shown(errand: Errand | None) -> dict[str, Any] | None:
-    """A path, and whether the fish has come to its beginning."""
+def _describe_path(errand: Errand | None) -> dict[str, Any] | None:
+    """Return a path, and whether the fish has come to its beginning."""
     if errand is None:
         return None
     route = errand.route
@@ -259,8 +259,8 @@ def _shown(errand: Errand | None) -> dict[str, Any] | None:
     return {"places": shown, "closed": route.closed, "begun": errand.begun}
 
 
-def _ranked(options: Options) -> list[int]:
-    """Numbers of the ways: the one taken first, then those that fail no test, cheapest first."""
+def _rank_candidates(options: Options) -> list[int]:
+    """Rank the candidates: the one taken, then those that fail no test, cheapest first."""
     ways = range(len(options.rows))
     return sorted(
         ways, key=lambda way: (way != options.taken, options.verdict[way] > 0, options.value[way])

@@ -91,11 +91,11 @@ def _components(following: csr_array, frames: NDArray[np.int32]) -> tuple[NDArra
     """Strongly connected components (m,), most film first, and which segments are on a cycle."""
     count, name = connected_components(following, directed=True, connection="strong")
     cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
-    return ranked(name, frames * cyclic), cyclic
+    return rank_groups(name, frames * cyclic), cyclic
 
 
-def ranked(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
-    """New group numbers (n,), 0 for the heaviest group; ties go to the group that comes first.
+def rank_groups(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
+    """Return new group numbers (n,), 0 for the heaviest group; at ties, the first comes first.
 
     weight (n,): of each member; None: 1.
     """

@@ -99,13 +99,13 @@ def routes_table(
             _jump_distance(graph, a, b) / step if how == JUMP else None,
         )
         for number, way in enumerate(ways, start=1)
-        for a, b, how in merged(way)
+        for a, b, how in merge_legs(way)
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=[*columns, "jump_distance"])
 
 
-def merged(way: Sequence[Leg]) -> list[Leg]:
-    """The way with successive legs of play merged into one."""
+def merge_legs(way: Sequence[Leg]) -> list[Leg]:
+    """Merge successive legs of play of a route into one."""
     legs: list[Leg] = []
     for a, b, how in way:
         if legs and how != JUMP and legs[-1][2] == how:

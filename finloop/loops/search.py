@@ -23,7 +23,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
 from finloop.features.table import delta_of
-from finloop.loops.graph import ranked
+from finloop.loops.graph import rank_groups
 from finloop.loops.settings import Settings
 from finloop.loops.travel import improper
 
@@ -107,7 +107,7 @@ def candidates(
     Columns a, b, distance, filtered, improper (Fig. 13: whether the pair is no loop).
     """
     track = features["track_id"].to_numpy(np.int32)
-    value = filtered(pairs, track, settings.dynamics, limit)
+    value = filter_diagonals(pairs, track, settings.dynamics, limit)
     delta = delta_of(features)
     radius, least = max(1, round(settings.apart * delta)), least_frames(delta, settings)
     at, a = minima(pairs, value, track, radius, least)
@@ -125,15 +125,15 @@ def weights(n: int) -> Floats:
     return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
 
 
-def filtered(
+def filter_diagonals(
     pairs: SparseMap, track: NDArray[np.int32], dynamics: int, limit: float
 ) -> NDArray[np.float32]:
-    """Diagonal filter Σ w_k D(a+k, b+k), k = −n … n, of every pair (§4.1); n = `dynamics`.
+    """Filter every pair diagonally: Σ w_k D(a+k, b+k), k = −n … n (§4.1); n = `dynamics`.
 
     A pair has none, inf, where the value exceeds `limit`, where one of the pairs along the
     diagonal is not in the map, or where one lies beyond the end of either track.
     """
-    return _filtered(pairs, track, weights(dynamics), limit)
+    return _filter_diagonals(pairs, track, weights(dynamics), limit)
 
 
 @kernel
@@ -149,7 +149,7 @@ def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
 
 
 @kernel
-def _filtered(
+def _filter_diagonals(
     pairs: SparseMap, track: NDArray[np.int32], weight: Floats, limit: float
 ) -> NDArray[np.float32]:
     start, j, distance = pairs
@@ -253,7 +253,7 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     size = int(parts[-1]) + 1
     overlaps = coo_array((np.ones(n, np.int8), (part[:n], part[n:])), (size, size))
     _, name = connected_components(overlaps, directed=False)
-    return ranked(name[part[:n]])
+    return rank_groups(name[part[:n]])
 
 
 def _none(pairs: SparseMap, features: pd.DataFrame, step: float, settings: Settings) -> NoLoops:

@@ -14,7 +14,7 @@ from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
-from finloop.animate.size import Sized, head_ahead_px, sized
+from finloop.animate.size import Sized, head_ahead_px, scale_film
 from finloop.animate.world import World
 from finloop.base.arrays import Mask, Picture, Reals
 from finloop.distance.map import MapFacts
@@ -134,9 +134,9 @@ class Basis(NamedTuple):
 
 def basis_of(made: FilmData, p: Settings) -> Basis:
     """Return the tank, the film at its drawn size and what it teaches, for a mode of the paper."""
-    at_size = sized(made.reel, made.outline_px, made.arena, p, made.floor)
+    at_size = scale_film(made.reel, made.outline_px, made.arena, p, made.floor)
     reel = at_size.reel
-    motion = learn(reel.features, made.rate_hz, delta_of(reel.features)).sized(reel.size)
+    motion = learn(reel.features, made.rate_hz, delta_of(reel.features)).scale_to(reel.size)
     world = World(
         tank(at_size.area, at_size.reach_px), motion, p.goal_radius * motion.body_length_px,
         head_ahead_px(reel.features, reel.size),

@@ -102,7 +102,7 @@ class Hybrid:
             return entered
         stretch = self.network.play(fish, goal, rng)
         for tick in range(1, len(stretch.way)):
-            there = self.network.after(fish, stretch.cut(tick))
+            there = self.network.end_state(fish, stretch.cut(tick))
             if self.enter(there, goal) is not None:
                 return stretch.cut(tick)
         return stretch
@@ -170,11 +170,11 @@ class Hybrid:
         taken = int(some[np.argmin(ticks[some])])
         return replace(self.loops.stretch(fish, starts, waits, taken, goal), waits=True)
 
-    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+    def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish at the end of a stretch."""
         if stretch.rot is not None:
-            return self.loops.after(fish, stretch)
-        return self.network.after(fish, stretch)
+            return self.loops.end_state(fish, stretch)
+        return self.network.end_state(fish, stretch)
 
 
 def hybrid_animator(

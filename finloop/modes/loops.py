@@ -225,7 +225,7 @@ class Loops:
         new = row != fish.row + 1
         return Stretch(FILM, way, rows, new, goal, False, decision, FRAME, np.full(n, rot))
 
-    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+    def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish at the end of a stretch of film."""
         ticks, number = len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])

@@ -21,11 +21,11 @@ from finloop.animate.shoal import (
     shoal,
     tasks,
 )
-from finloop.animate.size import head_ahead_px, sized
+from finloop.animate.size import head_ahead_px, scale_film
 from finloop.base.arrays import Ints, Mask, Picture, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.line import Line
-from finloop.distance.map import MapFacts, mapped
+from finloop.distance.map import MapFacts, map_rows
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import edit_lists
@@ -130,8 +130,8 @@ class MatchingAnimator:
         return goals
 
     @property
-    def unruled(self) -> list[int]:
-        """The fish that swim by no rule. FinloopError if the rules are contradictory."""
+    def fish_without_rule(self) -> list[int]:
+        """Return the fish that swim by no rule; FinloopError if the rules are contradictory."""
         p = self.world.settings
         every = by_rule(tasks([], p.fish, np.random.default_rng()), p)
         return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
@@ -140,7 +140,7 @@ class MatchingAnimator:
     def seekers(self) -> list[int]:
         """The fish that swim to goals, neither by a rule nor along a path."""
         swum = [fish for fish, path in enumerate(self.paths) if path is not None]
-        return [fish for fish in self.unruled if fish not in swum]
+        return [fish for fish in self.fish_without_rule if fish not in swum]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
         """Return the goals of each fish."""
@@ -175,8 +175,8 @@ class MatchingAnimator:
     def _trial(self, number: int) -> list[Task]:
         p = self.world.settings
         rng = np.random.default_rng([p.seed, number])
-        goals = random_goals(self.world, p.trial_goals * len(self.unruled), rng)
-        return self._tasks(goals, self.unruled, rng)
+        goals = random_goals(self.world, p.trial_goals * len(self.fish_without_rule), rng)
+        return self._tasks(goals, self.fish_without_rule, rng)
 
     def check_room(self, goals: Sequence[Goal]) -> None:
         """NoRoom, before anything is planned, if there is none for all fish."""
@@ -202,13 +202,13 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
 
     FinloopError where the film shows too little for what `matching.uses` names.
     """
-    reel, hulls, area, reach_px, barred = sized(
+    reel, hulls, area, reach_px, barred = scale_film(
         made.reel, made.outline_px, made.arena, p, made.floor
     )
     facts, rate_hz = made.map_facts, made.rate_hz
     features = reel.features
     delta = delta_of(features)
-    motion = learn(features, rate_hz, delta).sized(reel.size)
+    motion = learn(features, rate_hz, delta).scale_to(reel.size)
     bodies = Bodies(made.poses, reel.goes_on, reel.sprites)
     pictures = Pictures(reel, facts.size, bodies)
     cast = Cast(reel.sprites, [], hulls)
@@ -217,8 +217,8 @@ def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
             barred[line.rows] = True
     how = joins(p, p.join, bodies, motion.delta, pictures.helps)
     seen = np.full(len(features), np.nan)
-    seen[mapped(features, made.steps)] = made.steps["as_filmed"]
-    rarity = Rarity.of(
+    seen[map_rows(features, made.steps)] = made.steps["as_filmed"]
+    rarity = Rarity.from_movement(
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rarity_weight
     )
     jumps = neighbour_jumps(made.jumps, len(features))

@@ -192,7 +192,7 @@ class Network:
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         area = self.ideal_motion_area(fish, turns.displacement[chosen], side * included)
         plan, new = self.nearest_turn(side, round(angle), round(100 * area)), True
-        if fish.bent:
+        if fish.is_bent:
             plan = start_from_bend(plan, sprites.turns, side, fish.sprite)
             new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
         way, touched, room = self._fit_turn(course, plan, chosen)
@@ -252,7 +252,7 @@ class Network:
             DECELERATE, way[:n], sprite, new, course.aim, touched < n, Decision(WALL), phase=phase
         )
 
-    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+    def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish at the end of a stretch of sprites."""
         ticks, number = len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
@@ -291,7 +291,7 @@ def make_network(
 ) -> tuple[Network, Sprites]:
     """Return what moves sprites, and the sprites."""
     pictures, motion = basis.pictures, basis.world.motion
-    near = distance(pictures.after, pictures.headed)
+    near = distance(pictures.sprite_successors, pictures.right_facing_sprites)
     sprites = make_sprites(basis.cast.sprites, near, motion.rate_hz)
     phases = learn_phases(basis.sized.reel.features, made.rate_hz, motion.delta, q)
     return Network(basis.world, sprites, phases, model, q), sprites

@@ -36,7 +36,7 @@ class PaperMode(Protocol):
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch towards a goal."""
 
-    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+    def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish at the end of a stretch."""
 
 
@@ -118,12 +118,12 @@ class PaperPlayer:
         if not isinstance(goal, Goal):
             swum = len(stretch.way) * (stretch.state != TURN)
             left = 0 if stretch.touched else max(0, left - swum)
-        return stretch, State(self.mode.after(fish, stretch), place, left)
+        return stretch, State(self.mode.end_state(fish, stretch), place, left)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return a stretch that began in a state, stopped after some ticks, and the state then."""
         short = stretch.cut(ticks)
-        return short, state._replace(fish=self.mode.after(state.fish, short))
+        return short, state._replace(fish=self.mode.end_state(state.fish, short))
 
     def hull(self, kind: str, source: int) -> Floats:
         """Return the outline of a frame or sprite, px ahead of and to the left of its centre."""

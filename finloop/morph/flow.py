@@ -4,18 +4,18 @@ Each method returns poses from a polygon of n vertices to a plain one; vertex i 
 pose to pose the vertices go straight, and each such step is taken only if it is proved free of
 contact (`morph.folds.stays_simple`).
 
-- `shortened`, closed: curve shortening, x_t = x_uu / |x_u|², rounds any simple closed curve off
-  before it vanishes, and it stays simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987). The
+- `shorten_polygon`, closed: curve shortening, x_t = x_uu / |x_u|², rounds any simple closed curve
+  off before it vanishes, and it stays simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987). The
   tangential part of this form spreads the vertices evenly. Size is put back at each step, so that
   the area stays. The theorems are about smooth curves; for polygons each step is checked.
 - `ears_off`, closed: a polygon of more than three corners has a corner whose triangle with its two
   neighbours is empty (two ears theorem, Meisters 1975); drawn into the opposite side, it leaves
   one corner less. Ends at a triangle whatever the polygon; not pretty, so only where the former
   cannot go on.
-- `retracted`, open: a part of a simple curve is simple, and so is that part enlarged. Shorter and
-  shorter parts about the middle end at a line without bends.
+- `straighten_curve`, open: a part of a simple curve is simple, and so is that part enlarged.
+  Shorter and shorter parts about the middle end at a line without bends.
 
-`joined` morphs one plain end into another.
+`join_plain_ends` morphs one plain end into another.
 """
 
 import numpy as np
@@ -48,8 +48,8 @@ def area(points: Points) -> float:
 
 
 @kernel
-def resized(points: Points, goal: float) -> Points:
-    """The polygon enlarged about the mean of its vertices to an area of the same sign."""
+def resize_polygon(points: Points, goal: float) -> Points:
+    """Enlarge the polygon about the mean of its vertices to an area of the same sign."""
     n = len(points)
     size = np.sqrt(goal / area(points))
     out = np.empty_like(points)
@@ -63,13 +63,13 @@ def resized(points: Points, goal: float) -> Points:
     return out
 
 
-def shortened(points: Points) -> tuple[Points, bool]:
-    """Points (k, n, 2) of one area, from a simple closed polygon on; whether the last is round."""
+def shorten_polygon(points: Points) -> tuple[Points, bool]:
+    """Shorten a simple polygon to points (k, n, 2) of one area; tell whether the last is round."""
     poses = [np.ascontiguousarray(points, np.float64)]
     goal = area(poses[0])
     step, halved = (_length(poses[0]) / len(points)) ** 2, 0
     while 4 * np.pi * abs(goal) <= ROUND * _length(poses[-1]) ** 2:
-        pose = resized(_implicit_step(poses[-1], step), goal)
+        pose = resize_polygon(_implicit_step(poses[-1], step), goal)
         if no_contact(np.stack([poses[-1], pose]), True):
             poses.append(pose)
             step, halved = min(step * GROWTH, STEP * abs(goal)), 0
@@ -135,7 +135,7 @@ def _implicit_step(points: Points, step: float) -> Points:
 def ears_off(points: Points) -> tuple[Points, bool]:
     """Points (n − 2, n, 2) from a simple closed polygon to a triangle; whether it got there.
 
-    Sizes are put back as in `shortened`. It only stops short where floats cannot tell.
+    Sizes are put back as in `shorten_polygon`. It only stops short where floats cannot tell.
     """
     pose = np.ascontiguousarray(points, np.float64)
     goal = area(pose)
@@ -152,7 +152,7 @@ def ears_off(points: Points) -> tuple[Points, bool]:
         else:
             return np.stack(poses), False
         pose, corners = cut, np.delete(corners, corner)
-        poses.append(resized(pose, goal))
+        poses.append(resize_polygon(pose, goal))
     return np.stack(poses), True
 
 
@@ -167,8 +167,8 @@ def _straighten(points: Points, first: int, last: int) -> Points:
     return result
 
 
-def retracted(points: Points) -> tuple[Points, bool]:
-    """Points (k, n, 2) of one length, from a simple open curve to a line; whether it got there."""
+def straighten_curve(points: Points) -> tuple[Points, bool]:
+    """Straighten a simple open curve: points (k, n, 2) of one length, and whether it got there."""
     points = np.ascontiguousarray(points, np.float64)
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     poses, part, shrink = [points], 1.0, SHRINK
@@ -194,8 +194,8 @@ def _is_straight(points: Points) -> bool:
     return bool((ahead > abs(aside)).all())
 
 
-def joined(first: Points, second: Points, closed: bool) -> Points:
-    """Points (JOIN, n, 2) between two plain polygons of one sense of turning, or two lines.
+def join_plain_ends(first: Points, second: Points, closed: bool) -> Points:
+    """Return points (JOIN, n, 2) between two plain polygons of one turning sense, or two lines.
 
     Closed: seen from a point that sees all of a polygon, its vertices stand at rising angles, less
     than half a turn apart; so do those of any mean of two such polygons, whatever the radii.

@@ -95,11 +95,11 @@ def _edge_boxes(points: Floats, edges: int) -> tuple[Floats, Floats]:
             a, b = points[i, axis], points[j, axis]
             boxes[i, axis] = min(a, b)
             boxes[i, 2 + axis] = max(a, b)
-    return boxes, _gathered(boxes)
+    return boxes, _merge_boxes(boxes)
 
 
 @kernel
-def _gathered(boxes: Floats) -> Floats:
+def _merge_boxes(boxes: Floats) -> Floats:
     blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
     for k in range(len(blocks)):
         left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
@@ -221,7 +221,7 @@ def no_contact(path: Floats, closed: bool) -> bool:
             for axis in range(2):
                 lines[i, axis] = min(points[i, axis], points[j, axis])
                 lines[i, 2 + axis] = max(points[i, 2 + axis], points[j, 2 + axis])
-        point_blocks, line_blocks = _gathered(points), _gathered(lines)
+        point_blocks, line_blocks = _merge_boxes(points), _merge_boxes(lines)
         for block in range(len(point_blocks)):
             for partner in range(len(line_blocks)):
                 if not _overlap(point_blocks, block, line_blocks, partner):

@@ -67,7 +67,7 @@ def morph(
     """
     _check_numbers(method, frames, points)
     check_pairs(a, b)
-    b = fitted(b, a.width, a.height)
+    b = fit_drawing(b, a.width, a.height)
     side = max(a.width, a.height)
     make: dict[str, Callable[[Curve, Curve], Points]] = {
         "linear": lambda a, b: linear(a, b, frames, points, *scales),
@@ -79,7 +79,7 @@ def morph(
         for name, curve in a.curves.items()
     }
     closed = {name: curve.closed for name, curve in a.curves.items()}
-    decimals, layers, counts = _rounded(stacks, closed, side, method == "simple")
+    decimals, layers, counts = _round_layers(stacks, closed, side, method == "simple")
     return Morph(
         tau=np.linspace(0, 1, frames),
         layers=layers,
@@ -93,10 +93,10 @@ def morph(
     )
 
 
-def _rounded(
+def _round_layers(
     stacks: dict[str, Points], closed: dict[str, bool], side: float, simple_only: bool
 ) -> tuple[int, dict[str, Points], dict[str, Ints]]:
-    """Decimals, rounded layers and their folds, on the coarsest grid of DIGITS.
+    """Return decimals, rounded layers and their folds, on the coarsest grid of DIGITS.
 
     `simple_only`: on the coarsest grid without folds, if there is one; parts that are nearer to
     each other than the grid need a finer one.
@@ -141,8 +141,8 @@ def there_and_back(morph: Morph) -> Morph:
     )
 
 
-def fitted(drawing: Drawing, width: float, height: float) -> Drawing:
-    """The drawing scaled to fit a picture and centred in it, as SVG fits a viewBox."""
+def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
+    """Scale the drawing to fit a picture and centre it there, as SVG fits a viewBox."""
     scale = min(width / drawing.width, height / drawing.height)
     if scale == 1 and (drawing.width, drawing.height) == (width, height):
         return drawing

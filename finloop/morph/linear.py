@@ -9,8 +9,8 @@ from finloop.base.arrays import Points
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import solve
 from finloop.curve.problem import Material, Problem
-from finloop.curve.wavelet import control, from_control, mirrored
-from finloop.morph.match import matched
+from finloop.curve.wavelet import close_by_mirroring, control, from_control
+from finloop.morph.match import match_curves
 
 FADE = 0.25
 """Share of the time, at its end, in which what still swings is faded out: the last frame is b."""
@@ -26,11 +26,11 @@ def linear(
     same as the points themselves, and `points` need not be a power of two. FinloopError if one
     curve is open and the other closed, or, with a level, as `curve.wavelet.check`.
     """
-    ends = np.stack(matched(a, b, points))
+    ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
     if level is None:
         return (1 - tau) * ends[0] + tau * ends[1]
-    coarse = control(ends if a.closed else mirrored(ends), wavelet, level)
+    coarse = control(ends if a.closed else close_by_mirroring(ends), wavelet, level)
     return from_control((1 - tau) * coarse[0] + tau * coarse[1], wavelet, level)[:, :points]
 
 
@@ -47,10 +47,10 @@ def physical(
     FinloopError if one curve is open and the other closed, `points` is no power of two, or there is
     neither mass nor damping.
     """
-    shape, rest = matched(a, b, points)
+    shape, rest = match_curves(a, b, points)
     offset = shape - rest
     place = offset.mean(axis=0)
-    offset = offset - place if a.closed else mirrored(offset - place)
+    offset = offset - place if a.closed else close_by_mirroring(offset - place)
     slowest = np.cos(2 * np.pi * (np.arange(len(offset)) + 0.5) / len(offset))
     material = Material(mass, elastic, damping / mass if mass > 0 else damping, 0.0)
     times = np.linspace(0, 1, frames)

@@ -10,12 +10,12 @@ import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area, resampled
+from finloop.curve.contour import Curve, area, resample_curve
 from finloop.morph.folds import is_simple
 
 
-def matched(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
-    """Points (n, 2) of both curves, row i of one belonging to row i of the other; a's order kept.
+def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
+    """Return points (n, 2) of both curves, matched row by row; a's order is kept.
 
     FinloopError if one is closed and the other open.
     """
@@ -26,7 +26,7 @@ def matched(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
             "two closed curves or two open ones",
             "close the open curve, or open the closed one, or leave the pair out",
         )
-    first, second = resampled(a, n).points, resampled(b, n).points
+    first, second = resample_curve(a, n).points, resample_curve(b, n).points
     if a.closed:
         return first, best_start(first, second)
     return first, min((second, second[::-1]), key=lambda points: _far(first, points))

@@ -18,9 +18,16 @@ from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.curve.contour import Curve
-from finloop.morph.flow import area, ears_off, joined, resized, retracted, shortened
+from finloop.morph.flow import (
+    area,
+    ears_off,
+    join_plain_ends,
+    resize_polygon,
+    shorten_polygon,
+    straighten_curve,
+)
 from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
-from finloop.morph.match import matched, misfit
+from finloop.morph.match import match_curves, misfit
 
 PARTS = 16  # steps of a straight way: small boxes, few pairs to compare
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # of the whole time, widest first
@@ -50,7 +57,7 @@ def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
 
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
     """As `simple`, with the path that was taken."""
-    first, second = matched(a, b, points)
+    first, second = match_curves(a, b, points)
     closed = a.closed
     for name, ends in (("first", first), ("second", second)):
         meets = folds(ends, closed)[0]
@@ -62,9 +69,9 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
             )
     tau = np.linspace(0, 1, frames)[:, None, None]
     straight = (1 - tau) * first + tau * second
-    if not folds(straight, closed).any() and _linked(straight, closed):
+    if not folds(straight, closed).any() and _has_simple_motion(straight, closed):
         return SimpleMorph(straight, "linear", True)
-    poses, way = _way(first, second, closed)
+    poses, way = _find_simple_path(first, second, closed)
     stack, on_the_way = _frames(poses, frames, closed)
     if folds(stack, closed).any():
         raise FinloopError(
@@ -81,8 +88,8 @@ def path_length(frames: Points) -> float:
     return float(np.hypot(*np.moveaxis(np.diff(frames, axis=0), 2, 0)).sum(axis=0).mean())
 
 
-def _way(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
-    """Points (k, n, 2) from one end to the other, each step of which is simple."""
+def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
+    """Return points (k, n, 2) from one end to the other, each step of which is simple."""
     a, b = _plainer(first, closed), _plainer(second, closed)
     best: tuple[float, Points] | None = None
     for start in _starts(a, b) if closed else [0]:
@@ -93,7 +100,7 @@ def _way(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
             best = far, np.concatenate([a[: i + 1], rolled[j::-1]])
     if best:
         return best[1], "plain"
-    return np.concatenate([a, joined(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
+    return np.concatenate([a, join_plain_ends(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
 
 
 def _starts(a: Points, b: Points) -> list[int]:
@@ -146,9 +153,9 @@ def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, 
 
 def _plainer(points: Points, closed: bool) -> Points:
     if not closed:
-        poses, plain = retracted(points)
+        poses, plain = straighten_curve(points)
     else:
-        poses, plain = shortened(points)
+        poses, plain = shorten_polygon(points)
         if not plain:
             poses, plain = ears_off(points)
     if not plain:
@@ -200,7 +207,7 @@ def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
     even = (1 - share) * poses[k] + share * poses[k + 1]
     even[0], even[-1] = poses[0], poses[-1]
     for width in SMOOTHING:
-        smooth = _smoothed(even, width * frames)
+        smooth = _smooth_in_time(even, width * frames)
         smooth[0], smooth[-1] = poses[0], poses[-1]
         if stays_simple(smooth, closed):
             even, on_the_way = smooth, False
@@ -208,8 +215,8 @@ def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
     return (_within(even) if closed else even), on_the_way
 
 
-def _smoothed(stack: Points, width: float) -> Points:
-    """Gaussian mean in time, `width` frames its deviation; mirrored at the ends, which stay put."""
+def _smooth_in_time(stack: Points, width: float) -> Points:
+    """Smooth by a Gaussian in time, deviation `width` frames, mirrored at the ends, which stay."""
     f = len(stack)
     reach = min(int(3 * width) + 1, f - 1)
     longer = np.concatenate(
@@ -229,7 +236,7 @@ def _within(stack: Points) -> Points:
     out = stack.copy()
     for pose, size in zip(out, map(area, stack), strict=True):
         if not low <= size <= high:
-            pose[:] = resized(pose, min(max(size, low), high))
+            pose[:] = resize_polygon(pose, min(max(size, low), high))
     return out
 
 
@@ -239,8 +246,8 @@ def _lengths(poses: Points) -> Points:
     return np.r_[0.0, np.cumsum(steps)]
 
 
-def _linked(stack: Points, closed: bool) -> bool:
-    """Whether from each simple frame to the next a motion is proved simple; see SimpleMorph.
+def _has_simple_motion(stack: Points, closed: bool) -> bool:
+    """Return whether each simple frame has a proved simple motion to the next; see SimpleMorph.
 
     An edge that turns round passes through a point, where it meets its neighbours. Smoothed a
     little on the way, with weights that are all positive, it turns without.

@@ -38,7 +38,7 @@ def summary(result: Morph) -> str:
     """What a morph consists of and whether it folds, in a line or two."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
-    if folded := result.folded():
+    if folded := result.count_fold_frames():
         return text + f"folds: {in_frames(folded, frames)}"
     if all(result.continuous.values()):
         return text + "no folds, neither in a frame nor between frames"

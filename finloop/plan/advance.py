@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.company import clear_ahead
-from finloop.animate.kinematics import ahead, rotate, touches
+from finloop.animate.kinematics import offset_point, rotate, touches
 from finloop.animate.route import Route, asked_at, done, foot, least_along, place
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
@@ -44,7 +44,7 @@ def turn_to(route: Route, at, leads, ticks: int, most: float, steering: Steering
 
 
 @finite_leaf
-def shifted(route: Route, at, speed: float, when, steering: Steering):  # type: ignore[no-untyped-def]
+def shift_to_path(route: Route, at, speed: float, when, steering: Steering):  # type: ignore[no-untyped-def]
     """Shift a fish towards the path, and along it where it is too early or too late.
 
     at: x, y, along; speed: body lengths/s that the film's fish swims; when: the tick of that place,
@@ -97,7 +97,7 @@ def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # 
         dx, dy = rotate(way[t + 1, 0] - way[t, 0], way[t + 1, 1] - way[t, 1], rot + turn)
         new_x, new_y, on, heading = x + dx, y + dy, along, way[t + 1, 2] + rot + turn
         if route.x.size:
-            new_x, new_y, on, _, _, shift = shifted(
+            new_x, new_y, on, _, _, shift = shift_to_path(
                 route, (new_x, new_y, along), speed[t], (tick + t + 1, 1), steering
             )
         if not fits(bounds, numbers[t], new_x, new_y, heading):
@@ -136,7 +136,9 @@ def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-un
     x, y, rot = way.x + dx, way.y + dy, way.rot + turn * ticks
     heading = after.heading + rot
     if route.x.size:
-        x, y, along, fx, fy, shift = shifted(route, (x, y, along), speed, (tick, ticks), steering)
+        x, y, along, fx, fy, shift = shift_to_path(
+            route, (x, y, along), speed, (tick, ticks), steering
+        )
         used = turn / steering.turn, shift / max(steering.shift * speed * ticks, 1e-9)
         cost = tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering) * ticks
     if not fits(graph.bounds, row + ticks, x, y, heading):
@@ -207,7 +209,7 @@ class Pace(NamedTuple):
 @leaf_kernel
 def integrate_state(place, state, pace):  # type: ignore[no-untyped-def]
     """Return the next place (x, y, heading) of a fish whose next state is this one."""
-    x, y = ahead(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
+    x, y = offset_point(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
     return x, y, place[2] + state[-1] * pace.turn_deg
 
 

@@ -62,11 +62,11 @@ class Rarity:
     pull: float
 
     @classmethod
-    def of(
+    def from_movement(
         cls, moved: Movement, codes: Floats, goes_on: Mask, seen: Floats, spring: Floats,
         share: float,
     ) -> "Rarity":  # fmt: skip
-        """Of a film (n rows).
+        """Build the rarity of a film (n rows).
 
         codes (n, c): of its postures; goes_on (n,): whether the next row is the next frame; seen
         (n,): Eq. 5 from a row to the next, NaN where it is not known: there the body's movement
@@ -98,8 +98,8 @@ class Rarity:
         """Ticks (n,) that the step to each row costs."""
         return self.price(self.steps)
 
-    def of_joins(self, rows: Ints, far: Floats) -> Floats:
-        """Ticks (k,) that it costs to go on at rows (k,), beside what they cost themselves.
+    def transition_costs(self, rows: Ints, far: Floats) -> Floats:
+        """Return the extra ticks (k,) that it costs to go on at rows (k,).
 
         far (k,): how far they are, in codes, from what is on screen. Rows n, n + 1 … are mirror
         images.
@@ -125,8 +125,8 @@ class Tempo(NamedTuple):
     usual: float
 
     @classmethod
-    def of(cls, film: MotionGraph, memory: float, least: float) -> "Tempo":
-        """The tempo of a film.
+    def from_film(cls, film: MotionGraph, memory: float, least: float) -> "Tempo":
+        """Build the tempo of a film.
 
         memory: ticks after which a third of a lag is left; least: ticks, the smallest usual lag.
         """
@@ -136,8 +136,8 @@ class Tempo(NamedTuple):
         usual = float(np.sqrt(np.mean(np.fromiter(chain(*summed), float) ** 2)))
         return cls(mean_step_px(rows), keeps, max(usual, least))
 
-    def after(self, lag: float, way: Floats, begin: tuple[float, float]) -> float:
-        """Return the lag at the end of a way (n, 3) x, y px, heading, that begins at x, y."""
+    def lag_after(self, lag: float, way: Floats, begin: tuple[float, float]) -> float:
+        """Return the lag at the end of a path (n, 3) of x, y px, heading that begins at x, y."""
         return float(_lag_after(self.step_px, self.keeps, lag, way, begin))
 
     def rest_price(self, lag: float, share: float) -> float:

@@ -143,10 +143,10 @@ class Fallback:
         rot = stays.way[:, 2] - self._world.film.heading[fish.row]
         same = np.full(len(rot), fish.row)
         frozen = replace(stays, number=same, rot=rot, new=False)
-        return [self.stay(fish, away), stays, self._turned(frozen, away), frozen]
+        return [self.stay(fish, away), stays, self._turn_in_place(frozen, away), frozen]
 
-    def _turned(self, frozen: Stretch, aim: Target) -> Stretch:
-        """The same picture in its place, turned towards an aim tick by tick."""
+    def _turn_in_place(self, frozen: Stretch, aim: Target) -> Stretch:
+        """Turn the same picture in its place towards an aim, tick by tick."""
         (x, y, heading), ticks = frozen.way[0], np.arange(1, len(frozen.way) + 1)
         error = float(wrap(bearing(x, y, aim.x, aim.y) - heading))
         # So slowly that its ends swim no faster than a brisk fish does.

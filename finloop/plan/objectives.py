@@ -130,15 +130,17 @@ def estimate_path_cost(lead, way, turned, route, by):  # type: ignore[no-untyped
     turned: of the heading there; by: where the fish is asked to be, steering.
     """
     half, steering = lead.ticks // 2, by[1]
-    middle = _off(way, (lead.half_ahead, lead.half_left, lead.half_far, half), turned, route, by)
-    end = _off(way, (lead.ahead, lead.left, lead.far, lead.ticks), turned, route, by)
+    middle = _path_deviation(
+        way, (lead.half_ahead, lead.half_left, lead.half_far, half), turned, route, by
+    )
+    end = _path_deviation(way, (lead.ahead, lead.left, lead.far, lead.ticks), turned, route, by)
     price = steering.late if route.when.size else steering.across
     return price * lead.ticks * (4.0 * middle + end) / 6.0
 
 
 @finite_leaf
-def _off(way, lead, turned, route, by):  # type: ignore[no-untyped-def]
-    """How far off the path a lead comes, less what can be corrected, as `huber` counts it.
+def _path_deviation(way, lead, turned, route, by):  # type: ignore[no-untyped-def]
+    """Return how far off the path a lead comes, less what can be corrected, as `huber` does.
 
     lead: px ahead, to the left, as the crow flies, and ticks.
     """

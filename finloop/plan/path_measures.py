@@ -51,7 +51,7 @@ _AT_WALL = 0.1  # body lengths between a path and where the centre may be
 
 def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) -> pd.DataFrame:
     """The path as it was swum in the first `ticks` ticks, while it lasts; columns of `SWUM`."""
-    ticks = min(ticks, len(path.asked.when)) if path.asked.timed else ticks
+    ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
     stretches = [one for one, name in zip(swim.stretches, swim.names, strict=True) if name == PATH]
     none = np.zeros((0, 3))
     way = np.concatenate([none, *(one.way for one in stretches)])[:ticks]
@@ -62,7 +62,7 @@ def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) 
     for tick, (x, y, _) in enumerate(way):
         at = tick + route.begins
         along, *_ = feet[tick] = foot(route, x, y, least_along(route, along, at))
-        if route.timed:
+        if route.is_timed:
             times[tick] = place(route, asked_at(route, at))
     off = np.full(len(way), np.nan)
     if len(route.heading) and len(way):
@@ -106,7 +106,7 @@ def path_metrics(
         "path_turn_corrected_pct": 100 * rms(turned) / max(waters.turn_spread_deg, 1e-9),
         "path_way_corrected_pct": 100 * float(swum["shifted_px"].sum()) / max(float(steps), 1e-9),
     }
-    if path.asked.timed:
+    if path.asked.is_timed:
         late = swum["late"].to_numpy()
         numbers["path_late_rms_body_lengths"] = rms(late)
         numbers["path_late_p95_body_lengths"] = float(np.quantile(late, 0.95))
@@ -141,7 +141,7 @@ def where_left(swum: pd.DataFrame, path: Path, waters: FilmWorld, most: Limits) 
     """
     rate = waters.motion.rate_hz
     far = swum["across"].to_numpy()
-    if path.asked.timed:
+    if path.asked.is_timed:
         far = np.fmax(far, swum["late"].to_numpy())
     edges = np.flatnonzero(np.diff(far > waters.settings.path_left, prepend=0, append=0))
     rows = []
@@ -163,7 +163,7 @@ def _why(along: Floats, ticks: tuple[int, int], path: Path, waters: FilmWorld, m
     at = at[(at >= 0) & (at <= (np.inf if asked.closed else asked.length))]
     if _apart(at, path).max(initial=0.0) > _AT_WALL * length:
         return "wall"
-    if asked.timed:
+    if asked.is_timed:
         before = round(length / max(most.speed * length, 1e-9) * waters.motion.rate_hz)
         when = asked.when[max(ticks[0] - before, 0) : ticks[1] + 1]
         delta = min(waters.motion.delta, max(len(when) - 1, 1))

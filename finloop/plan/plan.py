@@ -101,13 +101,13 @@ class Plan(NamedTuple):
         return tuple(runs)
 
 
-def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
+def option_table(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
     """Return what was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
 
     filmed: rows of the film, after which its mirror images are counted; fish: its number.
     """
     begins = np.cumsum([0] + [len(s.way) for s in swum.stretches])
-    parts = [_weighed(tick, o, filmed) for tick, o in zip(
+    parts = [_option_rows(tick, o, filmed) for tick, o in zip(
         begins, (s.options for s in swum.stretches), strict=False
     ) if tick < ticks and o is not None]  # fmt: skip
     none = pd.DataFrame({name: [] for name in CONSIDERED.names[1:]})
@@ -116,7 +116,7 @@ def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFra
     return table
 
 
-def _weighed(tick: int, options: Options, filmed: int) -> pd.DataFrame:
+def _option_rows(tick: int, options: Options, filmed: int) -> pd.DataFrame:
     """Return what was weighed at a tick, a row each."""
     ends = np.isinf(options.value)
     terms = {

@@ -13,7 +13,7 @@ import numpy as np
 from finloop.animate.cast import Cast
 from finloop.animate.company import ALONE, Company, can_stay, company_of, near_first
 from finloop.animate.kinematics import Target, aim_in, touches, wrap
-from finloop.animate.memory import remembered
+from finloop.animate.memory import remember_rows
 from finloop.animate.places import somewhere
 from finloop.animate.route import Route, foot, least_along, place
 from finloop.animate.rule import Rule
@@ -186,7 +186,7 @@ class Planner:
             path = Progress()
         keeps = not isinstance(goal, Goal) and not stretch.touched
         left = max(0, aimed.left - len(stretch.way)) if keeps else 0
-        return stretch, aimed._replace(fish=self._after(fish, stretch), left=left, path=path)
+        return stretch, aimed._replace(fish=self._fish_after(fish, stretch), left=left, path=path)
 
     def _aim(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
@@ -235,7 +235,7 @@ class Planner:
         # How far along a path a shorter one leads the next step finds from where it was.
         on = on if stretch is whole else Progress(state.path.along)
         return replace(stretch, touched=False), state._replace(
-            fish=self._after(fish, stretch), path=on
+            fish=self._fish_after(fish, stretch), path=on
         )
 
     def _move(
@@ -291,7 +291,7 @@ class Planner:
             return not np.isfinite(plan.value)
         beside = p.path_left**2
         price = p.path_offset_cost * beside
-        price += p.path_late_cost * beside if route.timed else self._lag(fish, objective)
+        price += p.path_late_cost * beside if route.is_timed else self._lag(fish, objective)
         return plan.value > price * float(plan.ticks.sum())
 
     def _weigh(
@@ -412,7 +412,7 @@ class Planner:
         rot = float(wrap(fish.heading - self.world.film.heading[row]))
         return replace(fish, state=FILM, sprite=-1, row=row, rot=rot)
 
-    def _after(self, fish: Fish, stretch: Stretch) -> Fish:
+    def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
         """Return the fish at the end of a stretch."""
         world, ticks, number = self.world, len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
@@ -424,9 +424,9 @@ class Planner:
             x, y, float(wrap(heading)), speed=0.0 if stays else float(world.film.speed[number]),
             state=stretch.state, sprite=-1, phase=fish.phase, area=float(world.film.area[number]),
             tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
-            recent=remembered(fish.recent, first, last, fish.tick, forgets),
+            recent=remember_rows(fish.recent, first, last, fish.tick, forgets),
             past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
-            lag=world.tempo.after(fish.lag, stretch.way, (fish.x, fish.y)),
+            lag=world.tempo.lag_after(fish.lag, stretch.way, (fish.x, fish.y)),
         )  # fmt: skip
 
     # --- what stretches and pictures are asked
@@ -440,7 +440,7 @@ class Planner:
         short = stretch.cut(ticks)
         # How far along a path it is then the next step finds from where it was.
         path = Progress(state.path.along)
-        return short, state._replace(fish=self._after(state.fish, short), path=path)
+        return short, state._replace(fish=self._fish_after(state.fish, short), path=path)
 
     def hull(self, kind: str, source: int) -> Floats:
         """Return the outline of a frame or sprite."""

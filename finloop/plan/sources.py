@@ -140,7 +140,7 @@ class PredictionSource:
         terms = np.zeros((len(rows), len(TERMS)))
         codes = self.sampler.states[:, :-MOTION]
         far = np.linalg.norm(codes[rows] - codes[fish.row], axis=1)
-        terms[:, RARITY] = self._rarity.of_joins(rows, far)
+        terms[:, RARITY] = self._rarity.transition_costs(rows, far)
         made = Candidates(rows, rots, np.zeros(len(rows)), rows != fish.row, terms)
         start = _start(fish, (fish.x, fish.y, fish.tick), lag, along)
         add_costs(film, made, start, self._world.cost_weights)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import Tank
-from finloop.animate.company import NO_DISCS, Discs, turned
+from finloop.animate.company import NO_DISCS, Discs, disc_orientation
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
@@ -62,7 +62,7 @@ def _depth(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
 @leaf_kernel
 def _tightest(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
     """The disc of a picture that lacks most room: px that it lacks, and where it is (x, y)."""
-    number, side, cos, sin = turned(bounds.discs, (picture, heading))
+    number, side, cos, sin = disc_orientation(bounds.discs, (picture, heading))
     table, most, at_x, at_y = bounds.discs.table, -np.inf, x, y
     for i in range(table.shape[1]):
         ahead, left = table[number, i, 0], side * table[number, i, 1]

@@ -63,7 +63,9 @@ class FilmWorld(World):
     @cached_property
     def tempo(self) -> Tempo:
         """How fast the film's fish swim."""
-        return Tempo.of(self.film, self.ticks(self.settings.repeat_memory), self.motion.delta)
+        return Tempo.from_film(
+            self.film, self.ticks(self.settings.repeat_memory), self.motion.delta
+        )
 
     @cached_property
     def cost_weights(self) -> CostWeights:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from finloop.curve.contour import Curve
-from finloop.curve.wavelet import scales, truncated
+from finloop.curve.wavelet import drop_details, scales
 
 LEVELS = (0, 3, 4, 5, 6)  # the paper leaves out 1 and 2, which look like the curve
 INK, REST = "#0072B2", "#B0B0B0"
@@ -50,7 +50,7 @@ def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
     figure = Figure(figsize=(2.1 * len(LEVELS), 2.9 * len(wavelets)), layout="constrained")
     rows = figure.subplots(len(wavelets), len(LEVELS), squeeze=False)
     for row, (wavelet, title) in zip(rows, wavelets, strict=True):
-        shapes = [truncated(curve.points, wavelet, k, curve.closed) for k in LEVELS]
+        shapes = [drop_details(curve.points, wavelet, k, curve.closed) for k in LEVELS]
         for ax, k, points in zip(row, LEVELS, shapes, strict=True):
             _draw(ax, points, curve.closed)
             _bare(ax, np.stack(shapes))

@@ -11,7 +11,7 @@ from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, judge
 from finloop.extract.segment import Ends, Silhouette, silhouettes
 from finloop.extract.settings import Settings
-from finloop.plots.parts import coloured, in_rows, write
+from finloop.plots.parts import convert_to_colour, in_rows, write
 
 _COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)
     "fish": (0, 158, 115),
@@ -33,7 +33,7 @@ def detections_picture(
     """Frames side by side (2 in a row), each silhouette's outline in the colour of its verdict."""
     panels = []
     for frame, label in zip(frames, labels, strict=True):
-        panel, scale = coloured(frame), frame.shape[1] / 900
+        panel, scale = convert_to_colour(frame), frame.shape[1] / 900
         lit = in_light_of(scene, frame)
         ends = Ends(settings.outline_share, settings.shadow, thin=typical.thin)
         for s in silhouettes(frame, lit, arena, settings.least_area_px, ends):

@@ -18,7 +18,7 @@ from finloop.features.head import tail_first
 from finloop.features.metrics import longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import direction_deg, orientations_of
-from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank, write
+from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank, write
 
 _WAYS = 200  # tracks whose ways are drawn; more hide one another
 TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
@@ -137,7 +137,7 @@ _WORDS, _LETTERS = (235, 235, 235), 0.38
 
 
 def _tile(specimen: Specimen, size: int) -> Picture:
-    film = coloured(specimen.film)
+    film = convert_to_colour(specimen.film)
     scale = (size - 40) / max(film.shape[:2])
     tile = np.full((size, size, 3), 40, np.uint8)
     big = cv2.resize(film, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)

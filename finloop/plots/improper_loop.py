@@ -97,7 +97,7 @@ def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, wor
     upper, lower = parts
     way = upper.subplots()
     film = background.copy()
-    for row in _shown_rows(loop).values():
+    for row in _rows_to_show(loop).values():
         cutout = reel.film[row]
         h, w = cutout.pixels.shape[:2]
         film[cutout.y0_px : cutout.y0_px + h, cutout.x0_px : cutout.x0_px + w] = cutout.over(film)
@@ -114,8 +114,8 @@ def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, wor
     return figure
 
 
-def _shown_rows(loop: ImproperLoop) -> dict[str, int]:
-    """The rows at which the fish is shown: both ends of the loop, or the one that is improper."""
+def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
+    """Return the rows that show the fish: both ends of the loop, or only the improper one."""
     ends = {"a": loop.a, "b": loop.b}
     return ends if loop.place == 0 else dict([list(ends.items())[loop.place - 1]])
 
@@ -129,7 +129,7 @@ def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Pict
     length = float(part["body_length_px"].median())
     axes.plot(*place.T, "-", color="white", lw=1.2)
     axes.plot(*place[[0, -1]].T, "o", color="white", ms=4)
-    for letter, row in _shown_rows(loop).items():
+    for letter, row in _rows_to_show(loop).items():
         end = int(np.searchsorted(rows, row))
         ahead = _direction(part["heading_deg"].iloc[end])
         draw_arrow(axes, head[end], head[end] + 0.45 * length * ahead, color=_HEADING, lw=2.5)
@@ -162,7 +162,7 @@ def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Pict
     keys = [
         Line2D([], [], color="white", lw=1.2, label="way of the fish, as filmed"),
         Line2D(
-            [], [], color=_HEADING, lw=2.5, label=f"heading at {' and '.join(_shown_rows(loop))}"
+            [], [], color=_HEADING, lw=2.5, label=f"heading at {' and '.join(_rows_to_show(loop))}"
         ),
         Line2D([], [], color=_TRAVEL, lw=2.5, label=f"the loop travels, {_PLACES[loop.place]}"),
     ]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints
 from finloop.loops.graph import JUMP, PLAY, Leg, loop_graph, routes
-from finloop.loops.positions import LETTERS, merged
+from finloop.loops.positions import LETTERS, merge_legs
 from finloop.plots.loops import SIZE_PX, arc_points, fish_rows, on_light, sample
 from finloop.reel import Reel
 
@@ -191,7 +191,7 @@ def _draw_fish(part: SubFigure, three: ThreeWays, reel: Reel, pose: str, frame: 
 def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
     """Play as solid lines from left to right, each jump as a dotted one to the line below."""
     level = 0
-    for a, b, how in merged(way):
+    for a, b, how in merge_legs(way):
         if how == PLAY:
             axes.plot(frame[[a, b]], [-level, -level], color="black", lw=2.5, solid_capstyle="butt")
         else:

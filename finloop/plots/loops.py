@@ -31,7 +31,7 @@ def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
     return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
 
 
-def _some(count: int, all_of_them: int) -> str:
+def _describe_count(count: int, all_of_them: int) -> str:
     return f"{count} of {all_of_them}" if count < all_of_them else f"all {all_of_them}"
 
 
@@ -74,8 +74,8 @@ def over_tank(
             width=0.0018, color="black", alpha=0.75, zorder=3,
         )  # fmt: skip
     axes.set_title(
-        f"arrows: what is played between the ends of {_some(len(some), len(within))} loops "
-        "within a track"
+        f"arrows: what is played between the ends of {_describe_count(len(some), len(within))} "
+        "loops within a track"
         if len(some)
         else "no loop lies within one track"
     )

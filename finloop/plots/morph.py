@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.drawing import Morph
-from finloop.base.paint import painted, shapes
+from finloop.base.paint import paint_layers, shapes
 
 Picture = NDArray[np.uint8]
 _BAR = 22  # px above a row, for its name
@@ -26,7 +26,7 @@ def _row(name: str, morph: Morph, columns: int, size: int) -> Picture:
         contours = [
             (shape, [morph.layers[layer][frame] for layer in shape.layers]) for shape in what
         ]
-        tiles.append(painted(contours, (size, size), size / side))
+        tiles.append(paint_layers(contours, (size, size), size / side))
     bar = np.full((_BAR, size * columns, 3), 255, np.uint8)
     folded = sum(int(count.sum()) for count in morph.folds.values())
     text = f"{name}: {folded or 'no'} folds in {len(morph.tau)} frames"

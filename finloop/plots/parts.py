@@ -56,8 +56,8 @@ def one_below_another(pictures: Sequence[Picture]) -> Picture:
     return np.vstack([pictures[0], *scaled])
 
 
-def coloured(picture: Picture) -> Picture:
-    """A picture (h, w) or (h, w, 3) as a new (h, w, 3)."""
+def convert_to_colour(picture: Picture) -> Picture:
+    """Return a picture (h, w) or (h, w, 3) as a new (h, w, 3)."""
     return np.dstack([picture] * 3 if picture.ndim == 2 else [picture])
 
 

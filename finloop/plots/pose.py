@@ -21,11 +21,11 @@ def sheet(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
     middle, length = (size - 1) / 2, size / 1.5
     tiles = []
     for number in range(min(SHAPES, len(shapes.shapes))):
-        share = 100 * shapes.explained[number]
+        share = 100 * shapes.variance_shares[number]
         for times in TIMES:
             codes = np.zeros(len(shapes.shapes))
             codes[number] = times * np.sqrt(shapes.variance[number])
-            pose = poses.posed(row, codes).at(middle, middle, 0, length)
+            pose = poses.pose_from_codes(row, codes).move_to(middle, middle, 0, length)
             picture = 255 * draw(film[row], poses.pose[row], pose, (size, size))
             tile = on_grey(picture[..., :-1], picture[..., -1:] / 255)
             write(tile, f"{number + 1}: {share:.1f} %, {times:+d} sd", (4, 12), _INK, 0.35)

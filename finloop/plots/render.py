@@ -13,8 +13,8 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from finloop.edit.schema import FRAME, SPOT, Goal, by_fish
-from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank
-from finloop.render.marks import aims, parts, rgb, sought, write
+from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank
+from finloop.render.marks import aims, goal_ticks, parts, rgb, write
 from finloop.render.painter import Painter, Placed
 
 _WANDERING = "0.35"
@@ -33,7 +33,7 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     way, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1
     steps = np.stack([way[later - 1], way[later]], axis=1)
-    aimed = sought(edit)[later]
+    aimed = goal_ticks(edit)[later]
     state = names.to_numpy()[later]
     axes.add_collection(LineCollection(list(steps[~aimed]), colors=_WANDERING, lw=0.7, alpha=0.7))
     for name, colour in colours.items():
@@ -165,7 +165,7 @@ def contact_sheet(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: in
 
 
 def _tile(tile: Tile, size: int) -> Picture:
-    big = cv2.resize(coloured(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
+    big = cv2.resize(convert_to_colour(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
     bar = np.full((18, size, 3), 255, np.uint8)
     bar[:, :5] = rgb(tile.colour)
     share = f"  {100 * tile.weight:.0f} %" if tile.weight > 0 else ""

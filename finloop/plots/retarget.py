@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.base.arrays import Picture, Points
 from finloop.base.schema import lists_to_points
-from finloop.plots.parts import Colour, coloured, in_rows, write
+from finloop.plots.parts import Colour, convert_to_colour, in_rows, write
 from finloop.render.painter import Painter, Placed
 
 _ASKED, _DRAWN, _INK = (86, 180, 233), (213, 94, 0), (150, 30, 30)
@@ -45,7 +45,7 @@ def sheet(
         scale = tile_px / size_px
         to_tile = np.column_stack([scale * np.eye(2), -scale * corner])
         tile = cv2.warpAffine(
-            coloured(painter.frame), to_tile, (tile_px, tile_px), flags=cv2.INTER_LINEAR,
+            convert_to_colour(painter.frame), to_tile, (tile_px, tile_px), flags=cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
         _line(tile, scale * (wanted - corner), _ASKED, 5)

@@ -13,7 +13,7 @@ from finloop.distance.picture import typical_length
 from finloop.features.head import tail_first
 from finloop.features.memory import memory_frames
 from finloop.pose.settings import Settings
-from finloop.puppet.pose import Pose, filmed
+from finloop.puppet.pose import Pose, poses_from_features
 from finloop.puppet.shapes import PoseShapes
 from finloop.puppet.tail import Tail, tail_spread, trunk
 
@@ -66,7 +66,7 @@ class FilmPoses:
 
     @cached_property
     def facts(self) -> ShapeFacts:
-        """The data that `restored` needs beside the codes."""
+        """The data that `restore_poses` needs beside the codes."""
         shapes = self.shapes
         return ShapeFacts(
             shapes.mean.tolist(), shapes.shapes.tolist(), shapes.weights.tolist(),
@@ -74,8 +74,8 @@ class FilmPoses:
             self.tail_spread, self.memory_frames,
         )  # fmt: skip
 
-    def posed(self, row: int, codes: Floats) -> Pose:
-        """A row's pose with the posture of these codes (c,)."""
+    def pose_from_codes(self, row: int, codes: Floats) -> Pose:
+        """Return a row's pose with the posture of these codes (c,)."""
         return replace(self.pose[row], posture=self.shapes.decode(codes))
 
     def table(self, features: pd.DataFrame) -> pd.DataFrame:
@@ -100,17 +100,17 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: Settings) -> Fil
     apart = p.trunk == "yes" or (p.trunk == "auto" and spread > p.tail_spread)
     if apart:
         lines = trunk(tracks, lines, Tail(p.thin, p.tail_smoothing, p.tail_body, p.tail_whole))
-    pose = filmed(features, lines)
+    pose = poses_from_features(features, lines)
     shapes = PoseShapes.fit(pose.posture, p.share, p.gap_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
     memory = memory_frames(codes, features["track_id"].to_numpy())
     return _poses(features, codes, shapes, (apart, spread, memory))
 
 
-def restored(
+def restore_poses(
     features: pd.DataFrame, codes: Reals, facts: dict[str, Any], posture: Floats | None = None
 ) -> FilmPoses:
-    """The postures as the stage `pose` stored them.
+    """Restore the postures as the stage `pose` stored them.
 
     features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): of `POSES`; facts:
     the fields of `ShapeFacts`; posture (n, d): what the codes stand for, None where that is to be

@@ -8,7 +8,7 @@ blended in one pose differ in light and skin, not in shape.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "drawing": ["Laid", "blend", "draw"], "pose": ["Pose", "filmed"], "shapes": ["PoseShapes"],
-    "strip": ["Line"],
+    "drawing": ["Laid", "blend", "draw"], "pose": ["Pose", "poses_from_features"],
+    "shapes": ["PoseShapes"], "strip": ["Line"],
     "tail": ["Tail", "tail_spread", "trunk"],
 })  # fmt: skip

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
-from finloop.distance.picture import softened
+from finloop.distance.picture import blur_for_shrinking
 from finloop.puppet.lay import How, paint, plan
 from finloop.puppet.pose import Pose
 from finloop.puppet.strip import Line
@@ -49,7 +49,7 @@ class Laid:
         """Take a picture (h, w, c), the line of its animal in it, and that in the new one."""
         across = source.size_px / target.size_px
         self._how = How(across, mirrored, sharp)
-        self._film = softened(pixels.astype(np.float32), 1 / across)
+        self._film = blur_for_shrinking(pixels.astype(np.float32), 1 / across)
         self._plan = plan(self._film, source, target, self._how)
         self.box: tuple[int, int, int, int] = self._plan.box
 

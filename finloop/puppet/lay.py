@@ -14,9 +14,9 @@ from finloop.puppet.strip import (
     LEAST,
     Line,
     Strip,
-    squeezed,
+    squeeze_offset,
     strip,
-    unsqueezed,
+    unsqueeze_offset,
 )
 
 _RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
@@ -120,7 +120,7 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
                     break
                 o -= _STRIDE
             o = max(o, 0.0) + _STRIDE + _RIM
-            rays[i, side] = unsqueezed(o, limit) if o < limit else 2 * limit
+            rays[i, side] = unsqueeze_offset(o, limit) if o < limit else 2 * limit
     reach = np.empty((m - 1, 2))
     for i in range(m - 1):
         for side in range(2):
@@ -205,8 +205,8 @@ def _beside(x, y, front, rear, share):  # type: ignore[no-untyped-def]
     norm = 1 / (nx * nx + ny * ny)
     o, along = (dx * nx + dy * ny) * norm, (dx * ny - dy * nx) * norm
     if o >= 0:
-        return unsqueezed(o, aleft + share * (bleft - aleft)), along
-    return -unsqueezed(-o, aright + share * (bright - aright)), along
+        return unsqueeze_offset(o, aleft + share * (bleft - aleft)), along
+    return -unsqueeze_offset(-o, aright + share * (bright - aright)), along
 
 
 @finite_leaf
@@ -222,9 +222,9 @@ def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
     if mirrored:
         t = -t
     if t >= 0:
-        o = squeezed(t, aleft + share * (bleft - aleft))
+        o = squeeze_offset(t, aleft + share * (bleft - aleft))
     else:
-        o = -squeezed(-t, aright + share * (bright - aright))
+        o = -squeeze_offset(-t, aright + share * (bright - aright))
     if abs(o) >= HIDDEN:
         return HIDDEN, HIDDEN
     nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
@@ -238,7 +238,7 @@ def _linear(film, u, v):  # type: ignore[no-untyped-def]
     """Red (or grey), green, blue, alpha, 0 … 1, at (u, v), by a linear filter."""
     column, row = math.floor(u), math.floor(v)
     du, dv = np.float32(u - column), np.float32(v - row)
-    red, green, blue, alpha = _weighted(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
+    red, green, blue, alpha = _sum_pixels(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
     return red * _UNIT, green * _UNIT, blue * _UNIT, alpha * _UNIT
 
 
@@ -247,7 +247,7 @@ def _cubic(film, u, v):  # type: ignore[no-untyped-def]
     """The same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
     column, row = math.floor(u), math.floor(v)
     across, down = keys(u - column), keys(v - row)
-    red, green, blue, alpha = _weighted(film, column - 1, row - 1, across, down)
+    red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)
     # Where alpha overshoots, the colour goes with it: no fringe.
     share = min(_UNIT, _ONE / max(alpha, _ONE))
     alpha = max(alpha, _ZERO) * share
@@ -260,8 +260,8 @@ def _cubic(film, u, v):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def _weighted(film, left, top, across, down):  # type: ignore[no-untyped-def]
-    """The weighted sum of the pixels from (left, top) on; transparent outside."""
+def _sum_pixels(film, left, top, across, down):  # type: ignore[no-untyped-def]
+    """Return the weighted sum of the pixels from (left, top) on; transparent outside."""
     height, width, channels = film.shape
     red = green = blue = alpha = _ZERO
     taps = len(across)

@@ -44,19 +44,19 @@ class Pose:
             self.posture[rows],
         )  # fmt: skip
 
-    def at(
+    def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """The same posture elsewhere; whatever is one number is the same for all poses."""
+        """Return the same posture elsewhere; a single number holds for all poses."""
         place = (x_px, y_px, heading_rad, size_px)
         x, y, heading, size = (
             np.broadcast_to(np.asarray(part, float), self.posture.shape[:-1]) for part in place
         )
         return Pose(x, y, heading, size, self.posture)
 
-    def mirrored(self) -> "Pose":
-        """Mirrored about the line through the mass centre in the direction of the heading."""
-        return replace(self, posture=mirrored(self.posture))
+    def mirror(self) -> "Pose":
+        """Mirror the poses about the line through the mass centre along the heading."""
+        return replace(self, posture=mirror_posture(self.posture))
 
     @property
     def head_px(self) -> Points:
@@ -95,16 +95,16 @@ def steps(posture: Floats) -> Floats:
     return posture[..., posture.shape[-1] // 2 + 1 :]
 
 
-def mirrored(posture: Floats) -> Floats:
-    """Postures (…, 2 + 2 n), left and right exchanged."""
+def mirror_posture(posture: Floats) -> Floats:
+    """Exchange left and right in postures (…, 2 + 2 n)."""
     copy = posture.copy()
     copy[..., _LEFT] *= -1
     bends(copy)[...] *= -1
     return copy
 
 
-def filmed(features: pd.DataFrame, backbones: Reals) -> Pose:
-    """The poses (k) of the rows of a feature table.
+def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
+    """Return the poses (k) of the rows of a feature table.
 
     features: track_id, x_px, y_px, heading_deg, body_length_px. backbones: (k, n + 1, 2) px, head
     first, as `features.table.features` gives them, of an animal with a thin tail `puppet.trunk`.

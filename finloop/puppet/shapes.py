@@ -14,7 +14,7 @@ import scipy
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread
-from finloop.puppet.pose import bends, mirrored, steps
+from finloop.puppet.pose import bends, mirror_posture, steps
 
 _SAMPLE = 50_000  # postures whose nearest neighbours are searched; a quantile needs no more
 _EXACT = 1e-5  # of codes, which files hold as float32
@@ -69,9 +69,9 @@ class PoseShapes:
             raise FinloopError(
                 f"{len(postures)} postures, {broken} of them not finite",
                 "two or more postures of a film",
-                "take those of `finloop.puppet.filmed`",
+                "take those of `finloop.puppet.poses_from_features`",
             )
-        both = np.concatenate([postures, mirrored(postures)])
+        both = np.concatenate([postures, mirror_posture(postures)])
         weights = np.ones(both.shape[1])
         count = bends(weights).size
         bends(weights)[:] = count**-0.5
@@ -81,7 +81,7 @@ class PoseShapes:
         apart -= mean
         apart *= weights
         variance, shapes = np.linalg.eigh(apart.T @ apart / len(both))
-        variance, shapes = np.maximum(variance[::-1], 0), _signed(shapes.T[::-1])
+        variance, shapes = np.maximum(variance[::-1], 0), _fix_signs(shapes.T[::-1])
         total = float(variance.sum())
         enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
         codes = apart @ shapes[:enough].T
@@ -91,14 +91,14 @@ class PoseShapes:
         return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
 
     @property
-    def explained(self) -> Floats:
-        """The share (c,) of the variance that each shape explains; of no variance, none."""
+    def variance_shares(self) -> Floats:
+        """Return the share (c,) of the variance that each shape explains; 0 without variance."""
         return self.variance / (self.total_variance or 1.0)
 
     @cached_property
     def mirror(self) -> Floats:
         """The matrix (c, c) that takes codes to those of the mirror image: codes @ mirror."""
-        both = mirrored(np.ones_like(self.mean))
+        both = mirror_posture(np.ones_like(self.mean))
         return (self.shapes * both) @ self.shapes.T
 
     def encode(self, postures: Floats) -> Floats:
@@ -143,8 +143,8 @@ class PoseShapes:
         return NearestCodes(near, clamped)
 
 
-def _signed(shapes: Floats) -> Floats:
-    """Shapes (c, d), their greatest component positive: an eigenvector's sign is the library's.
+def _fix_signs(shapes: Floats) -> Floats:
+    """Make the greatest component of each shape (c, d) positive.
 
     Of components that are as great but for rounding the first one counts.
     """

@@ -110,8 +110,8 @@ def _free(points, i, end):  # type: ignore[no-untyped-def]
 
 
 @finite_kernel
-def squeezed(t: float, limit: float) -> float:
-    """The distance o [px] from the backbone at which the place t ≥ 0 [px] lies, or HIDDEN.
+def squeeze_offset(t: float, limit: float) -> float:
+    """Return the distance o [px] from the backbone of the place t ≥ 0 [px], or HIDDEN.
 
     With f = r = limit / 2 [px]: o = t up to f; beyond it o = f + r (q − q²/4), q = (t − f) / r,
     which leaves f with slope 1 and reaches the limit, with slope 0, at q = 2. More is hidden.
@@ -125,8 +125,8 @@ def squeezed(t: float, limit: float) -> float:
 
 
 @finite_kernel
-def unsqueezed(o: float, limit: float) -> float:
-    """The place t [px] at a distance o ≥ 0 [px], or HIDDEN; the inverse of `squeezed`.
+def unsqueeze_offset(o: float, limit: float) -> float:
+    """Return the place t [px] at a distance o ≥ 0 [px], or HIDDEN; invert `squeeze_offset`.
 
     Beyond f it is t = f + 2 r (1 − √(1 − (o − f) / r)).
     """

@@ -49,7 +49,7 @@ def trunk(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
     """
     widths = _half_widths(tracks, backbones)
     lines = np.stack([
-        _smoothed(line, width, how.smoothing)
+        _smooth_line(line, width, how.smoothing)
         for line, width in zip(backbones.astype(float), widths, strict=True)
     ])  # fmt: skip
     count = lines.shape[1]
@@ -90,8 +90,8 @@ def _body_end(widths: Floats, thin: float) -> Floats:
     return first - 1 + share
 
 
-def _smoothed(line: Floats, width: Floats, smoothing: float) -> Floats:
-    """A backbone (n, 2) without bends that are shorter than it is wide; its ends stay."""
+def _smooth_line(line: Floats, width: Floats, smoothing: float) -> Floats:
+    """Smooth bends of a backbone (n, 2) that are shorter than it is wide; its ends stay."""
     count = len(line)
     step = max(np.hypot(*np.diff(line, axis=0).T).mean(), 1e-6)
     inner = width.copy()

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from finloop.base.arrays import Mask
 from finloop.realism.auc import Scores
 from finloop.realism.settings import Settings
-from finloop.realism.windows import CHANNELS, Windows, joined
+from finloop.realism.windows import CHANNELS, Windows, join_windows
 
 if TYPE_CHECKING:
     from sklearn.ensemble import HistGradientBoostingClassifier
@@ -39,7 +39,7 @@ def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]
 
 
 def _answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
-    both = joined([film, swum])
+    both = join_windows([film, swum])
     animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
     score = np.full(len(both), np.nan)

@@ -63,7 +63,7 @@ class Sample:
         chunk = max(1, round(p.cluster * self.delta))
         tick = np.round(swimming.time_s * self.rate_hz).astype(np.int64)
         ticks = Ticks(
-            np.where(plays, film.of(time_s), own.of(swimming.time_s)),
+            np.where(plays, film.block_numbers(time_s), own.block_numbers(swimming.time_s)),
             np.where(plays[:, None], film.near(time_s, gap), own.near(swimming.time_s, gap)),
             np.where(plays, swimming.row // chunk, -1 - tick // chunk),
         )

@@ -16,7 +16,7 @@ from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.instrument import Swimming
 from finloop.realism.lists import Work
 from finloop.realism.windows import CHANNELS, Windows
-from finloop.render.gallery import Gallery, placed
+from finloop.render.gallery import Gallery, place_rows
 from finloop.render.marks import write
 from finloop.render.painter import Painter
 
@@ -94,8 +94,10 @@ class Show:
         edit = self.works[name][int(swum.part[rows[0]])][0].iloc[swum.tick[rows]]
         return edit.assign(start_deg=float(swum.table["heading_deg"].iloc[rows[0]]))
 
-    def _of(self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict) -> Iterator[Tables]:
-        """The examples of a mode, but for their numbers."""
+    def _mode_examples(
+        self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict
+    ) -> Iterator[Tables]:
+        """Yield the examples of a mode, without their numbers."""
         film, animation = pair
         cut = self.sample.cut
         score = verdict.scores.score[len(film.x) :]
@@ -117,7 +119,7 @@ class Show:
             for number, example in enumerate(
                 example
                 for mode, verdict in verdicts.items() if mode in self.swum
-                for example in self._of(mode, sides[mode], verdict)
+                for example in self._mode_examples(mode, sides[mode], verdict)
             )
         ]  # fmt: skip
         both = zip(*every, strict=True) if every else ([pd.DataFrame()], [pd.DataFrame()])
@@ -136,8 +138,8 @@ class View(NamedTuple):
     heading_deg: float
     width_px: float
 
-    def of(self, frame: Picture, size: int) -> Picture:
-        """Its view of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
+    def crop_frame(self, frame: Picture, size: int) -> Picture:
+        """Return this view of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
         place = self.x_px, self.y_px
         turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size / self.width_px)
         turn[:, 2] += (size - 1) / 2 - np.array(place)
@@ -172,9 +174,9 @@ def pictures(
 ) -> Iterator[Picture]:
     """One side of an example as a camera sees it, tick by tick, (size, size, 3)."""
     numbered = edit.assign(tick=np.arange(len(edit)))
-    for fish in placed(numbered, gallery):
+    for fish in place_rows(numbered, gallery):
         painter.show(fish)
-        yield view.of(painter.frame, size)
+        yield view.crop_frame(painter.frame, size)
 
 
 def strip(
@@ -185,10 +187,10 @@ def strip(
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))
     tiles, width = list[Picture](), _AROUND * length_px * float(moments["scale"].median())
-    for fish, start in zip(placed(numbered, gallery), moments["start_deg"], strict=True):
+    for fish, start in zip(place_rows(numbered, gallery), moments["start_deg"], strict=True):
         painter.show(fish)
         view = View(fish.x_px, fish.y_px, start, width)
-        tiles.append(view.of(painter.frame, size))
+        tiles.append(view.crop_frame(painter.frame, size))
     return np.hstack(tiles)
 
 

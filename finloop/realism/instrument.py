@@ -25,7 +25,7 @@ from finloop.extract.settings import Settings as ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.features.settings import Settings as FeatureSettings
 from finloop.features.table import FEATURES, features
-from finloop.render.gallery import Gallery, placed
+from finloop.render.gallery import Gallery, place_rows
 from finloop.render.painter import Box, Painter, Placed
 
 _RIM = 16  # px around a fish, beyond once its own size on each side
@@ -47,8 +47,8 @@ class Instrument:
     rate_hz: float
     size: float = 1.0
 
-    def of_animations(self, size: float) -> "Instrument":
-        """The same for fish drawn so many times as large as filmed, which swim in still water.
+    def adapt_to_animation(self, size: float) -> "Instrument":
+        """Return the instrument for fish drawn `size` times as large as filmed, in still water.
 
         It looks at them through a lens, which makes them as large as filmed, and their tank, too.
         """
@@ -88,12 +88,12 @@ class Instrument:
         for animal in fish:
             box = _around(painter.show(animal), self.tank.shape)
             scene = Scene(
-                np.ascontiguousarray(self.tank[box.of]), facts.polarity,  # type: ignore[arg-type]
+                np.ascontiguousarray(self.tank[box.slices]), facts.polarity,  # type: ignore[arg-type]
                 facts.noise_grey, facts.threshold_grey,
             )  # fmt: skip
-            arena = np.ascontiguousarray(self.arena[box.of])
+            arena = np.ascontiguousarray(self.arena[box.slices])
             detector = Detector(arena, self.typical, self.extract)
-            drawn = np.ascontiguousarray(painter.frame[box.of])
+            drawn = np.ascontiguousarray(painter.frame[box.slices])
             yield _in_tank(detector.detect(drawn, scene), box)
 
     def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
@@ -188,4 +188,4 @@ def measure_list(
     """An edit list with its cuts, drawn and measured: for a process of its own."""
     instrument, edit, cuts = work
     with open_pictures() as gallery:
-        return instrument.measure(placed(instrument.through_lens(edit), gallery), cuts)
+        return instrument.measure(place_rows(instrument.through_lens(edit), gallery), cuts)

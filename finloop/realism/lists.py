@@ -13,13 +13,13 @@ Work = tuple[pd.DataFrame, Sequence[int]]
 """An edit list, and its ticks at which another fish begins."""
 
 
-def animated(samples: pd.DataFrame) -> list[Work]:
+def animation_lists(samples: pd.DataFrame) -> list[Work]:
     """Return the animations of a mode, one of each fish, as edit lists to compare."""
     return [(one, ()) for one in by_fish(samples)]
 
 
-def filmed(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
-    """The film to compare with as edit lists, each of about `longest` ticks."""
+def film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
+    """Return the film to compare with as edit lists, each of about `longest` ticks."""
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
     rows: list[np.ndarray] = []

@@ -55,8 +55,8 @@ class Blocks(NamedTuple):
     edges: Floats
     number: Ints
 
-    def of(self, time_s: Floats) -> Ints:
-        """The block (n,) of each time."""
+    def block_numbers(self, time_s: Floats) -> Ints:
+        """Return the block (n,) of each time."""
         place = np.searchsorted(self.edges, time_s, "right") - 1
         return self.number[np.clip(place, 0, len(self.number) - 1)]
 
@@ -145,7 +145,7 @@ def windows(
     )  # fmt: skip
 
 
-def joined(parts: Sequence[Windows]) -> Windows:
-    """Several sets of windows as one."""
+def join_windows(parts: Sequence[Windows]) -> Windows:
+    """Join several sets of windows into one."""
     names = [field.name for field in fields(Windows)]
     return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

@@ -8,8 +8,8 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Picture
 from finloop.edit.filmed import as_filmed
-from finloop.edit.measures import shown
-from finloop.render.gallery import Gallery, placed
+from finloop.edit.measures import picture_kinds
+from finloop.render.gallery import Gallery, place_rows
 from finloop.render.marks import COLOURS, rgb, write
 from finloop.render.painter import Painter
 
@@ -58,8 +58,8 @@ def _panels(
     edit: pd.DataFrame, gallery: Gallery, tank: Picture, half_px: float, size: int
 ) -> Iterator[tuple[Picture, str]]:
     """Yield the square around the fish, px across, and what is shown, at every tick."""
-    painter, names = Painter(tank, colour=True), shown(edit)
-    for fish, name in zip(placed(edit, gallery), names, strict=True):
+    painter, names = Painter(tank, colour=True), picture_kinds(edit)
+    for fish, name in zip(place_rows(edit, gallery), names, strict=True):
         painter.show(fish)
         zoom = (size - 1) / (2 * half_px)
         middle = (size - 1) / 2

@@ -63,7 +63,7 @@ class Gallery:
         """The picture of a row of the film, mirrored: its left is its right."""
         return self.picture(FRAME, row, 1, mirrored)
 
-    def turned(
+    def rotate_picture(
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool = False,
     ) -> Turned:  # fmt: skip
@@ -87,23 +87,26 @@ class Gallery:
                 row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
             )  # fmt: skip
         if row.pose is None:
-            fish: Turned | Bent = self.turned(*own, row.scale, row.mirrored)
-            other: Turned | Bent | None = partner and self.turned(
+            fish: Turned | Bent = self.rotate_picture(*own, row.scale, row.mirrored)
+            other: Turned | Bent | None = partner and self.rotate_picture(
                 *partner, row.partner_scale, row.partner_mirrored
             )
         else:
             assert self.bodies is not None
-            body = self.bodies.shown(*own, row.mirrored)
-            pose = self.bodies.poses.posed(int(body.row), row.pose)
+            body = self.bodies.edit_row_body(*own, row.mirrored)
+            pose = self.bodies.poses.pose_from_codes(int(body.row), row.pose)
             heading, size = math.radians(body.heading_deg), float(pose.size_px) * row.scale
-            fish = self._bent(body, pose.posture, heading, size)
-            other = partner and self._bent(
-                self.bodies.shown(*partner, row.partner_mirrored), pose.posture, heading, size
+            fish = self._bend_body(body, pose.posture, heading, size)
+            other = partner and self._bend_body(
+                self.bodies.edit_row_body(*partner, row.partner_mirrored),
+                pose.posture,
+                heading,
+                size,
             )
         return Placed(row.x_px, row.y_px, fish, other, row.weight)
 
-    def _bent(self, body: Body, posture: Floats, heading_rad: float, size_px: float) -> Bent:
-        """A body of the film in a posture."""
+    def _bend_body(self, body: Body, posture: Floats, heading_rad: float, size_px: float) -> Bent:
+        """Return a body of the film in a posture."""
         assert self.bodies is not None
         row = int(body.row)
         own, film = self.bodies.poses.pose[row], self.frame(row)
@@ -132,8 +135,8 @@ def shelves(
     return made
 
 
-def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
-    """Row by row what an edit list (schema EDIT) wants drawn.
+def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
+    """Yield row by row what an edit list (schema EDIT) draws.
 
     FinloopError at once, listing all that cannot be drawn.
     """

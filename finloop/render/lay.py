@@ -66,8 +66,8 @@ def _span(m, y, shape, ends):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _seen(m, x, y, shape):  # type: ignore[no-untyped-def]
-    """Where (x, y) lies in a picture, (u, v), and whether the kernel can read all around it."""
+def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
+    """Return where (x, y) lies in a picture, (u, v), and whether the kernel can read around it."""
     u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
     return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2
 
@@ -89,12 +89,12 @@ def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
                 start, stop = min(start, first), max(stop, last)
         for x in range(start, stop):
             red = green = blue = alpha = np.float32(0)
-            u, v, seen = _seen(m, x, y, shape)
+            u, v, seen = _locate_pixel(m, x, y, shape)
             if keep > 0 and seen:
                 r, g, b, a = _sample(pixels, near, u, v)
                 red, green, blue, alpha = keep * r, keep * g, keep * b, keep * a
             if share > 0:
-                u, v, seen = _seen(n, x, y, other_shape)
+                u, v, seen = _locate_pixel(n, x, y, other_shape)
                 if seen:
                     r, g, b, a = _sample(other, other_near, u, v)
                     red += share * r

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.edit.measures import shown
+from finloop.edit.measures import picture_kinds
 from finloop.edit.schema import Goal
 from finloop.render.painter import Box, Painter, Placed
 
@@ -43,7 +43,7 @@ def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
     That is what they show; where all show the same, the states.
     """
-    names = shown(edit)
+    names = picture_kinds(edit)
     names = names if names.nunique() > 1 else edit["state"]
     unknown = [name for name in names.unique() if name not in COLOURS]
     colours = COLOURS | dict(zip(unknown, cycle(_OTHERS), strict=False))
@@ -57,8 +57,8 @@ def aims(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
 
 
-def sought(edit: pd.DataFrame) -> NDArray[np.bool_]:
-    """The ticks on the way to a goal; where there is no goal at all, every tick."""
+def goal_ticks(edit: pd.DataFrame) -> NDArray[np.bool_]:
+    """Return which ticks lead to a goal; where there is no goal at all, every tick."""
     found = (edit["goal"] != "").to_numpy()
     return found if found.any() else ~found
 
@@ -104,7 +104,7 @@ class Marks:
         colour, pale = [rgb(colours[name]) for name in names], (_pale(painter.floor), 1)
         pens = [
             (own, self._line) if goal else pale
-            for own, goal in zip(colour, sought(edit), strict=True)
+            for own, goal in zip(colour, goal_ticks(edit), strict=True)
         ]
         places = edit[["x_px", "y_px"]].to_numpy(float)
         self._courses = [
@@ -148,14 +148,14 @@ class Marks:
             if tick:
                 start, stop = course.places[tick - 1], course.places[tick]
                 colour, width = course.pens[tick]
-                ends = _fixed(start), _fixed(stop)
+                ends = _subpixel_point(start), _subpixel_point(stop)
                 cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
                 self._touch(np.stack([start, stop]), self._line + 2)
 
     def _above(self, tick: int) -> None:
         """Write time, state and goal into the corner."""
         box = self._plate
-        plate = self._painter.canvas[box.of]
+        plate = self._painter.canvas[box.slices]
         np.right_shift(plate, 1, out=plate)  # half as bright: letters are seen on any tank
         size, middle = self._size, (box.top + box.bottom) // 2
         corner = box.left + size // 2, middle - size // 2
@@ -175,10 +175,10 @@ class Marks:
         floor, at = self._painter.floor, (goal.x_px, goal.y_px)
         for tone, edge in ((_EDGE, 1), (colour, 0)):
             ring = round(radius * 2**_SHIFT)
-            cv2.circle(floor, _fixed(at), ring, tone, line + 2 * edge, cv2.LINE_AA, _SHIFT)
+            cv2.circle(floor, _subpixel_point(at), ring, tone, line + 2 * edge, cv2.LINE_AA, _SHIFT)
             if reached:
                 dot = round((0.28 * self._size + edge) * 2**_SHIFT)
-                cv2.circle(floor, _fixed(at), dot, tone, -1, cv2.LINE_AA, _SHIFT)
+                cv2.circle(floor, _subpixel_point(at), dot, tone, -1, cv2.LINE_AA, _SHIFT)
         left = round(goal.x_px + radius + 0.3 * self._size)
         base, length = round(goal.y_px + 0.35 * self._size), self._width(name)
         if left + length > floor.shape[1]:
@@ -210,8 +210,8 @@ def _pale(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _fixed(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, int]:
-    """A point as cv2 takes it with `shift`."""
+def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, int]:
+    """Return a point in the fixed-point form that cv2 takes with `shift`."""
     x, y = (round(float(one) * 2**_SHIFT) for one in point)
     return x, y
 

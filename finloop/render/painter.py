@@ -49,8 +49,8 @@ class Box(NamedTuple):
     right: int
 
     @property
-    def of(self) -> tuple[slice, slice]:
-        """Its rows and columns."""
+    def slices(self) -> tuple[slice, slice]:
+        """Return the slices of its rows and columns."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
@@ -64,8 +64,8 @@ class Box(NamedTuple):
         left, right = (min(max(edge, 0), shape[1]) for edge in (self.left, self.right))
         return Box(top, left, bottom, right)
 
-    def grown(self, rim: int) -> "Box":
-        """The same with a rim."""
+    def grow(self, rim: int) -> "Box":
+        """Return the box enlarged by a rim."""
         return Box(self.top - rim, self.left - rim, self.bottom + rim, self.right + rim)
 
     def common(self, other: "Box") -> "Box":
@@ -117,8 +117,8 @@ class Bent(NamedTuple):
     size_px: float
     mirrored: bool
 
-    def laid(self, x_px: float, y_px: float) -> Laid:
-        """With its mass centre at (x_px, y_px) of the canvas."""
+    def lay_at(self, x_px: float, y_px: float) -> Laid:
+        """Lay the picture with its mass centre at (x_px, y_px) of the canvas."""
         target = Line(x_px, y_px, self.heading_rad, self.size_px, self.posture)
         return Laid(self.picture.pixels, self.source, target, self.mirrored)
 
@@ -181,7 +181,7 @@ class Painter:
     def wipe(self) -> None:
         """Make the canvas the floor again."""
         for box in self._touched:
-            self.canvas[box.of] = self.floor[box.of]
+            self.canvas[box.slices] = self.floor[box.slices]
         self._touched.clear()
 
     def show(self, *fish: Placed) -> Box:
@@ -198,7 +198,7 @@ class Painter:
         """Throw the shadow of a fish on those that are drawn and that it lies over."""
         own, (share, blur_px) = extent(upper), self._shadow
         lower = [one for one in lower if not extent(one).common(own).empty]
-        box = own.grown(math.ceil(3 * blur_px)).within(self.canvas.shape)
+        box = own.grow(math.ceil(3 * blur_px)).within(self.canvas.shape)
         if not lower or box.empty:
             return
         above = self._silhouette(upper, box)
@@ -211,7 +211,7 @@ class Painter:
             return
         dark = cv2.GaussianBlur(above, (0, 0), blur_px) * (1 - clear)
         light = 1 - share * dark[..., None]
-        self.canvas[box.of] = np.rint(self.canvas[box.of] * light).astype(np.uint8)
+        self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
     def _silhouette(self, one: Placed, box: Box) -> NDArray[np.float32]:
         """How much of each pixel of a box (h, w) a fish covers: painted over black and white."""
@@ -241,8 +241,8 @@ class Painter:
         if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
         if isinstance(fish, Bent) and isinstance(other, Bent):
-            box = self._bent(
-                fish.laid(x_px, y_px), other.laid(x_px, y_px) if share else None, share
+            box = self._draw_bent(
+                fish.lay_at(x_px, y_px), other.lay_at(x_px, y_px) if share else None, share
             )
         elif isinstance(fish, Turned) and isinstance(other, Turned):
             parts = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
@@ -254,15 +254,15 @@ class Painter:
         self.touch(box)
         return box
 
-    def _bent(self, fish: Laid, other: Laid | None, share: float) -> Box:
-        """Draw a fish, and its partner with its share; where."""
+    def _draw_bent(self, fish: Laid, other: Laid | None, share: float) -> Box:
+        """Draw a fish, and its partner with its share; return the box drawn."""
         boxes = [Box(*one.box) for one in (fish, other) if one is not None]
         box = Box.around(boxes).within(self.canvas.shape)
         if not box.empty:
             drawn = fish.in_box(box)
             if other is not None:
                 drawn = blend(drawn, other.in_box(box), share)
-            over(self.canvas[box.of], drawn)
+            over(self.canvas[box.slices], drawn)
         return box
 
 
@@ -270,7 +270,7 @@ def extent(one: Placed) -> Box:
     """Where a fish and its partner can leave a trace."""
     pictures = [one.fish] if one.partner is None or not one.weight else [one.fish, one.partner]
     return Box.around(
-        Box(*fish.laid(one.x_px, one.y_px).box) if isinstance(fish, Bent)
+        Box(*fish.lay_at(one.x_px, one.y_px).box) if isinstance(fish, Bent)
         else _extent(one.x_px, one.y_px, fish)
         for fish in pictures
     )  # fmt: skip

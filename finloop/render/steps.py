@@ -22,10 +22,10 @@ class Steps:
         self._painter = painter
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
-    def to(self, box: Box) -> float:
-        """The step to what is on the canvas now, fish in `box` alone; NaN at the first."""
+    def measure_step(self, box: Box) -> float:
+        """Return the step to the canvas as it is now, fish in `box` alone; NaN at the first."""
         canvas, last = self._painter.canvas, self._last
-        self._last = box, canvas[box.of].copy()
+        self._last = box, canvas[box.slices].copy()
         if last is None:
             return math.nan
         before, patch = last
@@ -33,12 +33,12 @@ class Steps:
         if not filled:
             return 0.0
         both = Box.around(filled)
-        was = self._painter.floor[both.of].copy()
+        was = self._painter.floor[both.slices].copy()
         if not before.empty:
             was[before.top - both.top :, before.left - both.left :][
                 : patch.shape[0], : patch.shape[1]
             ] = patch
-        change = canvas[both.of].astype(np.float32) - was
+        change = canvas[both.slices].astype(np.float32) - was
         return math.sqrt(float(np.vdot(change, change)) / canvas.shape[2])
 
 
@@ -60,7 +60,7 @@ def film_steps(
         for row in pair:
             x, y = places[row]
             painter.wipe()
-            step = steps.to(painter.draw(x, y, Turned(gallery.frame(int(row)))))
+            step = steps.measure_step(painter.draw(x, y, Turned(gallery.frame(int(row)))))
         found.append(step)
     painter.wipe()
     return np.array(found)

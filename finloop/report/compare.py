@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
-from finloop.report.page import rendered
+from finloop.report.page import render_template
 from finloop.report.tables import Table, number
 
 
@@ -80,14 +80,14 @@ def comparison(
     if not objectives:
         best = np.zeros(len(values), bool)
     rows = parameters[differ].sort_values(
-        differ, kind="stable", key=lambda column: ranked(column)[0]
+        differ, kind="stable", key=lambda column: rank_values(column)[0]
     )
     order = parameters.index.get_indexer(rows.index)
     return Comparison(rows, values.iloc[order], objectives, best[order])
 
 
-def ranked(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
-    """The rank of each value, from 0, and the text of each rank: numbers by size, then words."""
+def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
+    """Return each value's rank, from 0, and each rank's text: numbers by size, then words."""
     keys = [
         (1, 0.0, str(value)) if _is_word(value) else (0, float(value), f"{value:g}")
         for value in column
@@ -118,7 +118,7 @@ def parallel(table: Comparison) -> go.Figure:
     for name, column in [*table.parameters[whole].items(), *measures[whole].items()]:
         axis: dict[str, Any] = {"label": words(str(name))}
         if any(map(_is_word, column)):  # a tick for each value
-            column, texts = ranked(column)
+            column, texts = rank_values(column)
             axis |= {"tickvals": list(range(len(texts))), "ticktext": texts}
         low, high = float(column.min()), float(column.max())
         if low == high:  # an axis of no length is not drawn
@@ -138,7 +138,7 @@ def curves(table: Comparison) -> go.Figure | None:
     if len(table.parameters.columns) != 1:
         return None
     (parameter,) = table.parameters.columns
-    place, texts = ranked(table.parameters[parameter])
+    place, texts = rank_values(table.parameters[parameter])
     measures = table.measures.dropna(axis=1, how="all")
     rows = -(-len(measures.columns) // _PANELS)
     titles = [str(name).replace(".", ": ").replace("_", " ") for name in measures]
@@ -218,4 +218,4 @@ def html(table: Comparison, title: str, why: str) -> str:
         "charts": [(name, figure.to_json()) for name, figure in charts],
         "plotly": get_plotlyjs(),
     }
-    return rendered("compare.html.j2", values)
+    return render_template("compare.html.j2", values)

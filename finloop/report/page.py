@@ -43,8 +43,8 @@ def webp(picture: Picture, most_width: int, quality: int) -> WebP:
     return WebP(data_uri("image/webp", coded.getvalue()), width, height)
 
 
-def rendered(template: str, values: Mapping[str, Any]) -> str:
-    """A template of this folder, filled; values are escaped, an unknown name is an error."""
+def render_template(template: str, values: Mapping[str, Any]) -> str:
+    """Fill a template of this folder; escape the values and raise on an unknown name."""
     text = files("finloop.report").joinpath(template).read_text(encoding="utf-8")
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True

@@ -103,14 +103,14 @@ def measures(table: pd.DataFrame) -> Table:
     )
 
 
-def of_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Any data frame, its numbers shortened."""
+def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
+    """Return a table of any data frame with shortened numbers."""
     rows = [[number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
 
-def of_numbers(numbers: Mapping[str, float], caption: str) -> Table:
-    """A stage's metrics."""
+def metrics_table(numbers: Mapping[str, float], caption: str) -> Table:
+    """Return a table of a stage's metrics."""
     rows = [[name.replace("_", " "), number(value, 4)] for name, value in numbers.items()]
     return Table(caption, ["number", "value"], rows)
 

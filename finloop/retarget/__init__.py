@@ -8,7 +8,7 @@ it may.
 M. Gleicher, Retargetting Motion to New Characters, SIGGRAPH 1998.
 """
 
-from finloop.retarget.film import ASKED, Material, Parts, Retargeted, retargeted
+from finloop.retarget.film import ASKED, Material, Parts, Retargeted, retarget_track
 from finloop.retarget.track import Track, track_of
 
-__all__ = ["ASKED", "Material", "Parts", "Retargeted", "Track", "retargeted", "track_of"]
+__all__ = ["ASKED", "Material", "Parts", "Retargeted", "Track", "retarget_track", "track_of"]

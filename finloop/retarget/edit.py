@@ -7,7 +7,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.edit.bodies import Bodies
-from finloop.edit.joins import Joins, Shown, cross_fades, inertialized
+from finloop.edit.joins import Joins, Shown, cross_fades, inertialize
 from finloop.edit.modes import RETARGET
 from finloop.edit.schema import EDIT, FILM, FRAME, INERTIAL, JUMP, PLAY, STATES
 from finloop.features.table import wrap_deg
@@ -25,24 +25,26 @@ class Sources:
     switch: Ints
 
     @classmethod
-    def of(cls, numbers: Ints, follows: Ints, count: int) -> "Sources":
+    def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "Sources":
         """Of `FilmRows`: numbers (T,), what each goes on with (m,), the film's rows."""
         switch = np.flatnonzero(numbers[1:] != follows[numbers[:-1]]) + 1
         return cls(numbers % count, numbers >= count, switch)
 
-    def shown(self, heading_deg: Floats, bodies: Bodies) -> Shown:
-        """As `animate.joins` takes them, headed (T,) on screen."""
+    def to_shown(self, heading_deg: Floats, bodies: Bodies) -> Shown:
+        """Convert to what `animate.joins` takes, with headings (T,) on screen."""
         turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
         return Shown(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
 def film_codes(sources: Sources, heading_deg: Floats, how: Joins) -> Floats:
     """The codes (T, c) of the rows themselves, which go on over jumps as all joins do."""
-    own = sources.shown(heading_deg, how.bodies)
-    codes = how.bodies.codes(how.bodies.of(own.frame, own.number, own.rot, own.mirrored))
+    own = sources.to_shown(heading_deg, how.bodies)
+    codes = how.bodies.codes(
+        how.bodies.picture_bodies(own.frame, own.number, own.rot, own.mirrored)
+    )
     if how.kind != INERTIAL:
         return codes
-    states = inertialized(own, heading_deg, how)
+    states = inertialize(own, heading_deg, how)
     return np.where(states.posed[:, None], states.codes, codes)
 
 
@@ -52,13 +54,13 @@ def edit_list(
     """Columns of `EDIT`. pose (T): as drawn; codes (T, c): of it; scale (n,): of rows."""
     ticks, bodies = len(sources.row), how.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))
-    shown = sources.shown(heading, bodies)
+    shown = sources.to_shown(heading, bodies)
     begins = sources.switch
     goes_on = bodies.goes_on
     if len(begins):  # within one passage light and skin are the same
-        here = bodies.of(shown.frame, shown.number, shown.rot, shown.mirrored)
-        old = bodies.after(here.some(begins - 1))
-        begins = begins[~bodies.same_moment(old, here.some(begins), how.fade)]
+        here = bodies.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
+        old = bodies.next_body(here.select(begins - 1))
+        begins = begins[~bodies.same_moment(old, here.select(begins), how.fade)]
     partner, weight = cross_fades(shown, begins, how.fade, lambda _, row: row + int(goes_on[row]))
     fades = weight > 0
     speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]

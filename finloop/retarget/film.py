@@ -18,8 +18,14 @@ from finloop.puppet import Pose
 from finloop.reel import Reel
 from finloop.retarget.edit import Sources, edit_list, film_codes
 from finloop.retarget.motion import Motion, motion_of
-from finloop.retarget.place import mirrored, moved, outside, scale_of
-from finloop.retarget.posture import aligned, asked_postures, body_share, chord_share, on_body
+from finloop.retarget.place import find_placement, mirror_points, outside, scale_of
+from finloop.retarget.posture import (
+    align_postures,
+    asked_postures,
+    body_share,
+    chord_share,
+    on_body,
+)
 from finloop.retarget.rows import FilmRows, cheapest
 from finloop.retarget.settings import Settings
 from finloop.retarget.track import Track
@@ -90,20 +96,20 @@ def own_track(film: Material, rows: Ints, name: str) -> Track:
     )  # fmt: skip
 
 
-def retargeted(track: Track, film: Material, p: Settings, others: Parts) -> Retargeted:
-    """A track, swum by the film's fish.
+def retarget_track(track: Track, film: Material, p: Settings, others: Parts) -> Retargeted:
+    """Retarget a track to the film's fish.
 
     FinloopError if it is too short, swims tail first, says no size, or does not fit into the tank.
     """
     reel = film.reel
     motion = motion_of(track, film.rate_hz, p)
-    way, scale = _way(track, motion, film, p)
-    rows = FilmRows.of(reel, film.poses, film.look, others.weights, track.bent)
+    way, scale = _scale_track(track, motion, film, p)
+    rows = FilmRows.from_reel(reel, film.poses, film.look, others.weights, track.has_postures)
     if track.rows is not None and not p.own_frames:
         rows = rows.without(track.rows)
     pictures = film.pictures
     how = joins(others.joins, others.join, pictures.bodies, delta_of(reel.features), pictures.helps)
-    sources, way = _drawn(way, rows, how, film, p)
+    sources, way = _choose_rows(way, rows, how, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
     edit = edit_list(sources, way.pose, way.codes, drawn_scale, how, film.rate_hz)
     table = _table(motion, way, sources)
@@ -113,7 +119,7 @@ def retargeted(track: Track, film: Material, p: Settings, others: Parts) -> Reta
         "duration_s": len(edit) / film.rate_hz,
         "scale": scale,
         "way_size": way.size,
-        "with_postures": float(track.bent),
+        "with_postures": float(track.has_postures),
         **{f"apart_{name}_pct": 100 * float(table["apart"].quantile(q))
            for name, q in (("median", 0.5), ("p95", 0.95))},
         "clamped_pct": 100 * float(way.clamped.mean()),
@@ -141,29 +147,29 @@ class _Way(NamedTuple):
     size: float = 1.0
 
     @property
-    def bent(self) -> bool:
-        """Whether the points say how the animal is bent."""
+    def has_postures(self) -> bool:
+        """Return whether the points say how the animal is bent."""
         return len(self.at) > 2
 
     def offsets(self, film: Material, p: Settings) -> tuple[Points, float]:
         """Offsets (T, 2) px that bring the backbones into the tank, and the size of the way."""
         bodies = self.pose.backbone_px()
-        shift, size = moved(bodies, film.arena, film.reel.length_px, p)
+        shift, size = find_placement(bodies, film.arena, film.reel.length_px, p)
         centre = bodies.mean(1)
         return (size - 1) * (centre - centre.mean(0)) + shift, size
 
-    def moved(self, offset: Points, size: float) -> "_Way":
-        """The way, by such offsets."""
+    def move_by(self, offset: Points, size: float) -> "_Way":
+        """Shift the way by offsets (T, 2) px and multiply its size."""
         pose, (x, y) = self.pose, offset.T
         return self._replace(
             points=self.points + offset[:, None],
-            pose=pose.at(pose.x_px + x, pose.y_px + y, pose.heading_rad, pose.size_px),
+            pose=pose.move_to(pose.x_px + x, pose.y_px + y, pose.heading_rad, pose.size_px),
             size=self.size * size,
         )
 
 
-def _way(track: Track, motion: Motion, film: Material, p: Settings) -> tuple[_Way, float]:
-    """A track where its file has it, at the size of this film's fish, and the scale.
+def _scale_track(track: Track, motion: Motion, film: Material, p: Settings) -> tuple[_Way, float]:
+    """Scale a track to the size of this film's fish; return its way and the scale.
 
     A track without postures has the mean one.
     """
@@ -172,9 +178,9 @@ def _way(track: Track, motion: Motion, film: Material, p: Settings) -> tuple[_Wa
     scale = scale_of(track, length_px * share, p)
     points, codes = scale * motion.points, motion.codes
     if p.mirrored:
-        points = mirrored(points, film.arena.shape[1])
+        points = mirror_points(points, film.arena.shape[1])
         codes = None if codes is None else codes @ shapes.mirror
-    if track.bent:
+    if track.has_postures:
         return _Way(points, at, *asked_postures(points, at, shapes, length_px, codes)), scale
     mean = np.repeat(shapes.mean[None], len(points), 0)
     heading = None
@@ -182,38 +188,38 @@ def _way(track: Track, motion: Motion, film: Material, p: Settings) -> tuple[_Wa
         delta = delta_of(film.reel.features)
         heading = _way_rad(points[:, 0], max(1, round(delta / 4)), _STILL * length_px / delta)
     none = np.zeros((len(points), len(shapes.shapes)))
-    pose = aligned(mean, points, at, length_px, heading)
+    pose = align_postures(mean, points, at, length_px, heading)
     return _Way(points, at, pose, none, np.zeros(len(points), bool)), scale
 
 
-def _drawn(
+def _choose_rows(
     way: _Way, rows: FilmRows, how: Joins, film: Material, p: Settings
 ) -> tuple[Sources, _Way]:
-    """The rows that a way is drawn from, and the way as it is drawn, in the tank.
+    """Choose the rows that a way is drawn from; return them and the way as it lies in the tank.
 
     Postures of the film are known once the rows are: their backbones are brought into the tank. A
     way that has to be smaller for them is slower, and rows are chosen for it again.
     """
-    if way.bent:
-        way = way.moved(*way.offsets(film, p))
+    if way.has_postures:
+        way = way.move_by(*way.offsets(film, p))
         return _sources(way, rows, film, p), way
     sources, fish = _in_film_postures(way, rows, how, film, p)
     offset, size = fish.offsets(film, p)
     if size < 1:
-        way = way.moved(offset, size)
+        way = way.move_by(offset, size)
         sources, fish = _in_film_postures(way, rows, how, film, p)
         offset, size = fish.offsets(film, p)
-    return sources, fish.moved(offset, size)
+    return sources, fish.move_by(offset, size)
 
 
 def _sources(way: _Way, rows: FilmRows, film: Material, p: Settings) -> Sources:
     """The rows that follow a way at the least cost."""
     pose = way.pose
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
-    codes = way.codes if way.bent else None
-    asked = rows.asked(place, np.unwrap(pose.heading_rad), codes)
+    codes = way.codes if way.has_postures else None
+    asked = rows.query_vectors(place, np.unwrap(pose.heading_rad), codes)
     numbers = cheapest(rows, asked, p.candidates, p.switch, delta_of(film.reel.features))
-    return Sources.of(numbers, rows.follows, len(film.reel))
+    return Sources.from_rows(numbers, rows.follows, len(film.reel))
 
 
 def _in_film_postures(
@@ -225,7 +231,7 @@ def _in_film_postures(
     codes = film_codes(sources, np.degrees(heading), how)
     postures = film.poses.shapes.decode(codes)
     known = heading if len(way.at) == 1 else None
-    pose = aligned(postures, way.points, way.at, film.reel.length_px, known)
+    pose = align_postures(postures, way.points, way.at, film.reel.length_px, known)
     return sources, way._replace(pose=pose, codes=codes)
 
 

@@ -30,8 +30,8 @@ def scale_of(track: Track, length_px: float, p: Settings) -> float:
     return length_px / track.length_px
 
 
-def mirrored(points: Points, width_px: int) -> Points:
-    """Points (…, 2) of a tank, left and right exchanged."""
+def mirror_points(points: Points, width_px: int) -> Points:
+    """Exchange left and right of points (…, 2) in a tank."""
     return np.stack([width_px - 1 - points[..., 0], points[..., 1]], -1)
 
 
@@ -48,8 +48,10 @@ def _pixels(points: Points) -> Ints:
     return np.floor(points + 0.5).astype(np.int64)
 
 
-def moved(bodies: Points, arena: Mask, length_px: float, p: Settings) -> tuple[Floats, float]:
-    """By how much (2,) a way is moved, and how large it is drawn.
+def find_placement(
+    bodies: Points, arena: Mask, length_px: float, p: Settings
+) -> tuple[Floats, float]:
+    """Return the shift (2,) of a way and the size at which it is drawn.
 
     bodies (T, k, 2) px: the drawn points of the animal; a smaller way keeps their size.
     FinloopError if they fit nowhere.

@@ -47,7 +47,7 @@ def asked_postures(
     for _ in range(rounds):
         likely = likely_codes(directions - turned[:, None], at, shapes) if codes is None else codes
         near, clamped = shapes.nearest_codes(likely)
-        pose = aligned(shapes.decode(near), points, at, size_px)
+        pose = align_postures(shapes.decode(near), points, at, size_px)
         turned = np.angle(np.exp(1j * (pose.heading_rad - first)))
     return Asked(pose, near, clamped)
 
@@ -85,10 +85,10 @@ def likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
     return np.linalg.solve(parts @ parts.T + prior, parts @ away.T).T
 
 
-def aligned(
+def align_postures(
     postures: Floats, points: Points, at: Floats, size_px: float, heading_rad: Floats | None = None
 ) -> Pose:
-    """Postures (T, d), placed and turned so that they are nearest to points (T, m, 2) px.
+    """Place and turn postures (T, d) so that they are nearest to points (T, m, 2) px.
 
     at (m,): shares of the body, NaN: its mass centre. heading_rad (T,): where one point alone
     says no heading.
@@ -101,7 +101,7 @@ def aligned(
     if heading_rad is None:
         heading_rad = np.angle(((z - z0[:, None]).conj() * (w - w0[:, None])).sum(1))
     centre = w0 - z0 * np.exp(1j * heading_rad)
-    return bare.at(centre.real, -centre.imag, heading_rad, size_px)
+    return bare.move_to(centre.real, -centre.imag, heading_rad, size_px)
 
 
 def on_body(pose: Pose, at: Floats) -> Points:

@@ -39,7 +39,7 @@ class FilmRows:
     span: int
 
     @classmethod
-    def of(
+    def from_reel(
         cls, reel: Reel, poses: FilmPoses, look: Reals, weights: Weights, bent: bool
     ) -> "FilmRows":
         """The rows of a film. look: of the stage `jumps`; bent: whether postures are asked for."""
@@ -87,8 +87,8 @@ class FilmRows:
         follows = np.where(np.isin(self.follows, np.flatnonzero(gone)), -1, self.follows)
         return replace(self, values=values, follows=follows)
 
-    def asked(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
-        """The same numbers (T, d) of what is asked for.
+    def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
+        """Return the same numbers (T, d) for the requested motion.
 
         place (T, 2): body lengths; codes (T, c): of postures, None where none are asked for.
         """
@@ -109,7 +109,7 @@ def _flat(parts: list[Floats]) -> Floats:
 def cheapest(rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int) -> Ints:
     """The numbers (T,) of rows that follow what is asked for (T, d) at the least cost."""
     there = np.flatnonzero(np.isfinite(rows.values).all(1))
-    near = Nearest.of(rows.values[there].astype(np.float32)).search(
+    near = Nearest.from_vectors(rows.values[there].astype(np.float32)).search(
         asked, min(candidates, len(there))
     )
     numbers, costs, before, every = np.zeros(0, np.int64), np.zeros(0), [], []

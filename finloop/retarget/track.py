@@ -44,8 +44,8 @@ class Track(NamedTuple):
         return np.asarray(np.isfinite(self.points).all((1, 2)))
 
     @property
-    def bent(self) -> bool:
-        """Whether the points say how the animal is bent."""
+    def has_postures(self) -> bool:
+        """Return whether the points say how the animal is bent."""
         return len(self.at) > 2
 
 
@@ -77,8 +77,8 @@ def track_of(poses: Poses, rate_hz: float, steps: int, p: Settings) -> Track:
     return Track(name, rate_hz, frame, line, at, _length_px(line[there], at))
 
 
-def of_lines(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
-    """A track of whole backbones (t, k, 2) px, head first; steps: of a backbone of this film."""
+def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
+    """Build a track of whole backbones (t, k, 2) px, head first; steps: of a film's backbone."""
     at = np.arange(steps + 1) / steps
     place = at * (line.shape[1] - 1)
     points = at_places(line, place)
@@ -97,13 +97,13 @@ def _animal(poses: Poses, p: Settings) -> tuple[str, Ints, Floats]:
             "lower retarget.least_confidence",
         )
     counts = np.bincount(poses.individual[seen], minlength=len(poses.individuals))
-    number = chosen(p.animal, poses.individuals, counts)
+    number = choose_animal(p.animal, poses.individuals, counts)
     rows = seen & (poses.individual == number)
     return poses.individuals[number], poses.frame[rows], points[rows]
 
 
-def chosen(animal: str | None, names: Sequence[str], counts: Ints) -> int:
-    """The number of an animal of that name; None: of the one that most frames show."""
+def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int:
+    """Return the number of the animal of that name; None: of the one that most frames show."""
     if animal is None:
         return int(np.argmax(counts))
     if animal not in names:

@@ -55,7 +55,7 @@ def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -
         "neighbour_distance": far[index, fish],
         "alignment_deg": aligned[index, fish],
         "inter_fish_deg": bearing[index, fish],
-        "wall_distance": walls.at(own[0]),
+        "wall_distance": walls.wall_distance(own[0]),
         "polarisation": polarised[index],
     }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
 

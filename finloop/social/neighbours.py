@@ -35,7 +35,7 @@ def neighbours(place: Complex, heading: Complex) -> Neighbours:
     No fish is its own neighbour.
     """
     others = place[..., None, :], heading[..., None, :]
-    seen = seen_from(place[..., :, None], heading[..., :, None], others)
+    seen = relative_neighbours(place[..., :, None], heading[..., :, None], others)
     own = np.eye(place.shape[-1], dtype=bool)
     return Neighbours(
         np.where(own, np.inf, seen.distance),
@@ -44,8 +44,10 @@ def neighbours(place: Complex, heading: Complex) -> Neighbours:
     )
 
 
-def seen_from(place: Complex, heading: Complex, others: tuple[Complex, Complex]) -> Neighbours:
-    """What fish (…) see of others, places and headings; shapes are broadcast."""
+def relative_neighbours(
+    place: Complex, heading: Complex, others: tuple[Complex, Complex]
+) -> Neighbours:
+    """Return what fish (…) see of others, places and headings; shapes are broadcast."""
     way = (others[0] - place) * heading.conj()
     distance = np.abs(way)
     there = np.isfinite(distance)

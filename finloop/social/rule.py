@@ -11,8 +11,8 @@ import numpy as np
 
 from finloop.base.arrays import Reals
 from finloop.base.errors import FinloopError
-from finloop.social.neighbours import seen_from, vectors
-from finloop.social.steps import Steps, moved
+from finloop.social.neighbours import relative_neighbours, vectors
+from finloop.social.steps import Steps, add_pull_to_moves
 from finloop.social.walls import Walls
 from finloop.social.zones import Zones, pull
 
@@ -71,12 +71,12 @@ def shoaling_place(
     """
     place, heading = vectors(np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length)
     company = vectors(others.places, others.headings_deg, walls.length)
-    wish = pull(seen_from(place[:, None], heading[:, None], company), shoaling.zones)
+    wish = pull(relative_neighbours(place[:, None], heading[:, None], company), shoaling.zones)
     if wish[0] == 0:
         return None
     last = np.array([own.last + 0j])
     moves, _ = shoaling.steps.draw(walls.near(place, heading), last, shoaling.alike, rng)
-    ways = place + heading * moved(moves[0], wish, shoaling.steps)
+    ways = place + heading * add_pull_to_moves(moves[0], wish, shoaling.steps)
     inside = walls.inside(ways)
     to = ways[int(inside.argmax()) if inside.any() else -1] * walls.length
     return float(to.real), float(-to.imag)

@@ -40,7 +40,7 @@ class Steps:
     onward: float
 
     @cached_property
-    def _mirrored(self) -> tuple[Complex, Complex]:
+    def _both_sides(self) -> tuple[Complex, Complex]:
         move, turn = (np.concatenate([one, one.conj()]) for one in (self.move, self.turn))
         return move, turn
 
@@ -69,17 +69,17 @@ class Steps:
         count = min(alike, 2 * len(self.move))
         which = self._tree.query(self._point(wall, last), k=[*range(1, count + 1)])[1]
         which = rng.permuted(which, axis=-1)
-        move, turn = self._mirrored
+        move, turn = self._both_sides
         return move[which], turn[which]
 
 
-def moved(moves: Complex, pulls: Complex, steps: Steps) -> Complex:
-    """Displacements (…), body lengths, of own moves and the pulls of the company."""
+def add_pull_to_moves(moves: Complex, pulls: Complex, steps: Steps) -> Complex:
+    """Return displacements (…), body lengths, from a fish's moves and the pulls of its group."""
     return moves + steps.forward * pulls
 
 
-def headed(turns: Complex, pulls: Complex, steps: Steps) -> Complex:
-    """Unit vectors (…) of headings, of own turns and the pulls of the company."""
+def add_pull_to_turns(turns: Complex, pulls: Complex, steps: Steps) -> Complex:
+    """Return unit vectors (…) of headings from a fish's turns and the pulls of its group."""
     to = turns + steps.onward * pulls
     size = np.abs(to)
     return np.where(size > 0, to / np.where(size > 0, size, 1), 1)

@@ -34,8 +34,8 @@ class Walls:
         size = np.abs(slope)
         return np.asarray(slope / np.where(size > 0, size, 1), complex)
 
-    def at(self, place: Complex) -> Floats:
-        """How far places (…) are from the wall."""
+    def wall_distance(self, place: Complex) -> Floats:
+        """Return the distance of places (…) from the wall, in body lengths."""
         return self._pixels(self.depth, place)
 
     def near(self, place: Complex, heading: Complex) -> Complex:

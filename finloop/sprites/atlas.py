@@ -58,7 +58,7 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page
     groups = list(_groups(sprites, index))
     atlas: list[Page] = []
     while groups:
-        fit = _most(groups, page_px)
+        fit = _count_fitting(groups, page_px)
         if fit == 0:
             name, spots = groups[0][0].group, groups[0]
             raise FinloopError(
@@ -85,8 +85,8 @@ def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[Spot]]:
             ]
 
 
-def _most(groups: list[list[Spot]], page_px: int) -> int:
-    """How many of the first groups fit on one page: by halving."""
+def _count_fitting(groups: list[list[Spot]], page_px: int) -> int:
+    """Return how many of the first groups fit on one page, by bisection."""
     low, high = 0, len(groups)
     while low < high:
         middle = (low + high + 1) // 2

@@ -116,14 +116,14 @@ def _common_faults(
         "speed changes": change / np.maximum(speed.mean(1), 1e-6) / settings.speed_change,
         "area changes": np.ptp(area, axis=1) / area.mean(1) / settings.area_change,
         "another size": track["animal_off"].to_numpy()[start],
-        "not alone": _crowded(
+        "not alone": _crowding(
             sliding_window_view(track["alone"].to_numpy(), n)[start].min(1), settings
         ),
     }
 
 
-def _crowded(alone: Reals, settings: Settings) -> Floats:
-    """1 where another fish is just far enough away, 0 from twice that."""
+def _crowding(alone: Reals, settings: Settings) -> Floats:
+    """Return 1 where another fish is just far enough away, 0 from twice that distance."""
     return np.clip(2 - alone / settings.alone, 0, 1)
 
 
@@ -235,7 +235,7 @@ def _turn(
         "flicker": settings.flicker_frames / n,
         "area changes": np.abs(np.diff(area)).max() / area.mean() / settings.area_change,
         "another size": table["animal_off"].to_numpy()[first],
-        "not alone": float(_crowded(table["alone"].to_numpy()[inside].min(), settings)),
+        "not alone": float(_crowding(table["alone"].to_numpy()[inside].min(), settings)),
     }
 
 

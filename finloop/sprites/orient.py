@@ -14,7 +14,7 @@ from finloop.sprites.choice import Choice
 from finloop.sprites.settings import Settings
 from finloop.sprites.stretch import SIDES, Stretch, cycle_heading, phases
 from finloop.sprites.swimmers import smooth
-from finloop.sprites.turn import turned
+from finloop.sprites.turn import turn_cutout
 
 SPRITES = Schema(
     Column("sprite", "int16", "1"),
@@ -119,5 +119,5 @@ def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
         mirror = row.heading_deg if row.mirrored else None
         for orientation in range(1, row.orientations + 1):
             turn = float(direction_deg(orientation, row.orientations)) - row.heading_deg
-            sprite = turned(cutout, row.x_px, row.y_px, turn, mirror)
+            sprite = turn_cutout(cutout, row.x_px, row.y_px, turn, mirror)
             yield sprite._replace(sprite=row.sprite, orientation=orientation)

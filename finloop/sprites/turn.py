@@ -28,10 +28,10 @@ def reflection(axis_deg: float) -> Floats:
     return rotation(axis_deg) @ np.diag([1.0, -1.0]) @ rotation(-axis_deg)
 
 
-def turned(
+def turn_cutout(
     source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
 ) -> Cutout:
-    """`source` turned by `angle_deg` about (x_px, y_px), which stays where it is.
+    """Turn `source` by `angle_deg` about (x_px, y_px), which stays where it is.
 
     With `mirror_axis_deg` it is first mirrored about the line of that direction through the same
     point. Both are one resampling (Lanczos, four lobes), trimmed to what is not transparent. By 0
@@ -43,11 +43,11 @@ def turned(
     linear = rotation(angle_deg)
     if mirror_axis_deg is not None:
         linear = linear @ reflection(mirror_axis_deg)
-    return _mapped(source, np.array([x_px, y_px]), linear)
+    return _transform_cutout(source, np.array([x_px, y_px]), linear)
 
 
-def _mapped(source: Cutout, pivot: Floats, linear: Floats) -> Cutout:
-    """`source` under the rigid map p ↦ pivot + linear (p − pivot)."""
+def _transform_cutout(source: Cutout, pivot: Floats, linear: Floats) -> Cutout:
+    """Apply the rigid map p ↦ pivot + linear (p − pivot) to `source`."""
     h, w = source.pixels.shape[:2]
     origin = np.array([source.x0_px, source.y0_px])
     corners = np.array([[0, 0], [w - 1, 0], [0, h - 1], [w - 1, h - 1]]) + origin
@@ -62,12 +62,12 @@ def _mapped(source: Cutout, pivot: Floats, linear: Floats) -> Cutout:
         source.pixels.astype(np.float32), matrix, (width, height),
         flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
     )  # fmt: skip
-    left, top, pixels = trimmed(_limited(canvas))
+    left, top, pixels = trim_picture(_limit_colours(canvas))
     return source._replace(pixels=pixels, x0_px=int(low[0]) + left, y0_px=int(low[1]) + top)
 
 
-def _limited(canvas: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """The canvas with 0 ≤ colour ≤ alpha ≤ 255, which the filter overshoots.
+def _limit_colours(canvas: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Limit the canvas to 0 ≤ colour ≤ alpha ≤ 255, which the filter overshoots.
 
     Where alpha exceeds 255 the colour is lowered with it: else edges would shine.
     """
@@ -78,8 +78,8 @@ def _limited(canvas: NDArray[np.float32]) -> NDArray[np.uint8]:
     return pixels
 
 
-def trimmed(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
-    """Left, top and picture of the smallest rectangle outside which all is transparent.
+def trim_picture(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
+    """Return left, top and picture of the smallest rectangle with all visible pixels.
 
     A wholly transparent picture is trimmed to its first pixel.
     """

@@ -19,7 +19,7 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.stimulus.parts import Animals as Settings
 from finloop.stimulus.rules import MOST_DELAY_S, Aim, Tank
-from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, calibration, parsed
+from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, calibration, parse_sightings
 
 Verdict = Literal[
     "taken", "outside", "clock", "malformed", "late", "rival", "crowd", "unwanted"
@@ -88,22 +88,22 @@ class Animals:
         """Take a message. source: who says it; arrived_s: when, s of the session."""
         if self.calibration is None:
             return [Heard("unwanted")]
-        sightings = parsed(text)
+        sightings = parse_sightings(text)
         if sightings is None:
             return [Heard("malformed")]
         return [self._take(one, source, arrived_s) for one in sightings]
 
-    def known(self, now_s: float) -> list[Animal]:
-        """All animals that are remembered, those that are lost as well; by their ids."""
+    def recent_animals(self, now_s: float) -> list[Animal]:
+        """Return all animals remembered, the lost ones included, sorted by id."""
         return [
             Animal(name, *track.place, track.heading, track.speed, track.heard_s)
             for name, track in sorted(self._tracks.items())
             if now_s - track.heard_s <= MOST_DELAY_S
         ]
 
-    def at(self, now_s: float) -> list[Animal]:
-        """The animals that are there, by their ids: each at the last place that was heard of."""
-        return [one for one in self.known(now_s) if now_s - one.heard_s <= self.gap_s]
+    def present_animals(self, now_s: float) -> list[Animal]:
+        """Return the animals that are present, sorted by id, each at its last known place."""
+        return [one for one in self.recent_animals(now_s) if now_s - one.heard_s <= self.gap_s]
 
     def past(self, id: str, time_s: float) -> tuple[float, float] | None:
         """Where an animal was at a time, between two places that were heard of.
@@ -127,7 +127,7 @@ class Animals:
         jumped = track.keep_time(one.t, arrived_s, source)
         if jumped is None:
             return Heard("late", name)
-        x, y, heading, outside = self._placed(one)
+        x, y, heading, outside = self._place_in_tank(one)
         track.add(one.t, (x, y), heading, arrived_s, silence > self.gap_s)
         return Heard("clock" if jumped else "outside" if outside else "taken", name)
 
@@ -141,8 +141,8 @@ class Animals:
         del self._tracks[name]
         return True
 
-    def _placed(self, one: Sighting) -> tuple[float, float, float | None, bool]:
-        """x, y, heading_rad in the tank, and whether it had to be moved there.
+    def _place_in_tank(self, one: Sighting) -> tuple[float, float, float | None, bool]:
+        """Return x, y, heading_rad in the tank, and whether the place had to be moved there.
 
         An animal may be nearer to a wall than a fish, whose middle keeps its distance. So only what
         is outside the picture, or a body length away from any place of a fish, is moved.
@@ -222,7 +222,7 @@ class _Track:
         """See `Animals.past`."""
         if time_s > self._offset + self._t:
             return self.place if time_s - self.heard_s <= gap_s else None
-        return self._past.at(time_s - self._offset, gap_s)
+        return self._past.interpolate(time_s - self._offset, gap_s)
 
 
 class _Past:
@@ -233,12 +233,12 @@ class _Past:
         self._first = self._end = 0
 
     @property
-    def _own(self) -> Floats:
+    def _valid_rows(self) -> Floats:
         return self._rows[self._first : self._end]
 
     def add(self, t: float, place: Aim) -> None:
         """A place, later than all; where places come too close together, in stead of the last."""
-        own = self._own
+        own = self._valid_rows
         if len(own) > 1 and t - own[-2, 0] < 2 * _SPACE_S:
             self._end -= 1
         elif self._end == len(self._rows):
@@ -250,13 +250,13 @@ class _Past:
 
     def shift(self, by_s: float, before: float) -> None:
         """Go on by another clock, which is so much ahead; keep what was before a time of that."""
-        own = self._own
+        own = self._valid_rows
         own[:, 0] += by_s
         self._end = self._first + int(np.searchsorted(own[:, 0], before))
 
-    def at(self, t: float, gap_s: float) -> Aim | None:
-        """The place at a time; None before the first, after the last, and in a longer gap."""
-        own = self._own
+    def interpolate(self, t: float, gap_s: float) -> Aim | None:
+        """Return the place at a time; None before the first, after the last, in a longer gap."""
+        own = self._valid_rows
         after = int(np.searchsorted(own[:, 0], t - _ALIKE_S))
         if after == len(own):
             return None
@@ -276,7 +276,7 @@ class _Past:
 
         whole: since when the way is without a break. 0 where there is no other place.
         """
-        own = self._own
+        own = self._valid_rows
         first, least = np.searchsorted(own[:, 0], [since - _ALIKE_S, whole]).tolist()
         first = max(min(first, len(own) - 2), least)
         if first >= len(own) - 1:

@@ -25,8 +25,8 @@ def planned_ticks(change: Change | None, ticks: int) -> int:
     return 1 if change.still else math.ceil((ticks - 1) * change.speed - 1e-9) + 1
 
 
-def changed(states: States, change: Change | None, ticks: int | None = None) -> States:
-    """A motion as a condition changes it, of `ticks` at most; None: of as many as there are.
+def apply_change(states: States, change: Change | None, ticks: int | None = None) -> States:
+    """Apply a condition's change to a motion, for at most `ticks` ticks; None: for all.
 
     Of a motion that is longer than needed the first part is taken, backwards, too. One that is
     still has as many ticks as before.
@@ -45,11 +45,11 @@ def changed(states: States, change: Change | None, ticks: int | None = None) -> 
 def faster(states: States, speed: float) -> States:
     """So many times as fast, from the first tick on."""
     count = math.floor((len(states) - 1) / speed + 1e-9) + 1
-    return between(states, speed * np.arange(count, dtype=float))
+    return interpolate_states(states, speed * np.arange(count, dtype=float))
 
 
-def between(states: States, at: Floats) -> States:
-    """The states at times, in ticks, each within the motion."""
+def interpolate_states(states: States, at: Floats) -> States:
+    """Interpolate the states at times, in ticks, each within the motion."""
     last = len(states) - 1
     at = np.clip(at, 0, last)
     tick = at.astype(int)
@@ -73,8 +73,8 @@ def ramp(count: int, ticks: int) -> NDArray[np.float32]:
     return np.minimum(1.0, np.minimum(end, end[::-1]) / ticks).astype(np.float32)
 
 
-def faded(states: States, ticks: int) -> States:
-    """Fading in in so many ticks, and out at the end."""
+def fade_states(states: States, ticks: int) -> States:
+    """Fade the states in over so many ticks, and out at the end."""
     made = states.copy()
     made[..., ALPHA] *= ramp(len(states), ticks)[:, None]
     return made

@@ -23,7 +23,7 @@ from finloop.io.line import load_line
 from finloop.live.fish import LiveFish
 from finloop.live.tank import LiveTank
 from finloop.stimulus.animals import Animals
-from finloop.stimulus.controls import changed, faded, planned_ticks, ramp, with_look
+from finloop.stimulus.controls import apply_change, fade_states, planned_ticks, ramp, with_look
 from finloop.stimulus.drawn import ALPHA, FIELDS, LOOK, PARTNER, PICTURE, drawn_of
 from finloop.stimulus.order import Trial
 from finloop.stimulus.protocol import Condition, Protocol
@@ -94,9 +94,9 @@ class Cue:
     look: int = 0
     fade_s: float = 0.0
 
-    def shown(self, states: States, scene: Scene) -> States:
-        """States (ticks, fish, F) as they are shown: by its look, fading in and out."""
-        return faded(with_look(states, self.look), round(self.fade_s * scene.rate_hz))
+    def apply_look_and_fade(self, states: States, scene: Scene) -> States:
+        """Return the states (ticks, fish, F) with the look of the cue, fading in and out."""
+        return fade_states(with_look(states, self.look), round(self.fade_s * scene.rate_hz))
 
 
 def tank_of(scene: Scene, cue: Cue, seed: int) -> LiveTank:
@@ -118,7 +118,7 @@ def rehearse(scene: Scene) -> None:
     """Send a fish to and fro, so that what is compiled or kept at first use costs no trial time."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
-        tank.on()
+        tank.advance()
         x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
         tank.send(0, float(x), float(y))
         tank.renew(0)
@@ -127,12 +127,12 @@ def rehearse(scene: Scene) -> None:
 
 def states_of(tank: LiveTank, scene: Scene) -> States:
     """The states (fish, F) at the present tick."""
-    rows = [row for fish in tank.fish if (row := fish.at(tank.tick)) is not None]
+    rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_of(rows, scene.bodies)
 
 
-def planned(scene: Scene, cue: Cue, seed: int) -> States:
-    """The states (ticks, fish, F) of a motion that is known beforehand, changed as wanted.
+def plan_motion(scene: Scene, cue: Cue, seed: int) -> States:
+    """Plan the states (ticks, fish, F) of a motion known beforehand, with its change.
 
     That is before its look and its fading. FinloopError if a path cannot be swum.
     """
@@ -150,18 +150,18 @@ def planned(scene: Scene, cue: Cue, seed: int) -> States:
     ticks, states = scene.ticks(condition.seconds), [states_of(tank, scene)]
     for _ in range(planned_ticks(condition.change, ticks) - 1):
         goals.next(tank)
-        tank.on()
+        tank.advance()
         states.append(states_of(tank, scene))
-    return changed(np.stack(states), condition.change, ticks)
+    return apply_change(np.stack(states), condition.change, ticks)
 
 
-def again(scene: Scene, cue: Cue, motion: States) -> States:
-    """The motion (ticks, fish, F) that another trial showed, changed as wanted.
+def repeat_motion(scene: Scene, cue: Cue, motion: States) -> States:
+    """Repeat the motion (ticks, fish, F) of another trial, with the condition's change.
 
     One that was broken off stays as it ended.
     """
     ticks = scene.ticks(cue.condition.seconds)
-    states = changed(motion, cue.condition.change, ticks)
+    states = apply_change(motion, cue.condition.change, ticks)
     rest = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
     return np.concatenate([states, rest])[:ticks]
 
@@ -183,13 +183,13 @@ def whole_motion(scene: Scene, plan: Protocol, order: Sequence[Trial]) -> States
                 "show the protocol with a server, or leave this condition out",
             )
         if motion.again is not None:
-            states = again(scene, cue, motions[motion.again])
+            states = repeat_motion(scene, cue, motions[motion.again])
         else:
-            states = planned(scene, cue, trial.seed)
+            states = plan_motion(scene, cue, trial.seed)
         motions[trial.condition] = states
         pause = np.zeros((round(plan.pause_s * scene.rate_hz), *states.shape[1:]), np.float32)
         pause[..., [PICTURE, PARTNER]] = -1
-        parts += [cue.shown(states, scene), pause]
+        parts += [cue.apply_look_and_fade(states, scene), pause]
     return np.concatenate(parts)
 
 
@@ -247,10 +247,10 @@ class Reaction:
         """The states (fish, F) of the next tick, planned at a time of the session."""
         if self.states:
             self._ask(now_s)
-            self._tank.on()
+            self._tank.advance()
         if not self.keeps:
             self.states.clear()
-        self.states.append(self._shown())
+        self.states.append(self._current_states())
         return self.states[-1]
 
     def react(self, now_s: float) -> States | None:
@@ -262,14 +262,14 @@ class Reaction:
             return None
         for number in numbers:
             self._tank.renew(number)
-        self.states[-1] = self._shown()
+        self.states[-1] = self._current_states()
         return self.states[-1]
 
     def _ask(self, now_s: float) -> list[int]:
         """Send the fish where the rule wants them; those that are sent elsewhere than before."""
         sent = []
         for number, fish in enumerate(self._tank.fish):
-            row = fish.at(self._tank.tick)
+            row = fish.row_at(self._tank.tick)
             assert row is not None
             own = row.x_px, row.y_px, float(np.radians(row.heading_deg))
             wish = aim(self._rule, own, self._animals, now_s, self._scene.tank)
@@ -294,16 +294,16 @@ class Reaction:
         away = np.hypot(wish[0] - own[0], wish[1] - own[1]) > renew_px + self._scene.length_px
         return bool(moved or (fish.reached and away))
 
-    def _shown(self) -> States:
-        """The present states by the look of the condition, fading in and out."""
+    def _current_states(self) -> States:
+        """Return the present states with the look of the condition, fading in and out."""
         states = states_of(self._tank, self._scene)
         states[:, LOOK] = self._cue.look
         states[:, ALPHA] *= self._ramp[self._tank.tick]
         return states
 
 
-def yoked(states: Iterable[States]) -> States:
-    """The motion that a trial has shown (ticks, fish, F), for another that shows it again."""
+def collect_motion(states: Iterable[States]) -> States:
+    """Return the motion (ticks, fish, F) that a trial has shown, for a trial that repeats it."""
     whole = np.stack(list(states))
     whole[:, :, ALPHA] = 1.0
     return whole

@@ -13,7 +13,7 @@ from finloop.live.message import Message
 from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
 from finloop.stimulus.listing import demands
 from finloop.stimulus.numbers import percentiles
-from finloop.stimulus.serve import ended
+from finloop.stimulus.serve import cancel_task
 from finloop.stimulus.session import Session
 
 _EVERY_S = 0.1
@@ -58,9 +58,9 @@ def ask(session: Session, text: str | None) -> bool:
     return True
 
 
-def told(session: Session, whole: bool = True) -> dict[str, Any]:
-    """What the page is told of a session. whole: with what never changes."""
-    numbers, now = session.numbers, session.clock.now()
+def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
+    """Return what the page shows of a session; `whole` adds what never changes."""
+    numbers, now = session.numbers, session.clock.read_time()
     waits = session.plan.start_key or session.plan.start_message
     told: dict[str, Any] = {
         "phase": session.phase, "now": round(now, 2), "trial": session.at,
@@ -109,7 +109,7 @@ def _animals(session: Session, now: float) -> list[list[Any]]:
             None if one.heading_rad is None else round(one.heading_rad, 2),
             round(now - one.heard_s, 2),
         ]
-        for one in session.animals.known(now)
+        for one in session.animals.recent_animals(now)
     ]
 
 
@@ -125,13 +125,13 @@ async def attend(session: Session, connection: WebSocket) -> None:
                 session.numbers.bad += 1
             await asyncio.sleep(0)
     finally:
-        await ended(tells)
+        await cancel_task(tells)
 
 
 async def _tell(session: Session, connection: WebSocket) -> None:
     with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
         whole = True
         while True:
-            await connection.send_text(json.dumps(told(session, whole)))
+            await connection.send_text(json.dumps(session_status(session, whole)))
             whole = False
             await asyncio.sleep(_EVERY_S)

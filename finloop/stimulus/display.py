@@ -92,11 +92,11 @@ def load_display(path: Path) -> Display:
     try:
         return Display.model_validate_json(content)
     except (ValidationError, UnicodeError) as error:
-        raise _broken(path, error) from error
+        raise _display_error(path, error) from error
 
 
-def _broken(path: Path, error: ValidationError | UnicodeError) -> FinloopError:
-    """All that is wrong with a file, at once."""
+def _display_error(path: Path, error: ValidationError | UnicodeError) -> FinloopError:
+    """Return one error that lists all that is wrong with a display file."""
     if isinstance(error, UnicodeError):
         return FinloopError(f"{path} is no text", "a calibrated display, as JSON", _DO)
     problems = error.errors(include_url=False, include_context=False, include_input=False)

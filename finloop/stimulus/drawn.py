@@ -74,4 +74,4 @@ def _bodies(
         for orientation, still in zip(column("orientation"), frame, strict=True)
     ]
     mirrored = np.array(column("mirrored"), bool)
-    return bodies.of(frame, np.array(numbers, np.intp), turn + np.array(line), mirrored)
+    return bodies.picture_bodies(frame, np.array(numbers, np.intp), turn + np.array(line), mirrored)

@@ -86,7 +86,7 @@ class Feed:
             channels=self.tank.channels, slots=self.slots,
             slot_width=self.tank.slot_width, slot_height=self.tank.slot_height, **self.facts,
         )  # fmt: skip
-        pictures = [self._sent(number, slot) for number, slot in self._slots.items()]
+        pictures = [self._picture_message(number, slot) for number, slot in self._slots.items()]
         return [hello, *pictures, *self._last.values()]
 
     def rows(
@@ -120,10 +120,10 @@ class Feed:
             free = len(self._slots) < self.slots
             slot = len(self._slots) if free else self._slots.popitem(last=False)[1]
             self._slots[number] = slot
-            made.append(self._sent(number, slot))
+            made.append(self._picture_message(number, slot))
         return made
 
-    def _sent(self, number: int, slot: int) -> bytes:
+    def _picture_message(self, number: int, slot: int) -> bytes:
         one = self._picture(number)
         height, width = one.pixels.shape[:2]
         return message(

@@ -29,8 +29,8 @@ Hear = Callable[[str | None, str], None]
 """Takes a text, None if there is none that holds, and who says it."""
 
 
-def guarded(hear: Hear, fail: Callable[[BaseException], None]) -> Hear:
-    """The same, but an error of its own is told; asyncio would end the input without a word."""
+def guard_input(hear: Hear, fail: Callable[[BaseException], None]) -> Hear:
+    """Wrap `hear` to report its errors to `fail`; asyncio would end the input silently."""
 
     def heard(text: str | None, source: str) -> None:
         try:

@@ -43,7 +43,7 @@ def trials(protocol: Protocol) -> tuple[Trial, ...]:
     if protocol.order == "given":
         order = names * protocol.repeats
     elif protocol.order == "shuffled":
-        order = [name for name, _ in _drawn(_before(protocol, protocol.repeats), draws)]
+        order = [name for name, _ in _draw_order(_predecessors(protocol, protocol.repeats), draws)]
     else:
         order = list(_blocks(protocol, draws))
     size = len(order) if protocol.order == "shuffled" else len(names)
@@ -83,8 +83,8 @@ class _Draws:
         return bits % most
 
 
-def _before(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
-    """For every trial the one that must come before it, if any."""
+def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
+    """Return for every trial the one that must come before it, if any."""
     return {
         (name, repeat): (name, repeat - 1) if repeat else (again, 0) if again else None
         for name, again in (
@@ -94,8 +94,8 @@ def _before(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
     }
 
 
-def _drawn(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
-    """All nodes of a forest, each after the one before it."""
+def _draw_order(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
+    """Draw a random order of all nodes of a forest, each after its predecessor."""
     after: dict[Node | None, list[Node]] = {}
     for node, parent in before.items():
         after.setdefault(parent, []).append(node)
@@ -118,7 +118,7 @@ def _drawn(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
 
 def _blocks(protocol: Protocol, draws: _Draws) -> Iterator[str]:
     """Block after block; only in the first one a yoked condition must wait for its source."""
-    block = [name for name, _ in _drawn(_before(protocol, 1), draws)]
+    block = [name for name, _ in _draw_order(_predecessors(protocol, 1), draws)]
     yield from block
     for _ in range(protocol.repeats - 1):
         rest, last = list(protocol.conditions), block[-1]

@@ -54,7 +54,7 @@ def alone_page(
     no server and no network. FinloopError if a picture or all ticks are missing.
     """
     _refuse(pictures, motion)
-    data = _packed(rate, floor, pictures, motion, list(looks), loops)
+    data = _pack_data(rate, floor, pictures, motion, list(looks), loops)
     whole = _read("alone.html").replace("/*title*/", html.escape(title))
     whole = whole.replace("/*script*/", script(*DRAWING, "alone.js"))
     policy = (
@@ -89,11 +89,11 @@ def _refuse(pictures: Mapping[int, PagePicture], motion: States) -> None:
         )  # fmt: skip
 
 
-def _packed(
+def _pack_data(
     rate: float, floor: Picture, pictures: Mapping[int, PagePicture], motion: States,
     looks: list[dict[str, Any]], loops: bool,
 ) -> bytes:  # fmt: skip
-    """All data of a page: 4 bytes, the length of a text; the text; arrays; see `page/alone.js`."""
+    """Pack a page's data: 4 bytes, a text's length; the text; arrays; see `page/alone.js`."""
     height, width = floor.shape[:2]
     sizes = [one.pixels.shape for one in pictures.values()]
     facts = {

@@ -91,7 +91,7 @@ class Motion(Part):
     _folder: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
-    def _one(self) -> "Motion":
+    def _check_one_motion(self) -> "Motion":
         given = [name for name in Motion.model_fields if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError(
@@ -130,7 +130,7 @@ class Look(Part):
     """Red, green, blue (0..255) of a dot or a silhouette; null: the darkest of the fish."""
 
     @model_validator(mode="after")
-    def _coloured(self) -> "Look":
+    def _check_colour(self) -> "Look":
         if self.colour is not None and self.shape == "fish":
             raise ValueError("colour is of a dot or a silhouette; a fish has its own")
         return self
@@ -197,7 +197,7 @@ class Start(Part):
     """The name of a message of the network, {"do":"trigger","name":…}: up to 80 characters."""
 
     @model_validator(mode="after")
-    def _one(self) -> "Start":
+    def _check_one_start(self) -> "Start":
         if (self.key is None) == (self.message is None):
             raise ValueError("should be exactly one of key, message")
         return self

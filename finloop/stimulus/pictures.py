@@ -67,8 +67,8 @@ class PagePictures:
         count = len(self._gallery.shelves[FRAME].centres_px)
         return typical(self(number) for number in range(0, count, max(1, count // _SAMPLE)))
 
-    def of(self, states: States) -> dict[int, PagePicture]:
-        """All pictures that states (…, F) name."""
+    def load_pictures(self, states: States) -> dict[int, PagePicture]:
+        """Load all pictures that states (…, F) name, by their numbers."""
         named = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
         return {number: self(number) for number in named if number >= 0}
 

@@ -130,9 +130,9 @@ def load_protocol(path: Path) -> Protocol:
     text = _read(path)
     if text.values is None:
         raise _refusal(str(path), text.problems)
-    protocol, problems = _checked(text.values, path.parent)
+    protocol, problems = _check_values(text.values, path.parent)
     problems = sorted(problems, key=lambda problem: text.line(problem[0]))
-    lines = [f"line {text.line(at)}: {_said(at, what)}" for at, what in problems]
+    lines = [f"line {text.line(at)}: {_format_problem(at, what)}" for at, what in problems]
     if protocol is None or text.problems or lines:
         raise _refusal(str(path), text.problems + lines)
     return protocol
@@ -143,9 +143,9 @@ def protocol_of(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
 
     folder: where its paths begin.
     """
-    protocol, problems = _checked(values, folder)
+    protocol, problems = _check_values(values, folder)
     if protocol is None or problems:
-        raise _refusal("what was given", [_said(*problem) for problem in problems])
+        raise _refusal("what was given", [_format_problem(*problem) for problem in problems])
     return protocol
 
 
@@ -176,11 +176,11 @@ def _read(path: Path) -> Text:
         return Text(None, {}, [f"line {line}: no UTF-8; save it as UTF-8"])
 
 
-def _checked(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
-    """The protocol, None where types are wrong, and every problem with its place."""
+def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
+    """Return the protocol, None where types are wrong, and every problem with its place."""
     protocol, problems = None, list[Problem]()
     try:
-        protocol = _validated(values)
+        protocol = _parse_protocol(values)
     except ValidationError as error:
         problems = [_problem(dict(detail)) for detail in error.errors(include_url=False)]
     # The parts that are sound are searched for contradictions, whatever is wrong elsewhere.
@@ -192,7 +192,7 @@ def _checked(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]
     return protocol, problems
 
 
-def _validated(values: Any) -> Protocol:
+def _parse_protocol(values: Any) -> Protocol:
     return Protocol.model_validate_json(json.dumps(values))
 
 
@@ -208,7 +208,7 @@ def _sound(values: Any, places: list[Place]) -> Protocol | None:
         name: one for name, one in values["conditions"].items() if name not in bad
     }
     try:
-        return _validated(kept)
+        return _parse_protocol(kept)
     except ValidationError:
         return None
 
@@ -247,7 +247,7 @@ def _model(place: Place) -> type[BaseModel]:
     return _MODELS[around[-1]] if around else Protocol
 
 
-def _said(place: Place, what: str) -> str:
+def _format_problem(place: Place, what: str) -> str:
     where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
     return f"{where.removeprefix('.')}: {what}" if where else what
 
@@ -267,15 +267,15 @@ def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
         place = ("conditions", name)
         if 2 * protocol.fade_s > condition.seconds:
             yield (*place, "seconds"), f"should be two fades of {protocol.fade_s:g} s at least"
-        for at, what in _of_motion(protocol, condition):
+        for at, what in _motion_problems(protocol, condition):
             yield (*place, *at), what
         if condition.motion.again is not None:
-            for at, what in _of_again(protocol, names, name):
+            for at, what in _repeat_problems(protocol, names, name):
                 yield (*place, *at), what
 
 
-def _of_motion(protocol: Protocol, condition: Condition) -> Iterator[Problem]:
-    """What is wrong with the motion of a condition, at places within the condition."""
+def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Problem]:
+    """Yield the problems of a condition's motion, at places within the condition."""
     motion, change = condition.motion, condition.change or Change()
     if motion.rule is not None:
         if protocol.animals is None:
@@ -308,8 +308,8 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _of_again(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
-    """What is wrong with a condition that shows the motion of another one again (yoked)."""
+def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
+    """Yield the problems of a condition that repeats the motion of another one (yoked)."""
     condition = protocol.conditions[name]
     source = condition.motion.again or ""
     if source not in names:

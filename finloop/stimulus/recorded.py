@@ -45,7 +45,7 @@ def messages(
     calibration: of the tracker that is spoken for. FinloopError if the line has no times, or is in
     mm and the film's scale is not known.
     """
-    time_s, way = _way(line, rate_hz, _px_of(line, tank, mm_per_px))
+    time_s, way = _sample_track(line, rate_hz, _px_of(line, tank, mm_per_px))
     spoiled = spoiled or Spoiled()
     rng = np.random.default_rng(spoiled.seed)
     lost = rng.random(len(time_s)) < spoiled.loss
@@ -80,8 +80,10 @@ def _px_of(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[float, floa
     return 1 / mm_per_px, 1 / mm_per_px
 
 
-def _way(line: Line, rate_hz: float | None, px: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Times from 0 on, and at each x, y in px, heading_deg (n, 3)."""
+def _sample_track(
+    line: Line, rate_hz: float | None, px: tuple[float, float]
+) -> tuple[Floats, Floats]:
+    """Return times from 0 on, and at each x, y in px, heading_deg (n, 3)."""
     if line.time_s is None:
         raise FinloopError(
             f"{line.name} has no times",

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from finloop.base.errors import FinloopError
 from finloop.io.journal import header_of
 from finloop.stimulus.animals import Animals
-from finloop.stimulus.course import Reaction, Scene, States, again, cue_of, planned, yoked
+from finloop.stimulus.course import (
+    Reaction,
+    Scene,
+    States,
+    collect_motion,
+    cue_of,
+    plan_motion,
+    repeat_motion,
+)
 from finloop.stimulus.drawn import FIELDS
 from finloop.stimulus.log import FORMAT, SESSION, digest_of
 from finloop.stimulus.order import Trial
@@ -85,12 +93,12 @@ def frames_of(record: Record) -> Iterator[Frame]:
         for number, state in _fish(part):
             fish.setdefault(number, []).append(state)
         for head in heads:  # the fish of a frame are in its own part, or in the next one
-            yield _framed(*head, fish)
+            yield _make_frame(*head, fish)
         frame = part.filter(pc.equal(part["kind"], "frame"))
         values = [frame[name].to_pylist() for name in ("number", "time_s", "digest")]
         heads = list(zip(*values, strict=True))
     for head in heads:
-        yield _framed(*head, fish)
+        yield _make_frame(*head, fish)
 
 
 def _fish(part: pa.RecordBatch) -> Iterator[tuple[int, NDArray[np.float32]]]:
@@ -104,7 +112,7 @@ def _fish(part: pa.RecordBatch) -> Iterator[tuple[int, NDArray[np.float32]]]:
     yield from zip(rows["number"].to_pylist(), states, strict=True)
 
 
-def _framed(number: int, shown: float, digest: int, fish: dict[int, Any]) -> Frame:
+def _make_frame(number: int, shown: float, digest: int, fish: dict[int, Any]) -> Frame:
     states = fish.pop(number, [])
     made = np.stack(states) if states else np.zeros((0, len(FIELDS)), np.float32)
     return Frame(number, shown, digest, made)
@@ -166,14 +174,14 @@ class _Again:
             return
         source = condition.motion.again
         motion = (
-            planned(self._scene, cue, facts["seed"])
-            if source is None else again(self._scene, cue, self._motions[source])
+            plan_motion(self._scene, cue, facts["seed"])
+            if source is None else repeat_motion(self._scene, cue, self._motions[source])
         )  # fmt: skip
-        self._motions[name], self._states = motion, cue.shown(motion, self._scene)
+        self._motions[name], self._states = motion, cue.apply_look_and_fade(motion, self._scene)
 
     def _end(self) -> None:
         if self._reaction is not None and self._reaction.states:
-            self._motions[self._condition] = yoked(self._reaction.states)
+            self._motions[self._condition] = collect_motion(self._reaction.states)
         self._reaction = None
 
     def _compare(self, row: dict[str, Any]) -> None:

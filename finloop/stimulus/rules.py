@@ -58,7 +58,7 @@ class RuleSpec(BaseModel):
     """Body lengths, 0..10, by which the place must move before the fish decides anew."""
 
     @model_validator(mode="after")
-    def _used(self) -> "RuleSpec":
+    def _refuse_unused_values(self) -> "RuleSpec":
         """Refuse a value that the rule has no use for: it would be thought to do something."""
         for name, rules in _FIELDS.items():
             given = getattr(self, name) != RuleSpec.model_fields[name].default
@@ -105,8 +105,8 @@ class Present(Protocol):
 class Known(Protocol):
     """What is known of animals: `finloop.stimulus.animals.Animals`, or that of a test."""
 
-    def at(self, now_s: float) -> Sequence[Present]:
-        """Those that are there at a time."""
+    def present_animals(self, now_s: float) -> Sequence[Present]:
+        """Return the animals that are present at a time."""
         ...
 
     def past(self, id: str, time_s: float) -> tuple[float, float] | None:
@@ -119,7 +119,7 @@ def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: Tank) -> A
 
     own: x, y, heading_rad of the fish; now_s: the session's time.
     """
-    animal = _animal(rule.animal, own, animals.at(now_s))
+    animal = _animal(rule.animal, own, animals.present_animals(now_s))
     if animal is None:
         return None
     place = animal.x, animal.y
@@ -130,15 +130,15 @@ def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: Tank) -> A
             past = animals.past(animal.id, now_s - rule.delay_s)
             return None if past is None else tank.into(*past)
         case "mirror":
-            return tank.into(*mirrored(place, rule.axis, tank))
+            return tank.into(*mirror_place(place, rule.axis, tank))
         case "avoid":
             return _escape(own, place, rule.distance * tank.length_px, tank)
     way = _beside(rule.rule, own, animal)
-    return tank.into(*_on(place, way, rule.distance * tank.length_px))
+    return tank.into(*_point_along(place, way, rule.distance * tank.length_px))
 
 
-def mirrored(place: Aim, axis: str, tank: Tank) -> Aim:
-    """The mirror image of a place about the tank's middle: see `RuleSpec.axis`."""
+def mirror_place(place: Aim, axis: str, tank: Tank) -> Aim:
+    """Mirror a place about the tank's middle: see `RuleSpec.axis`."""
     x, y = place
     return tank.width - 1 - x if axis != "y" else x, tank.height - 1 - y if axis != "x" else y
 
@@ -157,19 +157,19 @@ def _beside(rule: str, own: Own, animal: Present) -> Way:
     The heading of an animal that has not moved yet is unknown: the fish keeps its distance then.
     """
     if rule == "keep distance" or animal.heading_rad is None:
-        return _way((animal.x, animal.y), own)
+        return _direction_to_fish((animal.x, animal.y), own)
     x, y = math.cos(animal.heading_rad), -math.sin(animal.heading_rad)
     return (x, y) if rule == "lead" else (-x, -y)
 
 
-def _way(start: Aim, own: Own) -> Way:
-    """The way from a place to the fish; the fish's heading where it is at that very place."""
+def _direction_to_fish(start: Aim, own: Own) -> Way:
+    """Return the direction from a place to the fish; at that very place, the fish's heading."""
     x, y = own[0] - start[0], own[1] - start[1]
     far = math.hypot(x, y)
     return (x / far, y / far) if far > _LEAST_PX else (math.cos(own[2]), -math.sin(own[2]))
 
 
-def _on(start: Aim, way: Way, far: float) -> Aim:
+def _point_along(start: Aim, way: Way, far: float) -> Aim:
     return start[0] + far * way[0], start[1] + far * way[1]
 
 
@@ -187,11 +187,11 @@ def _escape(own: Own, animal: Aim, distance_px: float, tank: Tank) -> Aim | None
 
 def _ways_out(own: Own, animal: Aim, reach_px: float, tank: Tank) -> Iterator[tuple[float, Aim]]:
     """Places in the tank to flee to, and before each how good it is, px."""
-    away, far = _way(animal, own), math.dist(own[:2], animal)
+    away, far = _direction_to_fish(animal, own), math.dist(own[:2], animal)
     for angle in _TURNS:
         cos, sin = math.cos(angle), math.sin(angle)
         way = away[0] * cos - away[1] * sin, away[0] * sin + away[1] * cos
-        place = tank.into(*_on(own[:2], way, reach_px))
+        place = tank.into(*_point_along(own[:2], way, reach_px))
         clear, ahead = math.dist(place, animal), math.dist(place, own[:2])
         along = way[0] * math.cos(own[2]) - way[1] * math.sin(own[2])
         turn = math.acos(max(-1.0, min(1.0, along))) / math.pi

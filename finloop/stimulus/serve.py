@@ -124,8 +124,8 @@ class Stage:
         self._beside.add(task)  # else it might be thrown away
         task.add_done_callback(self._beside.discard)
 
-    def now(self) -> float:
-        """The session's time, s."""
+    def session_time(self) -> float:
+        """Return the session's time, s."""
         return time.perf_counter()
 
     def send(self, content: bytes) -> None:
@@ -135,8 +135,8 @@ class Stage:
                 self.screens.remove(screen)
                 self.beside(_end(screen.connection))
 
-    def said(self, screen: Screen, wish: Any) -> None:
-        """A page said something."""
+    def handle_message(self, screen: Screen, wish: Any) -> None:
+        """Handle a message of a display page."""
         match wish:
             case Ready():
                 for content in self.feed.begin():
@@ -144,28 +144,28 @@ class Stage:
                 screen.ready = True
                 self.came(wish)
             case Ping():
-                screen.send(message("pong", sent=wish.sent, now=self.now()))
+                screen.send(message("pong", sent=wish.sent, now=self.session_time()))
             case Key():
                 self.key(wish.key)
             case Calibrated():
-                self.calibrated(wish.display)
+                self.store_calibration(wish.display)
             case Hidden():
-                self.hidden(wish.on)
+                self.set_hidden(wish.on)
 
     def came(self, ready: Ready) -> None:
         """A display is there."""
 
-    def left(self) -> None:
-        """A display has gone."""
+    def handle_disconnect(self) -> None:
+        """Handle a display that has disconnected."""
 
     def key(self, key: str) -> None:
         """A key was pressed."""
 
-    def calibrated(self, display: Display) -> None:
-        """A calibration is to be stored."""
+    def store_calibration(self, display: Display) -> None:
+        """Store a calibration of the display."""
 
-    def hidden(self, on: bool) -> None:
-        """A page was hidden, or is seen again."""
+    def set_hidden(self, on: bool) -> None:
+        """Note that a page is hidden, or visible again."""
 
     def frames(self, content: bytes) -> None:
         """Records of displayed frames."""
@@ -190,29 +190,29 @@ async def attend(stage: Stage, connection: WebSocket) -> None:
                 if stage.screens[:1] == [screen]:  # the others are mirrors
                     stage.frames(content["bytes"])
             else:
-                wish = said(content.get("text"))
+                wish = parse_message(content.get("text"))
                 if wish is None:
                     stage.bad()
                 else:
-                    stage.said(screen, wish)
+                    stage.handle_message(screen, wish)
             await asyncio.sleep(0)  # a page that floods waits for the others
     finally:
         if screen in stage.screens:
             stage.screens.remove(screen)
         if screen.ready:
-            stage.left()
-        await ended(delivers)
+            stage.handle_disconnect()
+        await cancel_task(delivers)
 
 
-def said(text: str | None) -> Any:
-    """What a display page said; None where it is no message."""
+def parse_message(text: str | None) -> Any:
+    """Parse a message of a display page; return None where it is no message."""
     try:
         return _SAID.validate_json(text or "")
     except (ValidationError, UnicodeError):
         return None
 
 
-async def ended(task: "asyncio.Task[None]") -> None:
+async def cancel_task(task: "asyncio.Task[None]") -> None:
     """Cancel a task, and wait for it."""
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):

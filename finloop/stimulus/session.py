@@ -14,7 +14,15 @@ from datetime import datetime
 from typing import Any, Protocol
 
 from finloop.stimulus.animals import Animals, Heard
-from finloop.stimulus.course import Reaction, Scene, States, again, cue_of, planned, yoked
+from finloop.stimulus.course import (
+    Reaction,
+    Scene,
+    States,
+    collect_motion,
+    cue_of,
+    plan_motion,
+    repeat_motion,
+)
 from finloop.stimulus.feed import EARLY_S, Feed
 from finloop.stimulus.log import FRAME_FIELDS, Log, digest_of, frames_of
 from finloop.stimulus.numbers import Numbers
@@ -30,8 +38,8 @@ _JUMP_S = 0.5  # of the wall clock against the session's
 class Clock(Protocol):
     """The session's clock, s."""
 
-    def now(self) -> float:
-        """The present time."""
+    def read_time(self) -> float:
+        """Return the present time, s."""
         ...
 
     async def until(self, time_s: float) -> None:
@@ -117,16 +125,18 @@ class Session:
         """Something that the experimenter should know, and the log."""
         self._note(what, **facts)
         words = ", ".join(f"{name} {value}" for name, value in facts.items())
-        self.messages.append(f"{self.clock.now():.1f} s: {what}{': ' if words else ''}{words}")
+        self.messages.append(
+            f"{self.clock.read_time():.1f} s: {what}{': ' if words else ''}{words}"
+        )
 
     def _note(self, what: str, **facts: Any) -> None:
-        self.log.event(self.clock.now(), what, **facts)
+        self.log.event(self.clock.read_time(), what, **facts)
 
     # --- live animals
 
     def hear(self, text: str | bytes | None, source: str) -> None:
         """A message of a tracker: fish react before this returns."""
-        arrived = self.clock.now()
+        arrived = self.clock.read_time()
         name = trigger_of(text)
         if name is not None:
             self._note("trigger", name=name, source=source)
@@ -142,7 +152,7 @@ class Session:
             return
         states = reaction.react(arrived)
         if states is not None:
-            now = self.clock.now()
+            now = self.clock.read_time()
             self._emit(self._tick, self._due, states, now, cut=True)
             self._waits[self._seq] = arrived, self._due - 1 / self.scene.rate_hz
             self.numbers.planned.append(1e3 * (now - arrived))
@@ -185,8 +195,8 @@ class Session:
         if self.phase in ("running", "waiting"):
             self.trouble("the display has gone", trial=self.trials[self.at].number)
 
-    def hidden(self, on: bool) -> None:
-        """The display's page is hidden behind another one, or seen again."""
+    def set_hidden(self, on: bool) -> None:
+        """Note that the display's page is hidden behind another one, or visible again."""
         if self.display is not None:
             self.display["hidden"] = on
         self.trouble("the display's page is hidden" if on else "the display's page is seen again")
@@ -197,7 +207,7 @@ class Session:
 
     def look(self, wall_s: float) -> None:
         """Compare the computer's clock with the session's."""
-        wall = wall_s - self.clock.now()
+        wall = wall_s - self.clock.read_time()
         if self._wall is not None and abs(wall - self._wall) > _JUMP_S:
             self.trouble("the computer's clock jumped", seconds=round(wall - self._wall, 3))
         self._wall = wall
@@ -216,7 +226,7 @@ class Session:
                 self.at = number
                 await self._try(trial)
                 if not self.stopping and trial is not self.trials[-1]:
-                    await self._wait(self.clock.now() + self.plan.pause_s)
+                    await self._wait(self.clock.read_time() + self.plan.pause_s)
         finally:
             gc.unfreeze()
         self.phase = "done"
@@ -244,16 +254,16 @@ class Session:
         if motion.rule is not None:
             return None
         if motion.again is None:
-            states = await asyncio.to_thread(planned, self.scene, cue, trial.seed)
+            states = await asyncio.to_thread(plan_motion, self.scene, cue, trial.seed)
         elif motion.again in self._motions:
-            states = again(self.scene, cue, self._motions[motion.again])
+            states = repeat_motion(self.scene, cue, self._motions[motion.again])
         else:
             self.trouble("left out, as no trial was shown of", condition=motion.again)
             self._skip = True
             return None
         if trial.condition in self._wanted:
             self._motions[trial.condition] = states
-        shown = cue.shown(states, self.scene)
+        shown = cue.apply_look_and_fade(states, self.scene)
         for content in self.feed.pictures(shown[: self.scene.ticks(EARLY_S)]):
             self._send(content)  # before the trial begins
         return shown
@@ -268,7 +278,7 @@ class Session:
 
     def _report(self, trial: Trial, what: str) -> None:
         rule = self.plan.conditions[trial.condition].motion.rule
-        now, facts = self.clock.now(), trial._asdict()
+        now, facts = self.clock.read_time(), trial._asdict()
         facts["early_s"] = self._early_s(rule is None)
         self.log.trial = trial.number
         self.log.entry("trial", now, number=trial.number, text=json.dumps({"what": what} | facts))
@@ -284,7 +294,7 @@ class Session:
     async def _show(self, trial: Trial, source: States | None) -> str:
         """Show a trial; how it ended."""
         self.phase, rate = "running", self.scene.rate_hz
-        begin = self.clock.now() + _FIRST_S
+        begin = self.clock.read_time() + _FIRST_S
         ticks = self.scene.ticks(self.plan.conditions[trial.condition].seconds)
         self._ends = begin + ticks / rate
         early = self._early_s(source is not None)
@@ -298,7 +308,7 @@ class Session:
             await self.clock.until(due - early)
             if self._abort or self._skip:
                 break
-            now = self.clock.now()
+            now = self.clock.read_time()
             if source is not None:
                 self._emit(tick, due, source[tick], now)
             else:
@@ -310,7 +320,7 @@ class Session:
         else:
             await self._wait(begin + ticks / rate)
         if self._reaction is not None and self._reaction.keeps:
-            self._motions[trial.condition] = yoked(self._reaction.states)
+            self._motions[trial.condition] = collect_motion(self._reaction.states)
         self._reaction = self._ends = None
         self._waits.clear()
         self._send(self.feed.clear())
@@ -323,8 +333,8 @@ class Session:
 
     async def _wait(self, time_s: float) -> None:
         """Wait, but no longer than till someone ends it."""
-        while not (self._abort or self._skip) and self.clock.now() < time_s:
-            await self.clock.until(min(time_s, self.clock.now() + 0.1))
+        while not (self._abort or self._skip) and self.clock.read_time() < time_s:
+            await self.clock.until(min(time_s, self.clock.read_time() + 0.1))
 
     def _emit(self, tick: int, due: float, states: States, now: float, cut: bool = False) -> None:
         """Send a tick that is planned now, and log it."""

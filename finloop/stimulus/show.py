@@ -27,13 +27,13 @@ class RealClock:
     def __init__(self) -> None:
         self._zero = time.perf_counter()
 
-    def now(self) -> float:
-        """The present time."""
+    def read_time(self) -> float:
+        """Return the present time, s."""
         return time.perf_counter() - self._zero
 
     async def until(self, time_s: float) -> None:
         """Wait till then."""
-        while (left := time_s - self.now()) > 0:
+        while (left := time_s - self.read_time()) > 0:
             # The loop's own timer may be a millisecond late: the rest is waited for step by step.
             await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
 
@@ -46,9 +46,9 @@ class Show(Stage):
         self.session, self.feed, self._name, self._store = session, session.feed, name, store
         self._listeners: set[WebSocket] = set()
 
-    def now(self) -> float:
-        """The session's time, s."""
-        return self.session.clock.now()
+    def session_time(self) -> float:
+        """Return the session's time, s."""
+        return self.session.clock.read_time()
 
     def came(self, ready: Ready) -> None:
         """A display is there."""
@@ -59,16 +59,16 @@ class Show(Stage):
         }  # fmt: skip
         self.session.display_came(facts)
 
-    def left(self) -> None:
-        """A display has gone."""
+    def handle_disconnect(self) -> None:
+        """Handle a display that has disconnected."""
         self.session.display_left()
 
     def key(self, key: str) -> None:
         """A key was pressed."""
         self.session.key(key)
 
-    def calibrated(self, display: Display) -> None:
-        """Store a calibration, and take it, but not while something is shown."""
+    def store_calibration(self, display: Display) -> None:
+        """Store and apply a calibration, but refuse it while a session is waiting or running."""
         if self.session.phase in ("running", "waiting"):
             self.session.trouble("a calibration in the middle of a session is refused")
             return
@@ -76,9 +76,9 @@ class Show(Stage):
         self.feed.facts["display"] = display.model_dump(mode="json")
         self.session.trouble("the display was calibrated")
 
-    def hidden(self, on: bool) -> None:
-        """The page is hidden, or seen again."""
-        self.session.hidden(on)
+    def set_hidden(self, on: bool) -> None:
+        """Note that the page is hidden, or visible again."""
+        self.session.set_hidden(on)
 
     def frames(self, content: bytes) -> None:
         """Records of displayed frames."""
@@ -121,8 +121,8 @@ class Calibration(Stage):
         super().__init__()
         self.feed, self._store, self._done = feed, store, done
 
-    def calibrated(self, display: Display) -> None:
-        """Store it."""
+    def store_calibration(self, display: Display) -> None:
+        """Store a calibration of the display, and report that it is done."""
         save_display(self._store, display)
         self.feed.facts["display"] = display.model_dump(mode="json")
         self._done()
@@ -170,7 +170,7 @@ class Replay(Stage):
     async def run(self) -> None:
         """All frames, from when a display is there."""
         await self._there.wait()
-        async for frame in self._paced():
+        async for frame in self._pace_frames():
             while len(self._wanted) >= _AHEAD and self._quick:
                 self._drawn.clear()
                 await self._drawn.wait()
@@ -186,7 +186,7 @@ class Replay(Stage):
             self._drawn.clear()
             await self._drawn.wait()
 
-    async def _paced(self) -> AsyncIterator[Frame]:
+    async def _pace_frames(self) -> AsyncIterator[Frame]:
         clock, first = RealClock(), None
         for frame in self._frames:
             first = frame.shown_s if first is None else first
@@ -216,8 +216,8 @@ class Dry:
         self._next = next(self._messages, None)
         self.hear: Callable[[str, str], Any] = lambda text, source: None
 
-    def now(self) -> float:
-        """The present time."""
+    def read_time(self) -> float:
+        """Return the present time, s."""
         return self._now
 
     async def until(self, time_s: float) -> None:

@@ -55,8 +55,8 @@ Sightings = Annotated[list[Sighting], Field(min_length=1, max_length=MOST_AT_ONC
 _MESSAGE: TypeAdapter[Sighting | list[Sighting]] = TypeAdapter(Sighting | Sightings)
 
 
-def parsed(text: str | bytes | None) -> list[Sighting] | None:
-    """The sightings of a message; None where it is too long, no JSON, or not what is wanted."""
+def parse_sightings(text: str | bytes | None) -> list[Sighting] | None:
+    """Return the sightings of a message; None where it is too long, no JSON, or invalid."""
     if text is None or len(text) > LONGEST:
         return None
     try:
@@ -112,7 +112,7 @@ class Calibration(NamedTuple):
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """A place in px. One behind the horizon of an aslant view is very far away."""
-        to_x, to_y, w = self._weighed(x, y)
+        to_x, to_y, w = self._homogeneous_place(x, y)
         w = max(w, _HORIZON)
         return to_x / w, to_y / w
 
@@ -120,23 +120,23 @@ class Calibration(NamedTuple):
         """A heading at a place, as it is in the tank's picture."""
         angle = math.radians(heading_deg)
         along, down = math.cos(angle), math.sin(angle) * (1 if self.up else -1)
-        right, below = self._turned(x, y, along, down)
+        right, below = self._map_direction(x, y, along, down)
         return math.atan2(-below, right)
 
     def back(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
         """x, y and heading in degrees, as the tracker says a place of the tank."""
         own = Calibration(_rows(np.linalg.inv(np.array(self.matrix))))
         x, y = own.place(x_px, y_px)
-        along, down = own._turned(x_px, y_px, math.cos(heading_rad), -math.sin(heading_rad))
+        along, down = own._map_direction(x_px, y_px, math.cos(heading_rad), -math.sin(heading_rad))
         return x, y, math.degrees(math.atan2(down if self.up else -down, along))
 
-    def _weighed(self, x: float, y: float) -> Row3:
-        """Homogeneous coordinates of a place in the tank."""
+    def _homogeneous_place(self, x: float, y: float) -> Row3:
+        """Return the homogeneous coordinates of a place in the tank."""
         (a, b, c), (d, e, f), (g, h, i) = self.matrix
         return a * x + b * y + c, d * x + e * y + f, g * x + h * y + i
 
-    def _turned(self, x: float, y: float, along: float, down: float) -> tuple[float, float]:
-        """The direction in the tank of one at a place: the derivative of `place`, up to scale."""
+    def _map_direction(self, x: float, y: float, along: float, down: float) -> tuple[float, float]:
+        """Map a direction at a place into the tank: the derivative of `place`, up to scale."""
         (a, b, _), (d, e, _), (g, h, _) = self.matrix
         to_x, to_y = self.place(x, y)
         nearer = g * along + h * down  # by how much the view is larger there

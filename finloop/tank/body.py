@@ -96,13 +96,13 @@ def surface(
     grid = loft(p)
     high, fin = _heights(grid, float(typical.max()), length_px)
     points = np.empty((count, RINGS, AROUND, 3))
-    points[..., :2] = plan(grid, backbone, limited(half_width, backbone, typical))
+    points[..., :2] = plan(grid, backbone, limit_half_width(half_width, backbone, typical))
     points[..., 2] = high * np.cos(grid.angle) + fin
     return points, normals(points)
 
 
-def limited(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
-    """Half widths (n, p) as near to the typical ones as a body's are: without fins."""
+def limit_half_width(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
+    """Limit half widths (n, p) to a body's, near the typical ones: without fins."""
     goal = typical * lengths(backbone)[:, None]
     return np.clip(half_width, (1 - _NEAR) * goal, (1 + _NEAR) * goal)
 

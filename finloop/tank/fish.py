@@ -39,8 +39,8 @@ class Fish:
         """`shape`, which remembers its last batch."""
         return lru_cache(1)(self.shape)
 
-    def at(self, tick: int) -> tuple[Floats, Floats, Picture]:
-        """Points in the tank and normals (rings, around, 3), and the skin, of one tick."""
+    def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
+        """Return points in the tank and normals (rings, around, 3), and the skin, at one tick."""
         batch, k = divmod(tick, _BATCH)
         points, normals = self._recent_shape(batch)
         return points[k] + self.place[tick], normals[k], self.skin(tick)
@@ -69,8 +69,8 @@ class Fish:
         """(ticks, 3): the tip of the head in the tank."""
         return self.place + np.pad(self.poses.backbone[:, 0], ((0, 0), (0, 1)))
 
-    def bent(self) -> int:
-        """A tick at which the fish is well bent: more than at nine of ten."""
+    def find_bent_tick(self) -> int:
+        """Return a tick at which the fish is well bent: more than at nine of ten."""
         line = self.poses.backbone
         chord = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / lengths(line)
         return int(np.argsort(chord, kind="stable")[len(chord) // 10])

@@ -68,8 +68,8 @@ class Glb:
         self._data += data
         return self.add("bufferViews", view)
 
-    def encoded(self) -> bytes:
-        """The file's bytes."""
+    def encode(self) -> bytes:
+        """Return the file's bytes."""
         data = bytes(self._data) + b"\0" * (-len(self._data) % 4)
         document = self._document | {"buffers": [{"byteLength": len(data)}]}
         text = json.dumps(document, separators=(",", ":")).encode()

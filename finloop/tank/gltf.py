@@ -106,7 +106,7 @@ def tank_glb(
         "scale": [1 / room.length] * 3, "translation": upright(-room.middle / room.length),
     })  # fmt: skip
     glb.show([root])
-    return glb.encoded()
+    return glb.encode()
 
 
 def upright(place: Floats) -> list[float]:

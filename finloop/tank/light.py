@@ -63,18 +63,18 @@ class Floor:
         rows = np.linspace(0, -room.height, across, dtype=np.float32)
         self._x, self._y = np.meshgrid(columns, rows)
 
-    def lit(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
-        """The floor under the points (rings, around, 3) of each fish."""
+    def draw_floor(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
+        """Draw the floor under the points (rings, around, 3) of each fish."""
         height, width = self.plain.shape[:2]
-        light = cv2.resize(self._gathered(time_s), (width, height), interpolation=cv2.INTER_LINEAR)
+        light = cv2.resize(self._caustics(time_s), (width, height), interpolation=cv2.INTER_LINEAR)
         for points in fish:
             self._shade(light, points)
         if self.plain.ndim == 3:
             light = cv2.merge([light] * 3)
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
 
-    def _gathered(self, time_s: float) -> NDArray[np.uint8]:
-        """Light on the floor: bright lines where two families of waves have their crests."""
+    def _caustics(self, time_s: float) -> NDArray[np.uint8]:
+        """Return the light on the floor: bright lines where two families of waves have crests."""
         x, y, deep = self._x, self._y, self._room.depth
         _, bend_x, bend_y = slopes(x, y, deep, 0.7 * time_s)
         reach = 2.2 * deep
@@ -115,8 +115,10 @@ class Surface:
         self.x, self.y = np.meshgrid(columns, rows)
         self._room = room
 
-    def at(self, time_s: float, camera: Floats, parallel: bool) -> tuple[Floats, NDArray[np.uint8]]:
-        """Points (m · n, 3) and RGBA (m · n, 4) as seen from a place: clear, with the sky in it."""
+    def points_and_colours(
+        self, time_s: float, camera: Floats, parallel: bool
+    ) -> tuple[Floats, NDArray[np.uint8]]:
+        """Return points (m · n, 3) and RGBA (m · n, 4) of the clear surface with the sky in it."""
         high, along_x, along_y = slopes(self.x, self.y, self._room.depth, time_s)
         points = np.stack([self.x, self.y, self._room.depth + high], -1)
         normal = np.stack([-along_x, -along_y, np.ones_like(high)], -1)

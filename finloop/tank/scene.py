@@ -81,10 +81,12 @@ class Scene:
             mesh.points[:] = points.reshape(-1, 3)
             mesh.point_data["Normals"][:] = normals.reshape(-1, 3)
             picture.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)
-        floor = cv2.flip(self._floor.lit([points for points, _, _ in fish], time_s), 0)
+        floor = cv2.flip(self._floor.draw_floor([points for points, _, _ in fish], time_s), 0)
         colours_of_floor = self._floor_picture.point_data[_COLOURS]
         colours_of_floor[:] = floor.reshape(colours_of_floor.shape)
-        place, colours = self._water.at(time_s, views.place[tick], views.height_px is not None)
+        place, colours = self._water.points_and_colours(
+            time_s, views.place[tick], views.height_px is not None
+        )
         self._surface.points[:] = place
         self._surface.point_data[_COLOURS][:] = colours
         for item in (*chain(*self._fish), self._floor_picture, self._surface):
@@ -151,7 +153,7 @@ class Scene:
         faces = np.stack(
             [np.full_like(first, 4), first, first + 1, first + columns + 1, first + columns], -1
         )
-        points, colours = self._water.at(0.0, self._room.middle, True)
+        points, colours = self._water.points_and_colours(0.0, self._room.middle, True)
         mesh = pv.PolyData(points, faces.ravel())
         mesh[_COLOURS] = colours
         self._plotter.add_mesh(mesh, scalars=_COLOURS, rgba=True, lighting=False)

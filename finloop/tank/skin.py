@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
-from finloop.tank.body import hang, limited, plan
+from finloop.tank.body import hang, limit_half_width, plan
 from finloop.tank.swim import Film
 
 Picture = NDArray[np.uint8]
@@ -51,7 +51,7 @@ class Skins:
 
     def _skin(self, row: int) -> NDArray[np.float32]:
         cutout, line = self._cutout(row), self._film.backbone[row : row + 1]
-        width = limited(self._film.half_width[row : row + 1], line, self._typical)
+        width = limit_half_width(self._film.half_width[row : row + 1], line, self._typical)
         place = plan(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
         origin = np.array([cutout.x0_px, cutout.y0_px])
         places = (place * (1, -1) + (self._centres[row] - origin)).astype(np.float32)

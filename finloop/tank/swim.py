@@ -125,10 +125,12 @@ def _posed_backbone(row: Any, film: Film, bodies: Bodies) -> Floats:
     Where the pose's backbone differs from that of the row's own posture, the film's differs, too,
     at the same arc length.
     """
-    body = bodies.shown(row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored)
+    body = bodies.edit_row_body(
+        row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored
+    )
     number, side = int(body.row), -1 if body.mirrored else 1
-    own = bodies.poses.pose[number].at(0, 0, 0, bodies.poses.pose.size_px[number])
-    new = bodies.poses.posed(number, row.pose).at(0, 0, 0, own.size_px)
+    own = bodies.poses.pose[number].move_to(0, 0, 0, bodies.poses.pose.size_px[number])
+    new = bodies.poses.pose_from_codes(number, row.pose).move_to(0, 0, 0, own.size_px)
     before, after = (pose.backbone_px() * (1, -1) for pose in (own, new))
     before[:, 1] *= side
     angle = np.radians(film.heading_deg[number])

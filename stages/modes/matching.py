@@ -9,14 +9,14 @@ import pandas as pd
 
 from finloop.animate import encounters
 from finloop.base.arrays import Ints
-from finloop.edit.measures import averaged
+from finloop.edit.measures import average_measures
 from finloop.edit.schema import CONSIDERED
 from finloop.edit.stretch import Swim
-from finloop.given_path import given_lines
+from finloop.given_path import load_lines
 from finloop.io.table import save_table
 from finloop.modes.matching import NO_SPRITES, MatchingAnimator, Material, matching_animator
 from finloop.plan import path_measures
-from finloop.plan.plan import considered
+from finloop.plan.plan import option_table
 from finloop.plan.settings import merge_settings
 from finloop.project import Project
 from stages.animation import animate
@@ -31,7 +31,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
     made = Material(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.steps, project.jumps, project.poses, project.forecast,
-        given_lines(own, project.features), project.facts.mm_per_px, project.rule,
+        load_lines(own, project.features), project.facts.mm_per_px, project.rule,
         project.background, sprite_rows,
     )  # fmt: skip
     return matching_animator(made, merge_settings(common, own))
@@ -66,7 +66,7 @@ def save_more(
     """Write what was weighed, and how paths were followed; return the numbers of paths and fish."""
     waters = plans.world
     ticks, filmed = waters.duration, waters.film.filmed
-    weighed = [considered(one, ticks, filmed, fish) for fish, one in enumerate(swims)]
+    weighed = [option_table(one, ticks, filmed, fish) for fish, one in enumerate(swims)]
     save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
     paths = follow_paths(swims, plans)
     if paths:
@@ -74,8 +74,8 @@ def save_more(
         save_table(folder / "path.parquet", swum, path_measures.SWUM)
         left = pd.concat([one.left for one in paths], ignore_index=True)
         save_table(folder / "left.parquet", left, path_measures.LEFT)
-    numbers = averaged([one.numbers for one in paths]) if paths else {}
-    return numbers | encounters.of_shoal(edit, plans.player)
+    numbers = average_measures([one.numbers for one in paths]) if paths else {}
+    return numbers | encounters.measure_clearance(edit, plans.player)
 
 
 def main() -> None:

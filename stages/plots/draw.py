@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 
-from finloop.base.parallel import Processes, ended, warm_up
+from finloop.base.parallel import Processes, warm_up, worker_loss_error
 
 
 def draw_all(modules: Sequence[str]) -> None:
@@ -19,7 +19,7 @@ def draw_all(modules: Sequence[str]) -> None:
                     task.result()
                     advance()
         except BrokenProcessPool as error:
-            raise ended(THREADS) from error
+            raise worker_loss_error(THREADS) from error
 
 
 def run_module(module: str) -> None:

@@ -9,7 +9,7 @@ from finloop.io.picture import save_figure, save_picture
 from finloop.plots.parts import message
 from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
 from finloop.project import Project
-from finloop.render.gallery import placed
+from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from finloop.render.settings import Settings
 from stages.settings import load
@@ -27,7 +27,7 @@ def main() -> None:
         edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
         for name, ticks in sheet_ticks(edit, drawn.tracks).items():
             some = edit.iloc[ticks].assign(tick=range(len(ticks)))
-            rows = placed(some, gallery) if ticks else ()
+            rows = place_rows(some, gallery) if ticks else ()
             sheet = contact_sheet(tiles(edit, ticks, rows, Painter(background), half_px))
             save_picture(REPORT / f"{name}.png", sheet)
         for mode, facts in MODES.items():

@@ -10,7 +10,7 @@ from finloop.io.picture import save_picture
 from finloop.io.table import load_table
 from finloop.plots.retarget import moments, sheet
 from finloop.project import Project
-from finloop.render.gallery import placed
+from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from finloop.retarget import ASKED
 
@@ -28,7 +28,7 @@ def main() -> None:
         with Project() as project:
             drawn = project.edit_with_sources(RETARGET, "plots-modes")
             some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
-            rows, painter = placed(some, project.gallery(drawn)), Painter(project.background)
+            rows, painter = place_rows(some, project.gallery(drawn)), Painter(project.background)
             size = round(_SPAN * drawn.scene.typical_length_px)
             picture = sheet(asked, ticks, rows, painter, size)
         save_picture(folder / "backbones.png", picture)

@@ -128,7 +128,7 @@ def draw(
     # The distance transform is a few per cent off, so reach a little farther than the outline.
     reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
     body = _on_body(fine, rows, columns, reach.astype(np.float32), look.girth, unit)
-    colour = _lit(body, look, light, gloss)
+    colour = _shade_body(body, look, light, gloss)
     opacity = colour[:, 3] * body.part
     flat, flat_cover = picture.reshape(-1, 4), cover.reshape(-1)
     under = flat[body.flat] * (1 - opacity)[:, None]
@@ -198,8 +198,8 @@ def _on_body(
     return _Body(index[keep], s[keep], v[keep], left_x[keep], part[keep], w2[keep])
 
 
-def _lit(body: _Body, look: Look, light: tuple[float, float], gloss: float) -> Image:
-    """Colours of the body's subpixels in the light, (n, 4)."""
+def _shade_body(body: _Body, look: Look, light: tuple[float, float], gloss: float) -> Image:
+    """Return the colours of the body's subpixels in the light, (n, 4)."""
     colour = _sample(look.skin, body.s, body.v / np.float32(look.girth))
     across = body.v / np.sqrt(np.maximum(body.width2, 1e-6))
     left_x = body.left_x
@@ -243,8 +243,8 @@ def _fin(
     cover[window] = np.maximum(cover[window], reach)
 
 
-def blurred(drawing: Drawing, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
-    """Premultiplied colour and opacity as the lens sees them."""
+def blur_drawing(drawing: Drawing, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
+    """Return premultiplied colour and opacity as the lens sees them."""
     return (
         np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), sigma_px), np.float32),
         np.asarray(cv2.GaussianBlur(drawing.opacity, (0, 0), sigma_px), np.float32),

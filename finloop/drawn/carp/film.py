@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats, Picture
-from finloop.drawn.carp.draw import OVERSAMPLE, Drawing, blurred, draw
+from finloop.drawn.carp.draw import OVERSAMPLE, Drawing, blur_drawing, draw
 from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
-from finloop.drawn.carp.motion import Motion, crowded, room_of, simulate
+from finloop.drawn.carp.motion import Motion, is_crowded, room_of, simulate
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.drawn.carp.skin import Image, Look, floor, look
 
@@ -29,7 +29,7 @@ NOISE_PAD = 160  # the noise bank is that much larger than a frame, to start any
 def fits(params: CarpFilm) -> bool:
     """Whether the tank is large enough for so many fish of this size to swim freely."""
     room = room_of(params.width_px, params.height_px, params.body_length_px)
-    return not crowded(params.fish, room)
+    return not is_crowded(params.fish, room)
 
 
 def _streams(seed: int) -> list[np.random.Generator]:
@@ -173,7 +173,7 @@ def film(params: CarpFilm, poses: Motion | None = None) -> Iterator[tuple[Pictur
             drawings.append(draw(line, (float(left), float(right)), skins[i]))
         changed = [_shade(work, drawing, params) for drawing in drawings]
         for drawing in drawings:
-            colour, opacity = blurred(drawing)
+            colour, opacity = blur_drawing(drawing)
             if not params.colour:
                 colour = (colour @ _GREY)[..., None]
             window, inner = _window(work, drawing.x0, drawing.y0, opacity.shape)

@@ -58,8 +58,8 @@ def _places(fish: int, room: Room, rng: np.random.Generator) -> list[tuple[float
     return places
 
 
-def crowded(fish: int, room: Room) -> bool:
-    """Whether the room is too small for the fish: each needs a square of 2.2 body lengths."""
+def is_crowded(fish: int, room: Room) -> bool:
+    """Return whether the room is too small: each fish needs a square of 2.2 body lengths."""
     wide, high = room[2] - room[0], room[3] - room[1]
     if wide < 1.2 or high < 1.2:
         return True

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from finloop.base.arrays import Floats, Mask
-from finloop.curve.contour import Curve, resampled
+from finloop.curve.contour import Curve, resample_curve
 
 FAR_OFFSET = (0.045, -0.022)  # of the far limbs from the near ones: seen a little from above
 FINE = 2048
@@ -95,7 +95,7 @@ def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
     knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
     spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
     fine = spline(np.linspace(0, knots[-1], FINE, endpoint=False))
-    return resampled(Curve(fine, True), n).points
+    return resample_curve(Curve(fine, True), n).points
 
 
 @cache

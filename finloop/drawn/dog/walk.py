@@ -150,16 +150,16 @@ def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
 
 def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
     """Contour (n, 2) of body, head, ear or tail in the body frame, px; head and tail move."""
-    return dog.trunk_px * (_carried(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
+    return dog.trunk_px * (_rotate_part(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
 
 
 def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
     """The eye or nose (2,) in the body frame, px."""
-    return dog.trunk_px * (_carried(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
+    return dog.trunk_px * (_rotate_part(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
 
 
-def _carried(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
-    """Points of a part at a phase, turned about the root of head or tail."""
+def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
+    """Return points of a part at a phase, turned about the root of head or tail."""
     nod = 0.035 * np.cos(4 * np.pi * phase - 0.8)
     if nodes in (HEAD, EAR):
         root, angle = NECK, nod

@@ -12,7 +12,7 @@ from pathlib import Path
 from finloop.base.errors import FinloopError
 from finloop.io.footage.film import open_film
 from finloop.io.footage.pictures import open_pictures
-from finloop.io.footage.source import WANTED, Footage, Loss, NumberedFrames, limited
+from finloop.io.footage.source import WANTED, Footage, Loss, NumberedFrames, limit_time
 from finloop.io.footage.timing import Timing, nearest_in_time, segments_of
 
 __all__ = [
@@ -53,4 +53,4 @@ def open_footage(
         footage, times = open_pictures(path, rate, colour)
     else:
         footage, times = open_film(path, rate, colour)
-    return limited(footage, times, start_s, math.inf if end_s is None else end_s)
+    return limit_time(footage, times, start_s, math.inf if end_s is None else end_s)

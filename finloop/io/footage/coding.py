@@ -31,8 +31,8 @@ class Turn:
         return round(np.degrees(np.arctan2(self.c, self.d))) % 360
 
     @property
-    def mirrored(self) -> bool:
-        """Whether left and right are swapped before the rotation."""
+    def is_mirrored(self) -> bool:
+        """Return whether left and right are swapped before the rotation."""
         return self.a * self.d - self.b * self.c < 0
 
     def __call__(self, frame: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
     return low, max(high, low + 1)
 
 
-def stretched(frame: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Map `low` … `high` to 0 … 255, rounded; what lies outside becomes 0 or 255."""
+def stretch_levels(frame: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Map `low` … `high` to 0 … 255, rounded, and clip what lies outside."""
     scaled = (frame.astype(np.float32) - low) * (255 / (high - low))
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)

@@ -11,10 +11,10 @@ Order = Literal["", "auto", "tff", "bff"]
 """Which field is the earlier one: the upper (tff), the lower (bff), as the film says; "" = none."""
 
 
-def deinterlaced(
+def deinterlace(
     frames: Iterator[VideoFrame | None], stream: VideoStream, order: Order
 ) -> Iterator[VideoFrame | None]:
-    """The frames with the rows of the later field filled in; None stays where it is damaged."""
+    """Fill in the rows of the later field of each frame; None stays where it is damaged."""
     graph = Graph()
     source = graph.add_buffer(template=stream)
     weave = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")

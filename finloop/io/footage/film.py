@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
 from finloop.io.footage.coding import CHROMA_FRACTION, Turn, chroma_fraction, deep_levels, turn_of
-from finloop.io.footage.fields import deinterlaced
+from finloop.io.footage.fields import deinterlace
 from finloop.io.footage.frame import display_matrix, grey, is_deep, is_yuv, rgb
 from finloop.io.footage.source import (
     SAMPLES,
@@ -30,7 +30,7 @@ from finloop.io.footage.source import (
     NumberedFrames,
     in_range,
     other_size,
-    thinned,
+    thin_frame,
     too_few,
 )
 from finloop.io.footage.timing import frame_rate_of
@@ -46,7 +46,7 @@ _BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
+def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
     """Open a film and choose its picture stream."""
     try:
         if path.stat().st_size == 0:
@@ -119,11 +119,11 @@ def survey(path: Path, stamps: np.ndarray) -> Survey:
         first = first or frame
         if (frame.width, frame.height) != (first.width, first.height):
             continue  # `film_frames` reports it
-        chroma.append(chroma_fraction([thinned(rgb(frame, full_range=False))]))
-        raw = thinned(grey(frame, full_range=True, levels=None))
+        chroma.append(chroma_fraction([thin_frame(rgb(frame, full_range=False))]))
+        raw = thin_frame(grey(frame, full_range=True, levels=None))
         outside.append(float(((raw < low) | (raw > high)).mean()))
         if is_deep(frame):
-            deep.append(thinned(frame.to_ndarray(format="gray16le")))
+            deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
     if first is None:
         raise too_few(path, 0)
     turn, exact = turn_of(display_matrix(first))
@@ -143,15 +143,15 @@ def survey(path: Path, stamps: np.ndarray) -> Survey:
 
 def _samples(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
     """Decode some frames spread over a film; its first ones where it has no way to seek."""
-    with opened(path) as (container, stream):
-        yield from _good(decoded(container, stream, Loss()), 1)
+    with open_stream(path) as (container, stream):
+        yield from _good(decode_film(container, stream, Loss()), 1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
             try:
                 container.seek(int(stamp / float(stream.time_base or 1)), stream=stream)
             except (av.error.FFmpegError, OSError):
-                yield from _good(decoded(container, stream, Loss()), SAMPLES)
+                yield from _good(decode_film(container, stream, Loss()), SAMPLES)
                 return
-            yield from _good(decoded(container, stream, Loss()), 1)
+            yield from _good(decode_film(container, stream, Loss()), 1)
 
 
 def _good(frames: Iterator[VideoFrame | None], count: int) -> Iterator[VideoFrame]:
@@ -161,7 +161,7 @@ def _good(frames: Iterator[VideoFrame | None], count: int) -> Iterator[VideoFram
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
     """The facts of a film before it is read, and the times [s] of its frames, from 0."""
-    with opened(path) as (container, stream):
+    with open_stream(path) as (container, stream):
         stamps, promised = time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
         aspect = stream.sample_aspect_ratio or Fraction(1)
@@ -220,7 +220,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     return footage, times
 
 
-def decoded(
+def decode_film(
     container: InputContainer, stream: VideoStream, loss: Loss
 ) -> Iterator[VideoFrame | None]:
     """Decode from the present position on; None stands for a damaged frame."""
@@ -251,12 +251,12 @@ def film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded
     convert = rgb if footage.colour else partial(grey, levels=footage.levels)
-    with opened(footage.path) as (container, stream):
+    with open_stream(footage.path) as (container, stream):
         stamps = _seek(container, stream, footage)
         time_s, damaged = -step, 0
-        shot = decoded(container, stream, loss)
+        shot = decode_film(container, stream, loss)
         if footage.fields:
-            shot = deinterlaced(shot, stream, footage.fields)
+            shot = deinterlace(shot, stream, footage.fields)
         for number, frame in enumerate(shot):
             if frame is None:
                 continue
@@ -306,7 +306,7 @@ def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
     Packets are read, not decoded: an index has decoding times alone.
     """
     stamps = []
-    with opened(path) as (container, stream), suppress(*_BROKEN_OFF):
+    with open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):
         for packet in container.demux(stream):
             if packet.dts is not None and packet.dts >= last:
                 break

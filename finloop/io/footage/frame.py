@@ -8,7 +8,7 @@ from av.sidedata.sidedata import Type as SideDataType
 from av.video.frame import VideoFrame
 from av.video.reformatter import ColorRange, Colorspace
 
-from finloop.io.footage.coding import FULL_FROM_LIMITED, stretched
+from finloop.io.footage.coding import FULL_FROM_LIMITED, stretch_levels
 from finloop.io.video import THREADS, luma
 
 HD_HEIGHT = 720  # from here on, a film that does not state its colour matrix has BT.709
@@ -37,7 +37,7 @@ def is_deep(frame: VideoFrame) -> bool:
 def grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None) -> np.ndarray:
     """Convert to (h, w) uint8, 0 = black, 255 = white; limited range is expanded."""
     if levels:
-        return stretched(frame.to_ndarray(format="gray16le"), *levels)
+        return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
     name, bits = frame.format.name, frame.format.components[0].bits
     if bits == 8 and name.startswith(_LUMA_FIRST):  # the general way takes twenty times as long
         full = full_range or name == "gray" or frame.color_range == ColorRange.JPEG

@@ -17,8 +17,8 @@ FILMS = {
 """Endings of films in a folder; a file that is named itself may have any ending."""
 
 
-def listed(path: str) -> list[Path]:
-    """The films at a path, in natural order: 2 before 10.
+def list_films(path: str) -> list[Path]:
+    """List the films at a path in natural order: 2 before 10.
 
     A file is itself a film, and so is a folder of pictures. A folder of films, or of folders of
     pictures, gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it fits. A path that
@@ -45,11 +45,11 @@ def _in_folder(folder: Path) -> list[Path]:
     films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
     if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
         return []
-    films += [path for path in inside if path.is_dir() and _of_pictures(path)]
+    films += [path for path in inside if path.is_dir() and _holds_pictures(path)]
     return sorted(films, key=natural)
 
 
-def _of_pictures(folder: Path) -> bool:
+def _holds_pictures(folder: Path) -> bool:
     return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from tifffile import TiffFile, TiffFileError
 
 from finloop.base.errors import FinloopError
-from finloop.io.footage.coding import CHROMA_FRACTION, chroma_fraction, deep_levels, stretched
+from finloop.io.footage.coding import CHROMA_FRACTION, chroma_fraction, deep_levels, stretch_levels
 from finloop.io.footage.source import (
     SAMPLES,
     Footage,
@@ -23,7 +23,7 @@ from finloop.io.footage.source import (
     NumberedFrames,
     in_range,
     other_size,
-    thinned,
+    thin_frame,
     too_few,
 )
 from finloop.io.video import THREADS
@@ -48,7 +48,7 @@ class Album(NamedTuple):
 def _album(path: Path) -> Iterator[Album]:
     """Open a folder or a stack."""
     if path.is_dir():
-        files = _listed(path)
+        files = _list_pictures(path)
         yield Album(len(files), lambda k: str(files[k]), lambda k: _load_picture(files[k]), THREADS)
         return
     try:
@@ -79,7 +79,7 @@ def open_pictures(
             )
         first = album.load(0)
         numbers = np.unique(np.linspace(0, album.length - 1, SAMPLES).astype(int))
-        samples = [thinned(album.load(int(k))) for k in numbers]
+        samples = [thin_frame(album.load(int(k))) for k in numbers]
         times = np.arange(album.length) / float(rate)
     levels = None if first.dtype == np.uint8 else deep_levels(samples)
     if colour is None:
@@ -101,8 +101,8 @@ def open_pictures(
     return footage, times
 
 
-def _listed(folder: Path) -> list[Path]:
-    """The pictures of a folder in natural order: 2 before 10."""
+def _list_pictures(folder: Path) -> list[Path]:
+    """List the pictures of a folder in natural order: 2 before 10."""
     files = [
         file
         for file in folder.iterdir()
@@ -171,7 +171,7 @@ def _page(stack: TiffFile, number: int) -> np.ndarray:
 def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | None) -> np.ndarray:
     """Convert a picture as stored to uint8, grey or RGB."""
     if levels:
-        picture = stretched(picture, *levels)
+        picture = stretch_levels(picture, *levels)
     if colour and picture.ndim == 2:
         return cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
     if not colour and picture.ndim == 3:
@@ -198,11 +198,11 @@ def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
             return time_s, (number, _to_uint8(picture, footage.colour, footage.levels))
 
         numbers = [k for k in range(album.length) if in_range(footage, k / footage.frame_rate)]
-        yield from _ahead(load, numbers, album.threads)
+        yield from _map_ahead(load, numbers, album.threads)
 
 
-def _ahead(work: Callable[[S], T], items: Iterable[S], threads: int) -> Iterator[T]:
-    """Results of `work` in the order of `items`, computed in threads a few items ahead."""
+def _map_ahead(work: Callable[[S], T], items: Iterable[S], threads: int) -> Iterator[T]:
+    """Yield results of `work` in the order of `items`, computed in threads a few ahead."""
     with ThreadPoolExecutor(threads) as pool:
         waiting: deque[Future[T]] = deque()
         for item in items:

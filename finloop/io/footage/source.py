@@ -80,9 +80,9 @@ class Footage:
 
     def frames(self, loss: Loss) -> Frames:
         """Stream the frames of the range, upright; loss and errors as for `numbered`."""
-        return ((time_s, picture) for time_s, (_, picture) in self.numbered(loss))
+        return ((time_s, picture) for time_s, (_, picture) in self.stream_numbered(loss))
 
-    def numbered(self, loss: Loss) -> NumberedFrames:
+    def stream_numbered(self, loss: Loss) -> NumberedFrames:
         """Stream the frames of the range, upright, with their numbers in the source.
 
         FinloopError if frames change their size, or a picture of a folder cannot be read.
@@ -103,7 +103,7 @@ class Footage:
             segments=(),
             source_frames=self.frames_in_source,
             rotation_deg=self.turn.rotation_deg,
-            mirrored=self.turn.mirrored,
+            mirrored=self.turn.is_mirrored,
             pixel_aspect=self.pixel_aspect,
             level_low=self.levels[0] if self.levels else 0.0,
             level_high=self.levels[1] if self.levels else 255.0,
@@ -112,7 +112,7 @@ class Footage:
         )
 
 
-def limited(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
+def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
     """Restrict a source to a range of time; `times` [s] are those of its frames.
 
     FinloopError if the range is empty, reaches beyond the source, or holds fewer than two frames.
@@ -159,7 +159,7 @@ def other_size(what: str, size: tuple[int, int], first: tuple[int, int]) -> Finl
     )
 
 
-def thinned(frame: np.ndarray) -> np.ndarray:
-    """Every k-th row and column of a frame, so that at most `SAMPLE_PIXELS` remain."""
+def thin_frame(frame: np.ndarray) -> np.ndarray:
+    """Keep every k-th row and column of a frame, so that at most `SAMPLE_PIXELS` remain."""
     k = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
     return frame[::k, ::k]

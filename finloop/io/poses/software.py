@@ -22,11 +22,11 @@ def software_of(path: Path) -> Software:
     """The program that made a file or folder of tracks; FinloopError if that cannot be told."""
     suffix = path.suffix.lower()
     if path.is_dir():
-        software = _of_folder(path)
+        software = _folder_software(path)
     elif suffix == ".csv":
-        software = _of_csv(path)
+        software = _csv_software(path)
     elif suffix in (".h5", ".hdf5"):
-        software = _of_hdf5(path)
+        software = _hdf5_software(path)
     else:
         software = _BY_SUFFIX.get(suffix)
     if software is None:
@@ -38,7 +38,7 @@ def software_of(path: Path) -> Software:
     return software
 
 
-def _of_folder(path: Path) -> Software | None:
+def _folder_software(path: Path) -> Software | None:
     names = {file.name for file in path.iterdir()}
     if any(name.startswith(("trajectories", "validated", "with")) for name in names):
         return "idtracker.ai"
@@ -50,7 +50,7 @@ def _of_folder(path: Path) -> Software | None:
     return None
 
 
-def _of_csv(path: Path) -> Software | None:
+def _csv_software(path: Path) -> Software | None:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             header = [name.strip() for name in next(csv.reader(file), [])]
@@ -68,7 +68,7 @@ def _of_csv(path: Path) -> Software | None:
     return "VIA-tracks" if "region_shape_attributes" in names else None
 
 
-def _of_hdf5(path: Path) -> Software | None:
+def _hdf5_software(path: Path) -> Software | None:
     h5py = extra("h5py", path)
     try:
         with h5py.File(path) as file:
