@@ -63,7 +63,8 @@ def pairs_by_kind(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd
 
 def peak_gib(frames: int, mixed: bool) -> float:
     """Peak resident memory of the grouped way in a process of its own, in GiB."""
-    code = f"from benchmarks.distance import film, pairs_by_kind; pairs_by_kind(*film({frames}, {mixed}))"
+    call = f"pairs_by_kind(*film({frames}, {mixed}))"
+    code = f"from benchmarks.distance import film, pairs_by_kind; {call}"
     return peak_mib(ROOT, "-c", code) / 1024
 
 
