@@ -16,7 +16,7 @@ from benchmarks.pipeline import ROOT
 from benchmarks.speed import PAIRS, time_call, time_pairs
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import layers, new_weights, train
-from finloop.bpn.settings import Settings
+from finloop.bpn.settings import BpnSettings
 
 ROWS, HELD_OUT, PAPER_S = 4480, 1120, 70.0
 PEER_EPOCHS = 2  # autograd is slow; both sides of its pair run this many
@@ -29,12 +29,12 @@ def rows(count: int) -> tuple[np.ndarray, np.ndarray]:
     return inputs, np.column_stack([inputs[:, 0], inputs[:, 1].round()])
 
 
-def ours(how: Settings) -> None:
+def ours(how: BpnSettings) -> None:
     """What the stage does for one split: learning, with the errors after each epoch."""
     train(*rows(ROWS), rows(HELD_OUT), how, 0.2, np.random.default_rng(0))
 
 
-def autograd(how: Settings) -> None:
+def autograd(how: BpnSettings) -> None:
     """The same network and rule by torch.autograd and torch.optim.SGD."""
     rng = np.random.default_rng(0)
     weights = torch.from_numpy(new_weights(how.hidden, rng)).requires_grad_()

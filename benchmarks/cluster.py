@@ -159,13 +159,13 @@ def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
         prepare(folder, [*CARP, *where])
         with chdir(folder), workers(WORKERS_NEED) as crew:
 
-            def there(crew: Workers = crew) -> set[int]:
+            def worker_ids(crew: Workers = crew) -> set[int]:
                 if client := getattr(crew, "client", None):
                     return {*client.run(os.getpid, on_error="ignore").values()}
                 return {one.pid for one in multiprocessing.active_children() if one.pid}
 
             out = folder / f"out-{len(told)}"
-            count = extract_with_kills(folder, out, crew, there, KILLS)
+            count = extract_with_kills(folder, out, crew, worker_ids, KILLS)
         told.append((name, count, content(out) == content(folder / "data/extract")))
         print(f"{name}: {count} workers killed; the same bytes: {told[-1][2]}", flush=True)
     return told

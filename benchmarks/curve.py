@@ -20,7 +20,7 @@ from benchmarks.pipeline import ROOT
 from benchmarks.speed import time_call, time_pairs
 from finloop.curve.dynamics import solve
 from finloop.curve.filters import CUBIC
-from finloop.curve.problem import Material, Options, Problem
+from finloop.curve.problem import Material, Problem, SolverOptions
 from finloop.curve.stiffness import off_diagonal, stiffness, stiffness_phi
 from finloop.curve.wavelet import back, forward
 
@@ -143,16 +143,16 @@ def main() -> None:
     print(shares.round(1).to_string(index_names=False))
     few = {material: Problem(*bend_hoop(256), material, TIMES) for material in (MATERIAL, MASSLESS)}
     for method, material, options in (
-        ("modal", MATERIAL, Options()),
-        ("runge-kutta", MATERIAL, Options()),
-        ("runge-kutta", MATERIAL, Options(rtol=1e-10, integrator="DOP853")),
-        ("decoupled", MATERIAL, Options()),
-        ("modal", MASSLESS, Options()),
-        ("implicit-euler", MASSLESS, Options()),
-        ("implicit-euler", MASSLESS, Options(inverse="schulz")),
-        ("explicit-euler", MASSLESS, Options()),
-        ("explicit-euler", MASSLESS, Options(inverse="schulz")),
-        ("decoupled", MASSLESS, Options()),
+        ("modal", MATERIAL, SolverOptions()),
+        ("runge-kutta", MATERIAL, SolverOptions()),
+        ("runge-kutta", MATERIAL, SolverOptions(rtol=1e-10, integrator="DOP853")),
+        ("decoupled", MATERIAL, SolverOptions()),
+        ("modal", MASSLESS, SolverOptions()),
+        ("implicit-euler", MASSLESS, SolverOptions()),
+        ("implicit-euler", MASSLESS, SolverOptions(inverse="schulz")),
+        ("explicit-euler", MASSLESS, SolverOptions()),
+        ("explicit-euler", MASSLESS, SolverOptions(inverse="schulz")),
+        ("decoupled", MASSLESS, SolverOptions()),
     ):
         seconds, motion = time_call(partial(solve, few[material], method, options))
         way = options.integrator if method == "runge-kutta" else ""

@@ -43,7 +43,7 @@ from finloop.base.arrays import Floats, Mask
 from finloop.base.settings import settings
 from finloop.clip.settings import Carp
 from finloop.drawn.carp.film import film
-from finloop.drawn.carp.motion import Motion, room_of, simulate
+from finloop.drawn.carp.motion import CarpMotion, room_of, simulate
 from finloop.io.movie import VideoWriter
 from finloop.io.poses import load_poses
 from finloop.io.table import save_csv
@@ -97,13 +97,13 @@ def carp(seed: int, folder: Path) -> Film:
     return Film(path, overrides, FISH, inside, 125, 100, truth[["frame", "animal", *_PLACE]])
 
 
-def crossing(p: Carp) -> Motion:
+def crossing(p: Carp) -> CarpMotion:
     """Poses of carp of which each swims as if it were alone."""
     room = room_of(p.width_px, p.height_px, p.body_length_px)
     streams = np.random.default_rng(p.seed).spawn(p.fish)
     alone = [simulate(p.frames, 1, room, p.frame_rate_hz, p.fins, rng) for rng in streams]
-    names = [field.name for field in fields(Motion)]
-    return Motion(*(np.concatenate([getattr(one, n) for one in alone], axis=1) for n in names))
+    names = [field.name for field in fields(CarpMotion)]
+    return CarpMotion(*(np.concatenate([getattr(one, n) for one in alone], axis=1) for n in names))
 
 
 FILMS: dict[str, Callable[[Path], Film]] = {

@@ -3,7 +3,7 @@
 from typing import Any
 
 from finloop.given_path import load_lines
-from finloop.modes.matching import Material
+from finloop.modes.matching import MatchingData
 from finloop.plan.settings import AllSettings, merge_settings
 from finloop.project import Project
 from stages.settings import load
@@ -21,9 +21,9 @@ def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
     return AllSettings(**{**vars(p), **values})
 
 
-def material(project: Project, p: AllSettings) -> Material:
+def material(project: Project, p: AllSettings) -> MatchingData:
     """Return what the stage `modes-matching` makes its animation of."""
-    return Material(
+    return MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.steps, project.jumps, project.poses, project.forecast,
         load_lines(p, project.features), project.facts.mm_per_px, project.rule,

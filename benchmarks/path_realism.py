@@ -22,7 +22,7 @@ from finloop.animate.paths import lay
 from finloop.animate.route import Route
 from finloop.animate.shoal import swim
 from finloop.edit.build import edit_lists
-from finloop.modes.matching import MatchingAnimator, Material, matching_animator
+from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
 from finloop.plan.planner import Planner
 from finloop.plan.settings import AllSettings
 from finloop.project import Project
@@ -30,7 +30,7 @@ from finloop.realism import compare
 from finloop.realism.examples import FILM
 from finloop.realism.lists import Work, film_lists
 from stages.cluster import workers
-from stages.realism import WORKERS_NEED, Pictures, instrument_of, swimming_of, verdicts_of
+from stages.realism import WORKERS_NEED, GalleryOpener, instrument_of, swimming_of, verdicts_of
 from stages.settings import load
 
 PIECE_S = 20.0
@@ -54,7 +54,9 @@ def animate_route(player: Planner, ticks: int, seed: int, route: Route | None = 
     return edit_lists([made], ticks, player.sources), ()
 
 
-def routes_of(made: Material, plans: MatchingAnimator, p: AllSettings) -> dict[str, list[Swimming]]:
+def routes_of(
+    made: MatchingData, plans: MatchingAnimator, p: AllSettings
+) -> dict[str, list[Swimming]]:
     """Along what fish swim, and by which players: those of a track know nothing of its film."""
     waters = plans.world
     found: dict[str, list[Swimming]] = {
@@ -104,7 +106,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         plans = matching_animator(made, q)
         size = plans.pictures.reel.size
         works |= animations(routes_of(made, plans, q), amount)
-        pictures, instrument = Pictures(project), instrument_of(project)
+        pictures, instrument = GalleryOpener(project), instrument_of(project)
         drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, crew)

@@ -22,7 +22,7 @@ from benchmarks.pipeline import film_table
 from finloop.animate.paths import lay, track_line
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
-from finloop.modes.matching import MatchingAnimator, Material, matching_animator
+from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
 from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
 from finloop.project import Project
 
@@ -79,7 +79,7 @@ def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -
 
 
 def tracks(
-    made: Material, plans: MatchingAnimator, count: int = TRACKS
+    made: MatchingData, plans: MatchingAnimator, count: int = TRACKS
 ) -> Iterator[tuple[str, Line]]:
     """The longest stretches of tracks where a drawn fish may be; of these the liveliest."""
     features, legal = made.reel.features, plans.world.tank.legal

@@ -27,7 +27,7 @@ from finloop.io.video import THREADS
 from finloop.pose import film_poses
 from finloop.project import Project
 from finloop.render.gallery import Gallery, Shelf
-from finloop.render.marks import Marks
+from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Placed
 
 SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
@@ -92,9 +92,9 @@ def ways_to_draw(
             for one in tick:
                 painter.draw(*one)
 
-    def marked() -> None:
+    def render_with_marks() -> None:
         with_marks = Painter(background, colour=True)
-        marks = Marks(
+        marks = MarkPainter(
             with_marks, journey(school[0]), [Goal("A", 300.0, 200.0), Goal("B", 900.0, 500.0)]
         )
         for tick, one in enumerate(school[0]):
@@ -105,7 +105,7 @@ def ways_to_draw(
         "one fish, cross-faded": lambda: draw([fading]),
         "one fish, in another pose": lambda: draw([bent]),
         "one fish, joined": lambda: draw(joined[:1]),
-        "one fish, with marks": marked,
+        "one fish, with marks": render_with_marks,
         "eight fish": lambda: draw(school),
         "eight fish, all joined": lambda: draw(joined),
     }

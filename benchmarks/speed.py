@@ -32,8 +32,8 @@ from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
 from finloop.extract.film import (
+    ClipStream,
     Detector,
-    Film,
     batches,
     cutouts,
     detections,
@@ -42,12 +42,12 @@ from finloop.extract.film import (
     tracks,
 )
 from finloop.extract.samples import survey
-from finloop.extract.segment import Ends, silhouettes
-from finloop.extract.settings import Settings
+from finloop.extract.segment import SilhouetteEdge, silhouettes
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.extraction import sample_of
 from finloop.features.table import FEATURES, features
-from finloop.features.table import Settings as FeatureSettings
+from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.film_writer import film_writer
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table, save_table
@@ -97,7 +97,7 @@ def decode(path: Path) -> int:
     return count
 
 
-def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSettings) -> int:
+def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: FeatureSettings) -> int:
     """What the two stages do, pictures left out; returns the number of fish-frames."""
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
@@ -105,7 +105,7 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     scene, typical = survey(frames, arena, how, Threads(THREADS))
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
-    whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
+    whole = ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
     found = detections(whole, scene, detector, Processes(THREADS))
     linked = tracks(
         fill_lost_frames(found, []), typical, how, [start for start, _ in facts.segments[1:]]
@@ -140,7 +140,7 @@ def both_stages(folder: Path) -> int:
     return int(fish)
 
 
-def carp_outlines(count: int, how: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
+def carp_outlines(count: int, how: ExtractSettings) -> list[tuple[np.ndarray, np.ndarray]]:
     """Masks and difference images of the drawn carp, default size."""
     frames = [
         frame for frame, _ in film(settings("clip", source="carp", frames=count, colour=False))
@@ -150,7 +150,9 @@ def carp_outlines(count: int, how: Settings) -> list[tuple[np.ndarray, np.ndarra
     return [
         (s.mask, s.field)
         for frame in frames
-        for s in silhouettes(frame, scene, arena, 200, Ends(how.outline_share, how.shadow, "all"))
+        for s in silhouettes(
+            frame, scene, arena, 200, SilhouetteEdge(how.outline_share, how.shadow, "all")
+        )
     ]
 
 

@@ -18,7 +18,7 @@ from finloop.io.movie import Mp4Writer
 from finloop.project import Project
 from finloop.tank.camera import PRESETS, TOUR, Room, views
 from finloop.tank.display import choose_window
-from finloop.tank.scene import Scene
+from finloop.tank.scene import TankScene
 from stages.settings import load
 from stages.tank import swum_fish
 
@@ -36,7 +36,7 @@ def main() -> None:
         depth, aspect = p.depth * fish.length_px, SIZE[0] / SIZE[1]
         room = Room(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
         count = min(TICKS, len(fish))
-        with Scene(background, room, SIZE) as scene:
+        with TankScene(background, room, SIZE) as scene:
 
             def show(camera: str, writer: Mp4Writer | None = None) -> np.ndarray:
                 view = views(camera, room, fish.place, fish.poses.heading, facts.frame_rate_hz)

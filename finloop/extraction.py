@@ -19,9 +19,9 @@ from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.given import Followed, no_silhouette_error
+from finloop.extract.given import GivenTrackLinker, no_silhouette_error
 from finloop.extract.samples import Typical, Verdict, survey
-from finloop.extract.settings import Settings
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.given_tracks import check_given, load_given, place_metrics, save_given
 from finloop.io.cutouts import packed_size
@@ -72,7 +72,7 @@ def scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
 
 def extract(
     clip: Path,
-    p: Settings,
+    p: ExtractSettings,
     folder: Path,
     workers: Workers,
     advance: Callable[[], None] = lambda: None,
@@ -93,7 +93,7 @@ def extract(
     scene, typical = survey(frames, arena, p, Threads(THREADS))
     # One thread each: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
-    whole = film.Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
+    whole = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
     detector = film.Detector(arena, typical, p)
     sample = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
     _refuse_small_disk(folder, facts.frames, list(sample), pieces)
@@ -102,9 +102,9 @@ def extract(
     lengths: Counter[int] = Counter()
     lost: list[int] = []
     agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
-    follower = Followed(tracks.given, typical.length_px, p.least_frames) if tracks else None
+    follower = GivenTrackLinker(tracks.given, typical.length_px, p.least_frames) if tracks else None
 
-    def tracked() -> Iterator[list[film.TrackedFish]]:
+    def track_frames() -> Iterator[list[film.TrackedFish]]:
         stream = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
         linked = (
             follower.tracks(stream, cuts) if follower else film.tracks(stream, typical, p, cuts)
@@ -116,7 +116,7 @@ def extract(
             yield fish
 
     with film_writer(folder, tracks_schema(p.points)) as write:
-        for fish in film.batches(tracked()):
+        for fish in film.batches(track_frames()):
             write(film.rows(fish), film.cutouts(fish))
     if not lengths:
         if tracks and follower:
@@ -147,11 +147,11 @@ def sample_of(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
     # One thread each: a decoder of several decodes the frames after a key frame in vain.
     read = partial(read_spread, path, colour=facts.colour, threads=1)
 
-    def some(part: NDArray[np.intp]) -> list[Picture]:
+    def read_pictures(part: NDArray[np.intp]) -> list[Picture]:
         return list(read(part.tolist()))
 
     try:
-        pieces = ordered_map(some, np.array_split(numbers, THREADS), Threads(THREADS))
+        pieces = ordered_map(read_pictures, np.array_split(numbers, THREADS), Threads(THREADS))
         return [frame for piece in pieces for frame in piece]
     except UndecodableError:
         frames: list[Picture] = []

@@ -20,8 +20,8 @@ from finloop.io.poses import load_poses
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.retarget.film import Material, own_track
-from finloop.retarget.settings import Settings
+from finloop.retarget.film import RetargetData, own_track
+from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track, choose_animal, track_from_backbones, track_of
 
 _SCENE, _TRACKS = "extract/scene.json", "extract/tracks.parquet"
@@ -29,7 +29,7 @@ _FEATURES, _FACTS = "features/features.parquet", f"clip/{FACTS_NAME}"
 _LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
 
 
-def load_track(film: Material, p: Settings) -> Track:
+def load_track(film: RetargetData, p: RetargetSettings) -> Track:
     """Load the track that `retarget.tracks` names; raise FinloopError where it cannot be read.
 
     film: the one that is drawn.
@@ -60,7 +60,7 @@ def film_files(folder: Path) -> list[Path]:
     return [folder / name for name in (_SCENE, _TRACKS, _FEATURES, _FACTS)]
 
 
-def _load_film_track(folder: Path, steps: int, p: Settings) -> Track:
+def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
     """Load a track of another film, whose folder data/ this is."""
     scene = load_record(folder / _SCENE, SceneFacts, "extract")
     features = load_table(folder / _FEATURES, FEATURES)
@@ -81,7 +81,7 @@ def _load_film_track(folder: Path, steps: int, p: Settings) -> Track:
     return track_from_backbones(name, rate, frame, line, steps)
 
 
-def _rows(features: pd.DataFrame, p: Settings) -> Ints:
+def _rows(features: pd.DataFrame, p: RetargetSettings) -> Ints:
     """The rows of the track that is named, or of the longest."""
     counts = features["track_id"].value_counts().sort_index()
     names = [str(one) for one in counts.index]

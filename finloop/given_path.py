@@ -11,10 +11,10 @@ from finloop.animate.paths import track_line
 from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK, Line
 from finloop.io.line import load_line
-from finloop.plan.settings import Settings
+from finloop.plan.settings import MatchingSettings
 
 
-def load_lines(p: Settings, features: pd.DataFrame) -> list[Line | None]:
+def load_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]:
     """Load the line of each fish from `matching.path`, None where it has none.
 
     Times are left out where fish are to swim at their own pace. FinloopError if there are more

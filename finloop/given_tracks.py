@@ -14,9 +14,9 @@ import numpy as np
 from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.fit import FilmSize, Fit, fit, map_poses_to_clip, refuse_other_film
-from finloop.extract.given import Followed, Given, Outcome
-from finloop.extract.settings import Settings
+from finloop.extract.fit import FilmSize, SilhouetteFit, fit, map_poses_to_clip, refuse_other_film
+from finloop.extract.given import Given, GivenTrackLinker, Outcome
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.io.film_writer import TRACKS_NAME
 from finloop.io.poses import load_poses
@@ -58,7 +58,7 @@ def tracks_of(film: Path, pattern: str) -> str:
     return str(paths[0])
 
 
-def load_given(clip: Path, facts: VideoFacts, p: Settings) -> GivenTracks:
+def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> GivenTracks:
     """The tracks that the settings name, by frames of the clip; FinloopError if they cannot be."""
     software = None if p.tracks_software == "auto" else p.tracks_software
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
@@ -69,7 +69,7 @@ def load_given(clip: Path, facts: VideoFacts, p: Settings) -> GivenTracks:
 
 def check_given(
     tracks: GivenTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
-) -> Fit:
+) -> SilhouetteFit:
     """How well the places agree with the film in sample frames; FinloopError if they do not."""
     there = np.flatnonzero(tracks.given.stop > tracks.given.start)
     spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
@@ -95,7 +95,9 @@ def save_given(folder: Path, given: Given, points: int) -> None:
     save_table(folder / GIVEN_NAME, rows, GIVEN)
 
 
-def place_metrics(tracks: GivenTracks, followed: Followed, agreement: Fit) -> dict[str, float]:
+def place_metrics(
+    tracks: GivenTracks, followed: GivenTrackLinker, agreement: SilhouetteFit
+) -> dict[str, float]:
     """Return the outcomes of the places in the file, for metrics.json."""
     total = Counter[Outcome]()
     for (_, outcome), count in followed.outcomes.items():

@@ -18,7 +18,7 @@ from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, chec
 from finloop.clip.doubled import Doubled, find_repeats
 from finloop.clip.mend import Calm, field_of, new_pictures, repairs
 from finloop.clip.quality import Tally
-from finloop.clip.settings import File, Settings
+from finloop.clip.settings import ClipSettings, File
 from finloop.io.footage.fields import Order
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
@@ -30,7 +30,7 @@ from finloop.io.video import (
     read_frames,
     save_mask,
 )
-from finloop.normalise import Source, normalise, open_source
+from finloop.normalise import ClipSource, normalise, open_source
 
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 """Reports progress: of a word and a number of frames, a block that gives `advance()`."""
@@ -63,7 +63,10 @@ class ClipResult:
 
 
 def make_clip(
-    p: Settings, source: Source, folder: Path, watch: Watch = lambda *_: nullcontext(lambda: None)
+    p: ClipSettings,
+    source: ClipSource,
+    folder: Path,
+    watch: Watch = lambda *_: nullcontext(lambda: None),
 ) -> ClipResult:
     """Write the clip of a film to a folder, with its check; own footage is mended.
 
@@ -107,7 +110,7 @@ def _frame_by_frame(facts: VideoFacts) -> bool:
     return not retimed and len(facts.segments) == 1
 
 
-def _reopen_film(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> Source:
+def _reopen_film(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> ClipSource:
     """Open the film once more, with its frames mended on the way."""
     source = open_source(p, fields)
     facts, takes = source.facts, source.takes

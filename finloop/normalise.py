@@ -20,7 +20,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import prefetch
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally
-from finloop.clip.settings import Carp, File, Settings, Zebrafish
+from finloop.clip.settings import Carp, ClipSettings, File, Zebrafish
 from finloop.drawn.carp.film import film, fits
 from finloop.drawn.truth import TRUTH
 from finloop.io.footage import (
@@ -56,7 +56,7 @@ WriteRows = Callable[[pd.DataFrame], None]
 
 
 @dataclass(frozen=True)
-class Source:
+class ClipSource:
     """A clip before it is written: its facts and its frames."""
 
     facts: VideoFacts
@@ -71,7 +71,7 @@ class Source:
             self.truth.clear()
 
 
-def open_source(p: Settings, fields: Order = "") -> Source:
+def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
     """The film that the parameters name; nothing but its head is read yet.
 
     FinloopError if it cannot be opened, or the carp have no room. `fields`: of own footage that is
@@ -81,7 +81,7 @@ def open_source(p: Settings, fields: Order = "") -> Source:
 
 
 def normalise(
-    source: Source, p: Settings, folder: Path, advance: Callable[[], None] = lambda: None
+    source: ClipSource, p: ClipSettings, folder: Path, advance: Callable[[], None] = lambda: None
 ) -> tuple[VideoFacts, Tally, np.ndarray]:
     """Write clip, facts, arena and, of a carp, truth to a folder; `advance()` after each frame.
 
@@ -116,7 +116,7 @@ def normalise(
     return facts, tally, arena
 
 
-def _carp(p: Carp) -> Source:
+def _carp(p: Carp) -> ClipSource:
     """The film of the drawn carp."""
     if not fits(p):
         raise FinloopError(
@@ -137,10 +137,10 @@ def _carp(p: Carp) -> Source:
             truth.extend(rows)
             yield float(number / rate), (number, frame)
 
-    return Source(facts, [take()], Loss(), truth)
+    return ClipSource(facts, [take()], Loss(), truth)
 
 
-def _films(p: Zebrafish | File, fields: Order) -> Source:
+def _films(p: Zebrafish | File, fields: Order) -> ClipSource:
     """Films that follow one another in the clip."""
     if isinstance(p, Zebrafish):
         paths = zebrafish_clips(p.parts, cache_folder())
@@ -163,7 +163,7 @@ def _films(p: Zebrafish | File, fields: Order) -> Source:
     takes = [
         _counted_on(f.stream_numbered(loss), start) for f, start in zip(films, starts, strict=False)
     ]
-    return Source(facts, takes, loss, [])
+    return ClipSource(facts, takes, loss, [])
 
 
 def _counted_on(frames: NumberedFrames, start: int) -> NumberedFrames:
@@ -172,7 +172,7 @@ def _counted_on(frames: NumberedFrames, start: int) -> NumberedFrames:
 
 
 def _record(
-    writer: VideoWriter, source: Source, truth: WriteRows | None, advance: Callable[[], None]
+    writer: VideoWriter, source: ClipSource, truth: WriteRows | None, advance: Callable[[], None]
 ) -> tuple[Timing, Tally, array]:
     """Write the takes one after the other, re-timed to a constant rate from their first frames.
 
@@ -218,7 +218,7 @@ def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
     )
 
 
-def _arena(p: Settings, width: int, height: int) -> np.ndarray:
+def _arena(p: ClipSettings, width: int, height: int) -> np.ndarray:
     """Mask (height, width) of the pixels where animals can be."""
     if isinstance(p, Zebrafish):
         return rectangle_arena(width, height, *TANK_PX)

@@ -65,7 +65,7 @@ class RunFiles:
             vars(self).pop(name, None)
 
     def settings(self, word: str) -> Any:
-        """Return the parameters of a stage word, as its `Settings`."""
+        """Return the parameters of a stage word, as its settings."""
         return parameters(word, read_parameters(self.root / "params.yaml"))
 
     # --- clip

@@ -21,7 +21,7 @@ from finloop.extraction import BACKGROUND_NAME, SCENE_NAME
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.record import load_record
-from finloop.io.several import FILMS, Part, frames_at, parts_of
+from finloop.io.several import FILMS, FilmPart, frames_at, parts_of
 from finloop.io.table import load_table, table_writer
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 
@@ -38,14 +38,14 @@ class Contribution(NamedTuple):
     like: Likeness
 
 
-class Film(NamedTuple):
+class FilmTracks(NamedTuple):
     """The tracks of one of several films.
 
     table: of its rows at the common rate; rows (k,): their numbers in the film's own table and
     cut-outs; home: its folder.
     """
 
-    part: Part
+    part: FilmPart
     facts: VideoFacts
     scene: SceneFacts
     table: pd.DataFrame
@@ -104,14 +104,14 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
     return contributions
 
 
-def _number_tracks(film: Film, like: Likeness, tracks: int) -> pd.DataFrame:
+def _number_tracks(film: FilmTracks, like: Likeness, tracks: int) -> pd.DataFrame:
     """Scale a film's tracks to the first film's fish, and number them after `tracks` others."""
     table = measured_alike(film.table, like)
     number = np.unique(table["track_id"], return_inverse=True)[1]
     return table.assign(track_id=(number + tracks).astype("int32"))
 
 
-def _external_rows(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
+def _external_rows(film: FilmTracks, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
     """Return the rows of another program's tracks of a film, in the order of the common table.
 
     An animal's name begins with that of its film, for every film has an animal number 1.
@@ -122,7 +122,7 @@ def _external_rows(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFr
     return rows.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
 
 
-def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
+def _load(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> FilmTracks:
     """A film's tracks at the common rate and in the common count of frames."""
     home = folder / FILMS / part.name
     scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
@@ -132,7 +132,7 @@ def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
     rows = np.flatnonzero(np.isin(table["frame"], frames))
     table = table.iloc[rows].reset_index(drop=True)
     at = part.start + np.searchsorted(frames, table["frame"])
-    return Film(part, facts, scene, table.assign(frame=at.astype("int32")), rows, home)
+    return FilmTracks(part, facts, scene, table.assign(frame=at.astype("int32")), rows, home)
 
 
 def _sample_cutouts(store: CutoutStore, rows: Rows) -> Iterator[Cutout]:

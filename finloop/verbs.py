@@ -71,7 +71,7 @@ from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.modes.animator import Animator, FilmData
 from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
-from finloop.modes.matching import Material, matching_animator
+from finloop.modes.matching import MatchingData, matching_animator
 from finloop.modes.network import network_animator
 from finloop.plan.settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
@@ -96,7 +96,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
 
     A frame that cannot be decoded is as one without fish, and a warning names it.
     `workers`: threads.
-    `changes`: of `finloop.extract.settings.Settings`.
+    `changes`: of `finloop.extract.settings.ExtractSettings`.
     """
     p, home = settings("extract", **changes), make_folder(folder) / "extract"
     with whole_folder(home) as part:
@@ -113,7 +113,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
     """The feature table, columns of `FEATURES`, row by row of the tracks: heading, type, bend, …
 
-    `changes`: of `finloop.features.settings.Settings`.
+    `changes`: of `finloop.features.settings.FeaturesSettings`.
     """
     p = settings("features", **changes)
     table, _ = measured(tracks.table, tracks.film.rate_hz, p, tracks.given)
@@ -123,7 +123,7 @@ def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
 def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel:
     """Train the network 4-20-2 on a feature table of `rate_hz` rows a second.
 
-    `changes`: of `finloop.bpn.settings.Settings`.
+    `changes`: of `finloop.bpn.settings.BpnSettings`.
     """
     p = settings("bpn", **changes)
     rows = motion_rows(features, delta_of(features))
@@ -136,7 +136,7 @@ def make_sprites(
 ) -> Reel:
     """The film's pictures by row, with sprites in all orientations, which go to `folder`/sprites.
 
-    `changes`: of `finloop.sprites.settings.Settings`, for example straight="8:120-140".
+    `changes`: of `finloop.sprites.settings.SpritesSettings`, for example straight="8:120-140".
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmers(features, tracks.table, p)
@@ -152,7 +152,7 @@ def make_sprites(
 def compare(reel: Reel, **changes: Any) -> Similar:
     """Which frames are alike (Eqs. 5-8): columns of `PAIRS` and `STEPS`, distances of 0 … 1 pixels.
 
-    `changes`: of `finloop.distance.settings.Settings`.
+    `changes`: of `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compared(reel, settings("distance", **changes))
     return Similar(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
@@ -164,7 +164,7 @@ def find_loops(
     """Where the film can jump to a similar frame: columns of `LOOPS`, best first.
 
     Where there is none, a warning says what would give some, and the table is empty.
-    `changes`: of `finloop.loops.settings.Settings`.
+    `changes`: of `finloop.loops.settings.LoopsSettings`.
     """
     p, pairs = settings("loops", **changes), as_map(similar.pairs, len(features))
     try:
@@ -178,7 +178,7 @@ def find_loops(
 def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
     """The jumps from the film to a sprite and back: columns of `GATEWAYS`.
 
-    `changes`: of `finloop.gateways.settings.Settings`.
+    `changes`: of `finloop.gateways.settings.GatewaysSettings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
     near = nearness(reel, map_rows(reel.features, similar.steps), facts.size, facts.pose)
@@ -189,7 +189,7 @@ def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
 def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
     """How every fish is bent in every frame, as a few codes.
 
-    `changes`: of `finloop.pose.settings.Settings`.
+    `changes`: of `finloop.pose.settings.PoseSettings`.
     """
     return film_poses(tracks.table, features, settings("pose", **changes))
 
@@ -197,7 +197,7 @@ def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPo
 def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
     """The jumps between frames that look and move alike, and the looks of all rows.
 
-    `changes`: of `finloop.jumps.settings.Settings`.
+    `changes`: of `finloop.jumps.settings.JumpsSettings`.
     """
     p = settings("jumps", **changes)
     result = film_jumps(InMemory.from_reel(reel, poses, p.look_px), p)
@@ -209,8 +209,8 @@ def foretell(
 ) -> Sampler:
     """A network of the next pose and motion, trained, and what is sampled beside it.
 
-    `changes`: of `finloop.forecast.settings.Settings`. FinloopError also if the film is too short,
-    no fish in it moves or turns, or no two rows of it look alike.
+    `changes`: of `finloop.forecast.settings.ForecastSettings`. FinloopError also if the film is
+    too short, no fish in it moves or turns, or no two rows of it look alike.
     """
     p = settings("forecast", **changes)
     mirror = posture_mirror(poses, jumps.look)
@@ -223,8 +223,8 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
     """How the fish of a film act on each other: zones (Couzin et al. 2002), and own steps.
 
     Where it shows too little company, a warning says so, and the zones are those of the paper.
-    `changes`: of `finloop.calibrate.settings.Settings`, for example attraction=8.0. FinloopError
-    also if no track is long enough for a step.
+    `changes`: of `finloop.calibrate.settings.CalibrateSettings`, for example attraction=8.0.
+    FinloopError also if no track is long enough for a step.
     """
     p = settings("calibrate", **changes)
     company = film_shoal(features, film.arena, delta_of(features), p.horizon)
@@ -267,7 +267,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     animator: Animator
     if mode == "matching":
         animator = matching_animator(
-            Material(
+            MatchingData(
                 tracks.film.rate_hz, tracks.film.arena, Reel(reel.features, reel.film), outline_px,
                 similar.facts, similar.steps, jumps.jumps, poses, forecast,
                 load_lines(p["matching"], reel.features), tracks.film.facts.mm_per_px, shoaling,
@@ -319,7 +319,7 @@ def write_video(
 ) -> None:  # fmt: skip
     """Draw an edit list over the empty tank: an MP4 of H.264, a frame a tick.
 
-    `changes`: of `finloop.render.settings.Settings`; here count crf, shadow and shadow_blur.
+    `changes`: of `finloop.render.settings.RenderSettings`; here count crf, shadow and shadow_blur.
     """
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})

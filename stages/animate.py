@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.animate import encounters, measures
-from finloop.animate.motion import Motion, learn
+from finloop.animate.motion import MotionStatistics, learn
 from finloop.base.errors import FinloopError
 from finloop.edit.measures import table
 from finloop.edit.modes import MODES
@@ -39,7 +39,7 @@ def mode_numbers(mode: str) -> dict[str, float]:
     return numbers
 
 
-def film_numbers(project: Project, motion: Motion, moved: tuple) -> dict[str, float]:
+def film_numbers(project: Project, motion: MotionStatistics, moved: tuple) -> dict[str, float]:
     """Return the film by its own measures. moved: of `measures.motion_of_film`."""
     features, rate = project.features, project.rate_hz
     steps = project.steps[["headed", "as_filmed"]].dropna()

@@ -13,7 +13,7 @@ from finloop.bpn.back_propagation import learn
 from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
 from finloop.bpn.model import motion_rows, split, split_or_all
 from finloop.bpn.onnx import onnx_bytes
-from finloop.bpn.settings import Settings
+from finloop.bpn.settings import BpnSettings
 from finloop.features.table import delta_of
 from finloop.io.atomic import save_bytes
 from finloop.io.record import save_json
@@ -26,7 +26,7 @@ OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 def main() -> None:
     """Make data/bpn/, reports/bpn/."""
-    p: Settings = load("bpn")
+    p: BpnSettings = load("bpn")
     project = Project()
     rate_hz, table = project.rate_hz, project.features
     rows = motion_rows(table, delta_of(table))

@@ -13,7 +13,7 @@ from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.fit import Fitted
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.calibrate.rule import film_rule, shortage
-from finloop.calibrate.settings import Settings
+from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json
@@ -35,7 +35,7 @@ def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
-def shoals(film: FilmShoal, zones: Zones, p: Settings) -> dict[str, pd.DataFrame]:
+def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
     """The measures of fish that are points: that swim by the zones, and without company."""
     rows, tables = film.whole_steps(p.rows), {}
     for name, rule in (("zones", zones), ("alone", NO_ZONES)):
@@ -66,7 +66,7 @@ def save_rule(folder: Path, rule: Shoaling) -> None:
 
 def main() -> None:
     """Make data/calibrate/, reports/calibrate/."""
-    p: Settings = load("calibrate")
+    p: CalibrateSettings = load("calibrate")
     project = Project()
     features = project.features
     own = first_film(features, project.data / "clip")

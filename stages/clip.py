@@ -13,15 +13,15 @@ import pandas as pd
 from finloop.base.errors import FinloopError
 from finloop.clip.check import Quality
 from finloop.clip.quality import psnr_db
-from finloop.clip.settings import File, Settings
+from finloop.clip.settings import ClipSettings, File
 from finloop.clip.verdict import REPAIRS, findings
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import list_films, names, refuse_grown, stamps
-from finloop.io.several import FILMS, Part, folders, join_clips
+from finloop.io.several import FILMS, FilmPart, folders, join_clips
 from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
 from finloop.mended import Watch, make_clip
-from finloop.normalise import Source, open_source
+from finloop.normalise import ClipSource, open_source
 from stages.reuse import code_digest, reuse_or_make
 from stages.settings import load
 
@@ -35,7 +35,7 @@ FACTS = (  # among the metrics
 
 def main() -> None:
     """Make data/clip/, reports/clip/metrics.json and findings.csv; say how good the film is."""
-    p: Settings = load("clip")
+    p: ClipSettings = load("clip")
     films = drop_repeated_films(films_of(p)) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
@@ -69,7 +69,7 @@ def drop_repeated_films(films: list[File]) -> list[File]:
     return list(taken.values())
 
 
-def write_clip(p: Settings, source: Source, folder: Path, watch: Watch) -> dict[str, float]:
+def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) -> dict[str, float]:
     """Write a film's clip to a folder; its metrics."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
@@ -113,13 +113,13 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     A film that cannot be read is named and left out. The clip of an earlier run with the same
     parameters and code is reused.
     """
-    code, parts = code_digest("clip"), list[Part]()
+    code, parts = code_digest("clip"), list[FilmPart]()
     numbers: dict[str, float] = {}
     named_films = list(zip(names(p.film for p in films), films, strict=True))
     with progress("clip", len(films), "films") as advance:
         for name, p in named_films:
             path, home = p.film, Path(FILMS) / name
-            parts.append(Part(name, str(path)))
+            parts.append(FilmPart(name, str(path)))
             print(f"finloop: {name} is {path}", file=sys.stderr)
             try:
                 source = open_source(p)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes, Threads, Workers, warm_up
-from finloop.cluster.settings import Default, Settings
+from finloop.cluster.settings import ClusterSettings, Default
 from stages.settings import load
 
 START = "python -m stages.cluster {}"
@@ -29,7 +29,7 @@ def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
 
     FinloopError if a cluster is wanted that is not there, or does not fit.
     """
-    p: Settings = load("cluster")
+    p: ClusterSettings = load("cluster")
     if isinstance(p, Default) and p.address is None:
         if THREADS > 1 and not threads:
             warm_up(need)

@@ -11,7 +11,7 @@ import pandas as pd
 from finloop.distance.compare import blocks, compare
 from finloop.distance.map import EXACT, PAIRS, STEPS, count_pairs
 from finloop.distance.picture import apart
-from finloop.distance.settings import Settings
+from finloop.distance.settings import DistanceSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_record
 from finloop.io.table import save_table
@@ -38,7 +38,7 @@ def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
 
 def main() -> None:
     """Make data/distance/, reports/distance/."""
-    p: Settings = load("distance")
+    p: DistanceSettings = load("distance")
     with Project() as project:
         features, reel = project.features, project.film_reel
         todo = blocks(features, p)

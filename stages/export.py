@@ -22,7 +22,7 @@ from finloop.export.pictures import (
     flat,
     readable,
 )
-from finloop.export.settings import Settings
+from finloop.export.settings import ExportSettings
 from finloop.export.tracks import USED, poses
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
@@ -43,7 +43,7 @@ OUT, REPORT = Path("data/export"), Path("reports/export")
 POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 
 
-def films(folder: Path, p: Settings, project: Project, drawn: EditSources) -> dict[str, Any]:
+def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> dict[str, Any]:
     """Write the animation and every sequence of sprites; what films.json says of them."""
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
@@ -86,7 +86,7 @@ def films(folder: Path, p: Settings, project: Project, drawn: EditSources) -> di
     }
 
 
-def save_alone(folder: Path, p: Settings, project: Project, drawn: EditSources) -> None:
+def save_alone(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> None:
     """Write stimulus.html: the beginning of the animation, played by the page itself."""
     facts = project.facts
     ticks = round(p.stimulus_seconds * facts.frame_rate)
@@ -115,7 +115,7 @@ def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
 
 def main() -> None:
     """Make data/export/, reports/export/."""
-    p: Settings = load("export")
+    p: ExportSettings = load("export")
     with Project() as project, whole_folder(OUT) as folder:
         facts, features, sprites = project.facts, project.features[POINTS], project.sprites
         drawn = project.edit_with_sources(

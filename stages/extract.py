@@ -18,13 +18,13 @@ from finloop.base.parallel import Workers
 from finloop.extract.alike import Likeness
 from finloop.extract.film import FollowedNoneError
 from finloop.extract.samples import Verdict
-from finloop.extract.settings import Settings
+from finloop.extract.settings import ExtractSettings
 from finloop.extraction import Extraction, describe_lost_frames, extract
 from finloop.given_tracks import tracks_of
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import Stamp, stamps
 from finloop.io.pieces import Pieces, keep_only
-from finloop.io.several import FILMS, Part, all_parts, parts_of
+from finloop.io.several import FILMS, FilmPart, all_parts, parts_of
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.several import Contribution, join_extractions
@@ -47,7 +47,7 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pie
 
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and films.csv."""
-    settings: Settings = load("extract")
+    settings: ExtractSettings = load("extract")
     with workers(WORKERS_NEED) as crew, whole_folder(EXTRACT) as folder:
         if parts_of(CLIP):
             numbers, films = extract_films(CLIP, settings, crew, folder)
@@ -65,7 +65,7 @@ def main() -> None:
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
 
 
-def track_inputs(clip: Path, own: Settings) -> dict[str, Any]:
+def track_inputs(clip: Path, own: ExtractSettings) -> dict[str, Any]:
     """Return everything that the tracks of a clip's folder are made from."""
     key = clip / KEY_NAME  # of one of several films
     film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
@@ -79,7 +79,7 @@ def stamps_of(path: Path) -> list[Stamp] | None:
 
 
 def extract_film(
-    clip: Path, settings: Settings, crew: Workers, pieces: Pieces, folder: Path
+    clip: Path, settings: ExtractSettings, crew: Workers, pieces: Pieces, folder: Path
 ) -> dict[str, float]:
     """Write the tracks and cut-outs of a clip to a folder; its metrics."""
     facts = load_facts(clip / FACTS_NAME)
@@ -118,7 +118,7 @@ def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
 
 
 def extract_films(
-    clip: Path, settings: Settings, crew: Workers, folder: Path
+    clip: Path, settings: ExtractSettings, crew: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Write the tracks and cut-outs of several films, a folder each, and their motion base.
 
@@ -156,7 +156,7 @@ def extract_films(
 
 
 @contextmanager
-def left_out(part: Part, errors: dict[str, str]) -> Iterator[None]:
+def left_out(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
     """A block for one film: where it fails, the film is named and left out."""
     try:
         yield

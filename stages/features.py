@@ -14,7 +14,7 @@ from finloop.features.metrics import (
     summary,
     table1,
 )
-from finloop.features.settings import Settings
+from finloop.features.settings import FeaturesSettings
 from finloop.features.table import FEATURES, USED, delta_of, features, limits_of, spans
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import TRUTH_NAME
@@ -26,7 +26,7 @@ TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 def main() -> None:
     """Make data/features/, reports/features/."""
-    settings: Settings = load("features")
+    settings: FeaturesSettings = load("features")
     project = Project()
     facts, tracks, given = project.facts, project.tracks(USED), project.external_tracks
     table, backbones = features(tracks, facts.frame_rate_hz, settings, given)

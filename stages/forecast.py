@@ -17,7 +17,7 @@ from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import Partition, split
 from finloop.forecast.sampling import Sampler, free_run, sampler
-from finloop.forecast.settings import Settings
+from finloop.forecast.settings import ForecastSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.mapped import open_array, save_array
 from finloop.io.record import load_record, save_json
@@ -82,7 +82,7 @@ def quality(
 
 def main() -> None:
     """Make data/forecast/, reports/forecast/; without a model where the film shows too little."""
-    p: Settings = load("forecast")
+    p: ForecastSettings = load("forecast")
     project = Project()
     with whole_folder(OUT) as folder:
         try:

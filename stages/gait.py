@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
-from finloop.gait.compare import CLOCKS, Comparison, compare
+from finloop.gait.compare import CLOCKS, ClockComparison, compare
 from finloop.gait.cycles import film_of_regions, film_of_swim
-from finloop.gait.film import Film, Keys, hips, samples_of
+from finloop.gait.film import GaitContours, Keys, hips, samples_of
 from finloop.gait.fit import fit, subcycles_of
 from finloop.gait.limbs import region_contour, trace_contour
 from finloop.gait.model import Gait
 from finloop.gait.outline import swim, track_outlines
 from finloop.gait.period import Period
 from finloop.gait.record import record_of
-from finloop.gait.settings import Settings
+from finloop.gait.settings import GaitSettings
 from finloop.gait.tool import load_gait
 from finloop.gait.transfer import repeat, transfer
 from finloop.gait.truth import true_gamma
@@ -51,13 +51,13 @@ CLEAR = 0.2  # the error of a γ from here on is given as a share of it
 Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]  # of a cycle, and their phases
 
 
-class Fit(NamedTuple):
+class GaitFit(NamedTuple):
     """A gait with the film and the keys that it comes from, and its errors on held-out frames."""
 
-    film: Film
+    film: GaitContours
     gait: Gait
     keys: Keys
-    errors: Comparison
+    errors: ClockComparison
 
     def draw(self, folder: Path, pictures: Pictures | None = None) -> None:
         """Figs. 8 to 14 into a folder."""
@@ -77,16 +77,16 @@ class Fit(NamedTuple):
         return {f"{film}_{key}": value for key, value in (facts | self.rms()).items()}
 
 
-def fit_film(film: Film, name: str, beat: Period, p: Settings, source: str) -> Fit:
+def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
     """A gait fitted to a film, and to parts of it for the errors on held-out frames."""
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare(film, **basis)
     gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.per_scale)
     gait = replace(gait, source=source, confidence=beat.confidence, residuals=errors.rms)
-    return Fit(film, gait, keys, errors)
+    return GaitFit(film, gait, keys, errors)
 
 
-def outlines(p: Settings) -> tuple[Fit | None, pd.DataFrame]:
+def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
     """The gait of the track with the surest tail beat, None if none repeats; a row a track."""
     project = Project()
     rate, tracks = project.rate_hz, project.tracks(TRACKS)
@@ -114,7 +114,7 @@ def outlines(p: Settings) -> tuple[Fit | None, pd.DataFrame]:
     return best, pd.DataFrame(rows).reindex(columns=columns)
 
 
-def dog(p: Settings) -> DogFilm:
+def dog(p: GaitSettings) -> DogFilm:
     """The drawn dog that the parameters ask for."""
     size = p.dog_width_px / DogFilm.width_px
     return DogFilm(
@@ -138,12 +138,12 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
     return pictures, phases(walk)[ticks]
 
 
-def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: Settings) -> dict[str, float]:
+def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
     """Return the largest errors of γ and write its true values into the table.
 
     Column true: of the exact motion; exact: fitted to exact contours; clock: of the foot alone.
     """
-    exact = Film(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
+    exact = GaitContours(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
     exact = replace(exact, offsets=hips(exact))
     gait, _ = fit(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
@@ -172,7 +172,7 @@ def table_of(which: str, gait: Gait) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def limbs(p: Settings, folder: Path) -> tuple[Fit, Pictures | None]:
+def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
     """The gait of the drawn dog, or of one's own film of limbs."""
     pictures: Pictures | None = None
     if p.limbs == "dog":
@@ -191,7 +191,7 @@ def limbs(p: Settings, folder: Path) -> tuple[Fit, Pictures | None]:
 
 
 def animate_drawing(
-    name: str, keys: tuple[str, str], gait: Gait, p: Settings, folder: Path
+    name: str, keys: tuple[str, str], gait: Gait, p: GaitSettings, folder: Path
 ) -> dict:
     """Save a drawing in motion in every format, and return how far its feet slide."""
     first, second = (load_svg(Path(key)) for key in keys)
@@ -210,7 +210,7 @@ def animate_drawing(
     return numbers
 
 
-def fish_gait(p: Settings, swimmer: Fit | None) -> Gait:
+def fish_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
     """The gait that drives the drawn fish: a shipped one, or the clip's own."""
     if p.fish_gait is not None:
         return load_gait(Path(p.fish_gait))
@@ -225,7 +225,7 @@ def fish_gait(p: Settings, swimmer: Fit | None) -> Gait:
 
 def main() -> None:
     """Make data/gait/, reports/gait/."""
-    p: Settings = load("gait")
+    p: GaitSettings = load("gait")
     with whole_folder(OUT) as folder:
         walker, pictures = limbs(p, folder)  # first: here a person gives most, and errs most
         swimmer, tracks = outlines(p)

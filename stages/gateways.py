@@ -10,7 +10,7 @@ import pandas as pd
 
 from finloop.distance.map import map_rows
 from finloop.gateways.find import GATEWAYS, IN, OUT, gateways, nearest, nearness, numbers
-from finloop.gateways.settings import Settings
+from finloop.gateways.settings import GatewaysSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.table import save_table
 from finloop.project import Project
@@ -36,7 +36,7 @@ def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> N
 
 def main() -> None:
     """Make data/gateways/, reports/gateways/."""
-    settings: Settings = load("gateways")
+    settings: GatewaysSettings = load("gateways")
     with Project() as project:
         features, sprites, facts = project.features, project.sprites, project.map_facts
         rate_hz, step = project.rate_hz, facts.step_median

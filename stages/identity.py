@@ -16,7 +16,7 @@ from finloop.identity.film import (
     identities,
     trial_gaps,
 )
-from finloop.identity.settings import Settings
+from finloop.identity.settings import IdentitySettings
 from finloop.io.table import save_table
 from finloop.project import Project
 from stages.settings import load
@@ -26,7 +26,7 @@ OUT, REPORT = Path("data/identity"), Path("reports/identity")
 
 def main() -> None:
     """Make data/identity/, reports/identity/."""
-    p: Settings = load("identity")
+    p: IdentitySettings = load("identity")
     with Project() as project:
         features, given = project.features, project.external_tracks
         cuts = [start for start, _ in project.facts.segments[1:]]

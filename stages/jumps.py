@@ -14,7 +14,7 @@ from finloop.io.mapped import keep_array, new_array, open_array
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.jumps.film import FilmJumps, film_jumps
-from finloop.jumps.settings import Settings
+from finloop.jumps.settings import JumpsSettings
 from finloop.jumps.source import Pictures, shape_of
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
 from finloop.pose.film import FilmPoses
@@ -29,7 +29,7 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 
 @dataclass
 class StoredFilm:
-    """A `finloop.jumps.source.Source` whose pictures, `size` px across, are in the file `path`.
+    """A `finloop.jumps.source.RowSource` whose pictures, `size` px across, are in the file `path`.
 
     Another process opens the file and the project anew. OSError if the disk is full.
     """
@@ -65,7 +65,7 @@ class StoredFilm:
 
 def main() -> None:
     """Make data/jumps/, reports/jumps/."""
-    p: Settings = load("jumps")
+    p: JumpsSettings = load("jumps")
     with (
         Project() as project,
         workers(WORKERS_NEED, threads=True) as crew,

@@ -13,7 +13,7 @@ from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
 from finloop.loops.positions import far_ends, position_table, routes_table, table_ends
 from finloop.loops.search import LOOPS, NoLoops, as_map, find, least_frames
-from finloop.loops.settings import Settings
+from finloop.loops.settings import LoopsSettings
 from finloop.project import Project
 from stages.settings import load
 
@@ -35,7 +35,7 @@ def write_empty_tables(none: NoLoops) -> None:
 
 def main() -> None:
     """Make data/loops/, reports/loops/."""
-    settings: Settings = load("loops")
+    settings: LoopsSettings = load("loops")
     project = Project()
     features, facts = project.features, project.map_facts
     step, track = facts.step_median, features["track_id"].to_numpy()

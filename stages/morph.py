@@ -12,7 +12,7 @@ from finloop.curve.contour import Curve, area, resample_curve
 from finloop.curve.dynamics import energy, solve
 from finloop.curve.filters import CUBIC
 from finloop.curve.glyph import glyph
-from finloop.curve.problem import Material, Options, Problem
+from finloop.curve.problem import Material, Problem, SolverOptions
 from finloop.curve.stiffness import connection, off_diagonal, stiffness
 from finloop.curve.wavelet import drop_details
 from finloop.io.animation import ENDINGS, save_animation
@@ -22,7 +22,7 @@ from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
 from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
 from finloop.morph.match import match_curves
-from finloop.morph.settings import Settings
+from finloop.morph.settings import MorphSettings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
 from finloop.plots.morph import sheet
 from stages.settings import load
@@ -54,7 +54,7 @@ def tables() -> pd.DataFrame:
     return table
 
 
-def hoop(p: Settings) -> dict[str, float]:
+def hoop(p: MorphSettings) -> dict[str, float]:
     """Figs. 6, 7: a bent hoop, round at rest, is let go; the error of each method of solving."""
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
@@ -72,8 +72,8 @@ def hoop(p: Settings) -> dict[str, float]:
     numbers = {
         f"{name}_error_{method.replace('-', '_')}": solve(case, method, options).error
         for name, case, options, methods in (
-            ("hoop", problem, Options(levels=3), ("runge-kutta", "decoupled")),
-            ("massless", massless, Options(levels=3, substeps=40), EULER),
+            ("hoop", problem, SolverOptions(levels=3), ("runge-kutta", "decoupled")),
+            ("massless", massless, SolverOptions(levels=3, substeps=40), EULER),
         )
         for method in methods
     }
@@ -91,7 +91,7 @@ def hoop(p: Settings) -> dict[str, float]:
     return numbers
 
 
-def curves(p: Settings) -> dict[str, float]:
+def curves(p: MorphSettings) -> dict[str, float]:
     """Figs. 2 and 3, and how much of K lies off its diagonal."""
     outline = max(glyph(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
@@ -110,7 +110,7 @@ def curves(p: Settings) -> dict[str, float]:
 
 def main() -> None:
     """Make data/morph/, reports/morph/."""
-    p: Settings = load("morph")
+    p: MorphSettings = load("morph")
     numbers = curves(p) | hoop(p)
     save_csv(REPORT / "connection.csv", tables(), decimals=DECIMALS, exact=True)
     drawings = load_svg(Path(p.a)), load_svg(Path(p.b))

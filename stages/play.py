@@ -73,7 +73,7 @@ def main() -> None:
         url = f"http://{HOST}:{listens.getsockname()[1]}/"
         print("play: reading what the stages have made ...", file=sys.stderr)
 
-        def started() -> None:
+        def announce() -> None:
             print(f"play: the tank is open at {url} (Ctrl-C closes it)", file=sys.stderr)
             if asked.open and has_screen():
                 webbrowser.open(url)
@@ -81,7 +81,7 @@ def main() -> None:
         try:
             mode = asked.mode or ("matching" if (asked.fish or 1) > 1 else "hybrid")
             with open_view(mode, asked.fish, asked.seed) as view:
-                Server(view, PAGE.read_text(encoding="utf-8"), listens, started).serve_on()
+                Server(view, PAGE.read_text(encoding="utf-8"), listens, announce).serve_on()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)
 

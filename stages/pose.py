@@ -14,7 +14,7 @@ from finloop.io.record import save_record
 from finloop.io.table import read_lists, save_table
 from finloop.pose import film_poses
 from finloop.pose.film import POSES, USED, restore_poses
-from finloop.pose.settings import Settings
+from finloop.pose.settings import PoseSettings
 from finloop.project import Project
 from stages.settings import load
 
@@ -25,7 +25,7 @@ ROWS = 50_000  # of the table of tracks, at a time
 
 def main() -> None:
     """Make data/pose/, reports/pose/."""
-    p: Settings = load("pose")
+    p: PoseSettings = load("pose")
     project = Project()
     features = project.features
     poses = film_poses(project.tracks(USED), features, p)

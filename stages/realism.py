@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.settings import Settings as AnimateSettings
+from finloop.animate.settings import AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.modes import MODES
@@ -29,7 +29,7 @@ from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.examples import FILM
 from finloop.realism.instrument import Instrument, Swimming, measure_list, swimming
 from finloop.realism.lists import Work, animation_lists, film_lists
-from finloop.realism.settings import Settings
+from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
 from stages.cluster import workers
@@ -43,7 +43,7 @@ PANEL_PX, CRF = 320, 20  # of the film of examples
 
 
 @dataclass(frozen=True)
-class Pictures:
+class GalleryOpener:
     """Opens all pictures that edit lists draw from, also in another process."""
 
     project: Project
@@ -59,7 +59,7 @@ def share_of(ticks: Sized, work: list[Work]) -> float:
 
 
 def swimming_of(
-    works: dict[str, list[Work]], pictures: Pictures, instruments: dict[str, Instrument],
+    works: dict[str, list[Work]], pictures: GalleryOpener, instruments: dict[str, Instrument],
     crew: Workers,
 ) -> dict[str, Swimming]:  # fmt: skip
     """Film and animations as extraction measures them; those that it cannot follow are left out."""
@@ -84,7 +84,9 @@ def swimming_of(
     return swum
 
 
-def _verdict(p: Settings, item: tuple[str, tuple[Windows, Windows]]) -> Verdict | FinloopError:
+def _verdict(
+    p: RealismSettings, item: tuple[str, tuple[Windows, Windows]]
+) -> Verdict | FinloopError:
     """A comparison, or why there is none."""
     try:
         return compare.verdict(item[1], p, alone=item[0] != AGAIN)
@@ -92,7 +94,7 @@ def _verdict(p: Settings, item: tuple[str, tuple[Windows, Windows]]) -> Verdict 
         return error
 
 
-def verdicts_of(sides: Sides, p: Settings, crew: Workers) -> dict[str, Verdict]:
+def verdicts_of(sides: Sides, p: RealismSettings, crew: Workers) -> dict[str, Verdict]:
     """All comparisons with enough windows."""
     verdicts: dict[str, Verdict] = {}
     results = ordered_map(partial(_verdict, p), sides.items(), crew)
@@ -104,7 +106,7 @@ def verdicts_of(sides: Sides, p: Settings, crew: Workers) -> dict[str, Verdict]:
     return verdicts
 
 
-def save_film(folder: Path, pictures: Pictures, slower: int) -> None:
+def save_film(folder: Path, pictures: GalleryOpener, slower: int) -> None:
     """Write the examples as a slow film, each twice; none where there are none."""
     table = load_table(folder / "examples.parquet", examples.EXAMPLES)
     if table.empty:
@@ -158,7 +160,9 @@ def instrument_of(project: Project) -> Instrument:
     )  # fmt: skip
 
 
-def compare_swimming(p: Settings, q: AnimateSettings, project: Project, crew: Workers) -> None:
+def compare_swimming(
+    p: RealismSettings, q: AnimateSettings, project: Project, crew: Workers
+) -> None:
     """Compare film and animations; write the report."""
     rate, features = project.rate_hz, project.features
     works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
@@ -169,7 +173,7 @@ def compare_swimming(p: Settings, q: AnimateSettings, project: Project, crew: Wo
         if path.exists():
             works[mode] = animation_lists(load_table(path, EDIT))
             instruments[mode] = instrument.adapt_to_animation(project.size(mode))
-    pictures = Pictures(project)
+    pictures = GalleryOpener(project)
     swum = swimming_of(works, pictures, instruments, crew)
     if FILM not in swum:
         raise FinloopError(
@@ -181,7 +185,7 @@ def compare_swimming(p: Settings, q: AnimateSettings, project: Project, crew: Wo
     sides = sample.sides({mode: swum[mode] for mode in swum if mode != FILM}, features)
     verdicts = verdicts_of(sides, p, crew)
     with whole_folder(OUT) as folder:
-        windows, curves = examples.Show(sample, works, swum).tables(sides, verdicts)
+        windows, curves = examples.WindowPool(sample, works, swum).tables(sides, verdicts)
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
         save_table(folder / "curves.parquet", curves, examples.CURVES)
         save_film(folder, pictures, p.slower)

@@ -16,30 +16,30 @@ from finloop.io.table import load_table
 from finloop.project import PLACES, Project
 from finloop.render.beside import WORDS_PX, draw_beside, longest_tracks
 from finloop.render.gallery import Gallery, frames
-from finloop.render.marks import Marks
+from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
-from finloop.render.settings import Settings
-from finloop.render.steps import Steps, film_steps, step_numbers
+from finloop.render.settings import RenderSettings
+from finloop.render.steps import FrameChangeMeter, film_steps, step_numbers
 from stages.settings import load
 
 OUT, REPORT = Path("data/render"), Path("reports/render")
 
 
 def films(
-    p: Settings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
+    p: RenderSettings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:  # fmt: skip
     """Write the films of an edit list; the steps between its frames."""
     shown, ticks = frames(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
-    steps = Steps(clean)
+    steps = FrameChangeMeter(clean)
     seen = Painter(background, colour=True, shadow=shadow) if p.marks else clean
     with whole_folder(OUT) as folder, ExitStack() as stack:
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
         outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, ticks)]
         if p.marks:
-            marks = Marks(seen, edit, project.goals(p.mode))
+            marks = MarkPainter(seen, edit, project.goals(p.mode))
             mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", seen.frame.shape, rate, p.crf)
             outputs.append((mp4, seen, ticks))
         if webp_ticks := round(p.webp_seconds * rate):
@@ -59,7 +59,7 @@ def films(
     return change
 
 
-def save_beside(folder: Path, p: Settings, project: Project) -> None:
+def save_beside(folder: Path, p: RenderSettings, project: Project) -> None:
     """Write modes.mp4: the film's own fish and every mode side by side."""
     rate = project.facts.frame_rate
     ticks = round(p.beside_seconds * rate)
@@ -86,7 +86,7 @@ def save_beside(folder: Path, p: Settings, project: Project) -> None:
 
 def main() -> None:
     """Make data/render/, reports/render/."""
-    p: Settings = load("render")
+    p: RenderSettings = load("render")
     with Project() as project:
         drawn = project.edit_with_sources(p.mode, "render")
         gallery, ticks = project.gallery(drawn), drawn.edit["tick"].nunique()

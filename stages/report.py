@@ -19,7 +19,7 @@ from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.report.figures import CHAPTERS, Chapter, Figure
 from finloop.report.page import WebP, data_uri, render_template, webp
-from finloop.report.settings import Settings
+from finloop.report.settings import ReportSettings
 from finloop.report.tables import Table, data_frame_table, headline, measures, metrics_table, number
 from stages.settings import load, overrides, read
 
@@ -55,7 +55,7 @@ TABLES = {  # by chapter
 }
 
 
-def sections(p: Settings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
+def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
     """The chapters of which there are pictures, with their pictures and tables."""
 
     def load_webp(figure: Figure) -> WebP:
@@ -121,7 +121,7 @@ def film_in_words(mode: str, marks: bool) -> str:
 
 def main() -> None:
     """Make reports/index.html, reports/report/."""
-    p: Settings = load("report")
+    p: ReportSettings = load("report")
     values = read()
     values = {word: values[word] for word in WORDS}  # what results depend on
     mode, source = values["render"]["mode"], values["clip"]["source"]

@@ -14,27 +14,27 @@ from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.project import Project
-from finloop.retarget import ASKED, Material, Parts, Retargeted, retarget_track
-from finloop.retarget.settings import Settings
+from finloop.retarget import ASKED, JoinParameters, RetargetData, Retargeted, retarget_track
+from finloop.retarget.settings import RetargetSettings
 from stages.settings import load
 
 OUT, REPORT = Path("data/retarget"), Path("reports/retarget")
 EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
-def material(project: Project) -> Material:
+def material(project: Project) -> RetargetData:
     """Return results of the stages before, of the film that is drawn."""
-    return Material(
+    return RetargetData(
         project.rate_hz, project.arena, project.film_reel, project.poses, project.look,
         project.map_facts.size,
     )  # fmt: skip
 
 
-def retarget_film(p: Settings) -> Retargeted:
+def retarget_film(p: RetargetSettings) -> Retargeted:
     """Retarget the track of the parameters to the fish of the film."""
     with Project() as project:
         steps, film = project.steps[["headed", "as_filmed"]].dropna(), material(project)
-        others = Parts(load("jumps"), load("animate"), load("matching").join)
+        others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
         swum = retarget_track(load_track(film, p), film, p, others)
         mine = drawn_steps(swum.edit, film.pictures)
         joins, _ = seams(swum.edit, film.pictures)
@@ -66,7 +66,7 @@ def notes(numbers: Mapping[str, float]) -> list[str]:
 
 def main() -> None:
     """Make data/retarget/, reports/retarget/."""
-    p: Settings = load("retarget")
+    p: RetargetSettings = load("retarget")
     if p.tracks is None:
         swum = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})
     else:

@@ -6,11 +6,11 @@ thread counts must be set before numpy is imported::
     from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
     from finloop.extract.film import ...
-    from finloop.extract.settings import Settings
+    from finloop.extract.settings import ExtractSettings
     from stages.settings import load
 
     def main() -> None:
-        p: Settings = load("extract")  # as conf/extract/ was composed
+        p: ExtractSettings = load("extract")  # as conf/extract/ was composed
         with progress("extract", total=frames) as advance:
             ...
             advance()  # one more; advance(30): thirty more

@@ -29,7 +29,7 @@ STAMPS = (STAMP, *FILES)
 
 
 def load(word: str) -> Any:
-    """The parameters of a stage word from params.yaml, as its `Settings`.
+    """The parameters of a stage word from params.yaml, as its settings.
 
     FinloopError if a parameter is refused (all are listed, by dotted name), or if conf/ was edited
     after params.yaml was composed.

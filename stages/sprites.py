@@ -19,7 +19,7 @@ from finloop.sprites import atlas
 from finloop.sprites.choice import Choice, choose
 from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
-from finloop.sprites.settings import Settings
+from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.stretch import SIDES
 from finloop.sprites.swimmers import swimmers
 from stages.settings import load
@@ -58,7 +58,7 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
 
 def main() -> None:
     """Make data/sprites/, reports/sprites/."""
-    settings: Settings = load("sprites")
+    settings: SpritesSettings = load("sprites")
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
         table, delta = swimmers(features, project.tracks(TRACKS), settings), delta_of(features)

@@ -37,7 +37,14 @@ from finloop.stimulus.protocol import Protocol, load_protocol, protocol_of
 from finloop.stimulus.recorded import Spoiled, messages
 from finloop.stimulus.replay import frames_of, open_record, plan_again
 from finloop.stimulus.session import Session
-from finloop.stimulus.show import Calibration, Dry, RealClock, Replay, Show, again_and_again
+from finloop.stimulus.show import (
+    CalibrationHub,
+    Dry,
+    RealClock,
+    Replay,
+    SessionHub,
+    again_and_again,
+)
 from finloop.stimulus.summary import summary
 from finloop.stimulus.tracker import calibration
 from finloop.stimulus.trigger import Outlet
@@ -65,7 +72,7 @@ def show(asked: argparse.Namespace) -> None:
         ways = _track_messages(asked, made, plan)
         with _session(asked, plan, made, RealClock(), display=_plain(known)) as session:
             store = display_file(asked.display)
-            room = Show(session, asked.display, store)
+            room = SessionHub(session, asked.display, store)
             session.attach(room.send, Outlet(room.tell).send)
             door = _door(asked, listens)
             session.link = _address(asked, listens, door, "show")
@@ -166,7 +173,7 @@ def calibrate(asked: argparse.Namespace) -> None:
             keys=[],
         )  # fmt: skip
         path = display_file(asked.display)
-        room = Calibration(feed, path, lambda: print(f"calibrate: stored in {path}"))
+        room = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
         door = _door(asked, listens)
         served = calibration_app(door, room, lambda error: server.fail(error))
         server = AppServer(served, listens, _make_announcer(asked, listens, door))
@@ -278,13 +285,13 @@ def _address(asked: Any, listens: socket.socket, door: Door, page: str = "") -> 
 def _make_announcer(
     asked: argparse.Namespace, listens: socket.socket, door: Door
 ) -> Callable[[], None]:
-    def said() -> None:
+    def announce() -> None:
         url = _address(asked, listens, door)
         print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
         if asked.open and has_screen():
             webbrowser.open(url)
 
-    return said
+    return announce
 
 
 def _serve(server: AppServer) -> None:

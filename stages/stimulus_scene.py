@@ -17,9 +17,9 @@ from finloop.edit.schema import FRAME
 from finloop.live.tank import rehearse as rehearse_paths
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, shelves
-from finloop.stimulus.course import Scene, rehearse
-from finloop.stimulus.display import Display, load_display
-from finloop.stimulus.feed import Feed, Tank
+from finloop.stimulus.course import TrialContext, rehearse
+from finloop.stimulus.display import DisplayCalibration, load_display
+from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
 from finloop.stimulus.order import Trial
 from finloop.stimulus.pictures import PagePictures
@@ -40,9 +40,9 @@ _PLANNED_BY = ("animate", "matching")
 class FilmedScene:
     """A scene and its pictures, made from a film; film: a digest of that."""
 
-    scene: Scene
+    scene: TrialContext
     pictures: PagePictures
-    tank: Tank
+    tank: TankCanvas
     film: str
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
@@ -109,11 +109,11 @@ def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
         mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
         pictures = PagePictures(gallery, reel.size)
         height, width = pictures.largest
-        made = Scene(brought.player, bodies, mm_per_px)
+        made = TrialContext(brought.player, bodies, mm_per_px)
         if plan is not None:
             rehearse_paths(brought.player)
             rehearse(made)
-        tank = Tank(project.background, width, height)
+        tank = TankCanvas(project.background, width, height)
         yield FilmedScene(made, pictures, tank, _digest(project.data))
 
 
@@ -139,7 +139,7 @@ def display_file(name: str) -> Path:
     return DISPLAYS / f"{name}.json"
 
 
-def known_display(name: str, demanded: bool) -> Display | None:
+def known_display(name: str, demanded: bool) -> DisplayCalibration | None:
     """A display's calibration; None where it has none and none is demanded.
 
     FinloopError where one is demanded, or it is broken.

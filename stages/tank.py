@@ -18,10 +18,10 @@ from finloop.project import Project
 from finloop.tank.body import lengths, typical_width
 from finloop.tank.camera import FOLLOW, PRESETS, Room, views
 from finloop.tank.display import choose_window
-from finloop.tank.fish import Fish
+from finloop.tank.fish import FishSurface
 from finloop.tank.gltf import Swum, shapes, tank_glb, upright
-from finloop.tank.scene import Scene
-from finloop.tank.settings import Settings
+from finloop.tank.scene import TankScene
+from finloop.tank.settings import TankSettings
 from finloop.tank.skin import Skins
 from finloop.tank.swim import USED, film_bodies, heights, poses
 from stages.settings import load
@@ -35,7 +35,7 @@ MOMENTS = 3  # on the contact sheet, spread over the film
 _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
-def swum_fish(p: Settings, project: Project) -> tuple[list[Fish], Floats]:
+def swum_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
     """Return the fish of the edit list, for the seconds that are filmed, and the ticks' times."""
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
     each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
@@ -51,10 +51,10 @@ def swum_fish(p: Settings, project: Project) -> tuple[list[Fish], Floats]:
     centres = tracks[["x_px", "y_px"]].to_numpy(float)
     skins = Skins(film, typical, centres, project.cutouts.__getitem__)
     pairs = zip(swum, places, strict=True)
-    return [Fish(pose, place, skins, typical, length) for pose, place in pairs], time
+    return [FishSurface(pose, place, skins, typical, length) for pose, place in pairs], time
 
 
-def swimming(fish: Fish) -> Swum:
+def swimming(fish: FishSurface) -> Swum:
     """What a glTF scene takes of a fish."""
     heading = fish.poses.heading
     return Swum(shapes(fish.points(), heading), fish.place, heading)
@@ -72,7 +72,7 @@ def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
 
 def main() -> None:
     """Make data/tank/, reports/tank/."""
-    p: Settings = load("tank")
+    p: TankSettings = load("tank")
     choose_window()
     with Project() as project, whole_folder(OUT) as folder:
         facts, background, rate = project.facts, project.background, project.rate_hz
@@ -84,7 +84,7 @@ def main() -> None:
             name: views(name, room, first.place, first.poses.heading, rate)
             for name in (*PRESETS, p.camera)
         }
-        with Scene(background, room, size, len(fish)) as scene:
+        with TankScene(background, room, size, len(fish)) as scene:
 
             def picture(camera: str, tick: int) -> np.ndarray:
                 worn = [one.shape_at(tick) for one in fish]

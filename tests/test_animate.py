@@ -40,7 +40,7 @@ from finloop.base.distributions import wasserstein_distance
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.edit import measures as edit_measures
-from finloop.edit.joins import Shown, cross_fades
+from finloop.edit.joins import PictureSequence, cross_fades
 from finloop.edit.schema import CUT, EDIT, FRAME, SLIDE, SPRITE, STATES, TURN, Goal
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
@@ -411,9 +411,9 @@ def test_orientation_and_rest_make_the_heading(player):
     assert np.abs(table["rotation_deg"]).max() <= 7.5 + 1e-4
 
 
-def sprites_shown(number: list[int]) -> Shown:
+def sprites_shown(number: list[int]) -> PictureSequence:
     no = np.zeros(len(number), bool)
-    return Shown(no, np.array(number), np.zeros(len(number)), no)
+    return PictureSequence(no, np.array(number), np.zeros(len(number)), no)
 
 
 def test_a_new_sequence_fades_in_while_the_old_one_plays_on(player):

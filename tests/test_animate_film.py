@@ -59,7 +59,7 @@ from finloop.edit.stretch import Decision
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
-from finloop.plan.plan import Options, option_table
+from finloop.plan.plan import CandidateVerdicts, option_table
 
 
 def film_player(film_=None, room_=None, **changes):
@@ -437,7 +437,9 @@ def test_a_way_that_leaves_the_tank_fails_that_test():
 
 def test_a_decision_counts_how_many_ways_fail_which_test():
     zero, verdict = np.zeros(6), np.array([3, 2, 2, 4, 1, 0], np.int8)
-    options = Options(np.arange(6), zero, zero, np.zeros((6, len(TERMS))), zero, zero, verdict)
+    options = CandidateVerdicts(
+        np.arange(6), zero, zero, np.zeros((6, len(TERMS))), zero, zero, verdict
+    )
     assert options.add_to(Decision("play"))[5:9] == (6, 1, 2, 1)
 
 

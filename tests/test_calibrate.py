@@ -21,7 +21,7 @@ from finloop.calibrate.points import own_steps, swum_points
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.features.table import FEATURES
 from finloop.io.record import save_records
-from finloop.io.several import PARTS_NAME, Part
+from finloop.io.several import PARTS_NAME, FilmPart
 from finloop.io.table import load_table, save_table
 from finloop.project import Project
 from finloop.social.measures import SHOAL, apart, values
@@ -324,9 +324,9 @@ def test_of_several_films_the_first_alone_teaches(tmp_path, monkeypatch):
     later = second.assign(frame=second["frame"] + 400, track_id=second["track_id"] + 6)
     both = pd.concat([first, later], ignore_index=True).astype(FEATURES.kinds)
     parts = [
-        Part("x", "x.mp4", 0, 0, "broken"),
-        Part("a", "a.mp4", 0, 400),
-        Part("b", "b.mp4", 400, 1000),
+        FilmPart("x", "x.mp4", 0, 0, "broken"),
+        FilmPart("a", "a.mp4", 0, 400),
+        FilmPart("b", "b.mp4", 400, 1000),
     ]
     assert run(tmp_path / "two", monkeypatch, both, parts=parts) == alone
 

@@ -22,7 +22,7 @@ from finloop.drawn.carp.film import (
     motion,
 )
 from finloop.drawn.carp.midline import POINTS, midline
-from finloop.drawn.carp.skin import Look, half_width, look
+from finloop.drawn.carp.skin import FishColours, half_width, look
 from finloop.drawn.carp.swimmer import turn_bend, turn_progress
 from finloop.drawn.truth import TRUTH
 
@@ -222,7 +222,7 @@ def test_the_skin_sticks_to_the_body(pose):
     skin = np.ones((rows, columns, 4), np.float32)
     skin[..., 0] = 200 * (np.arange(columns) + 0.5) / columns
     skin[..., 1] = np.where(np.arange(rows)[:, None] < rows // 2, 200, 20)
-    marked = Look(skin, np.zeros((8, 8, 5), np.float32), 1.0)
+    marked = FishColours(skin, np.zeros((8, 8, 5), np.float32), 1.0)
     line = posed(*pose, length=330)
     cut = draw(line, (0.0, 0.0), marked, light=(0.0, 0.0), gloss=0.0)
     for i in (8, 24, 40, 50):

@@ -14,12 +14,12 @@ from finloop.base.errors import FinloopError
 from finloop.curve.dynamics import energy, force_at, momentum, solve
 from finloop.curve.integrate import schulz
 from finloop.curve.oscillator import Oscillators, forced_motion, motion, response
-from finloop.curve.problem import METHODS, Material, Options, Problem
+from finloop.curve.problem import METHODS, Material, Problem, SolverOptions
 from finloop.curve.stiffness import eigenvalues, stiffness_phi
 from finloop.curve.wavelet import close_by_mirroring, control, from_control
 from finloop.plots.curve import figure6, figure7
 
-TIGHT = Options(rtol=1e-8, integrator="DOP853", substeps=30)
+TIGHT = SolverOptions(rtol=1e-8, integrator="DOP853", substeps=30)
 TIMES = np.linspace(0, 0.5, 11)
 LIGHT = Material(1, 1, 0.5, 0.001)
 MASSLESS = Material(0, 1, 1.0, 0.01)
@@ -292,10 +292,10 @@ def test_error_against_the_exact_solution(method, force):
 def test_euler_is_of_first_order_and_both_inverses_agree():
     for method in ("explicit-euler", "implicit-euler"):
         p = problem(MASSLESS, force=np.array([1.0, 0]))
-        errors = [solve(p, method, Options(substeps=s)).error for s in (20, 40, 80)]
+        errors = [solve(p, method, SolverOptions(substeps=s)).error for s in (20, 40, 80)]
         assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
         assert errors[1] / errors[2] == pytest.approx(2, rel=0.1)
-        by = [solve(p, method, Options(substeps=5, inverse=i)) for i in ("sparse", "schulz")]
+        by = [solve(p, method, SolverOptions(substeps=5, inverse=i)) for i in ("sparse", "schulz")]
         assert np.allclose(by[0].displacement, by[1].displacement, atol=1e-10)
         assert by[1].facts["schulz_iterations"] > 3
         assert by[1].facts["schulz_residual"] <= 1e-10
@@ -326,7 +326,7 @@ def test_decoupling_is_no_small_error():
                 displacement=u,
                 wavelet=wavelet,
             )
-            motion = solve(p, "decoupled", Options(levels=levels))
+            motion = solve(p, "decoupled", SolverOptions(levels=levels))
             assert motion.error > 0.37
             assert motion.facts["complex_roots"] == 128
 
@@ -372,13 +372,13 @@ def test_what_makes_no_sense_is_refused(change, method, word):
 def test_explicit_euler_refuses_steps_that_grow_without_end_and_says_how_many_will_do():
     p = problem(Material(0, 1, 1.0, 1e-4))
     with pytest.raises(FinloopError, match="grow without end") as refused:
-        solve(p, "explicit-euler", Options(substeps=1))
+        solve(p, "explicit-euler", SolverOptions(substeps=1))
     enough = int(refused.value.do.split("substeps to ")[1].split()[0])
-    assert solve(p, "explicit-euler", Options(substeps=enough)).error < 0.1
+    assert solve(p, "explicit-euler", SolverOptions(substeps=enough)).error < 0.1
     with pytest.raises(FinloopError, match="grow without end"):
-        solve(p, "explicit-euler", Options(substeps=int(0.7 * enough)))
+        solve(p, "explicit-euler", SolverOptions(substeps=int(0.7 * enough)))
     with pytest.raises(FinloopError, match="sparse or schulz"):
-        solve(problem(MASSLESS), "implicit-euler", Options(inverse="cholesky"))
+        solve(problem(MASSLESS), "implicit-euler", SolverOptions(inverse="cholesky"))
 
 
 def test_odd_curves_are_refused():

@@ -46,19 +46,26 @@ from finloop.extract.background import (
     survey_noise,
 )
 from finloop.extract.film import (
+    ClipStream,
     Detector,
-    Film,
     detections,
     follow,
     rows,
     tracks,
 )
 from finloop.extract.samples import Typical, judge, survey, typical_fish
-from finloop.extract.segment import Ends, Silhouette, matte, measure, premultiply, silhouettes
-from finloop.extract.settings import Settings
+from finloop.extract.segment import (
+    Silhouette,
+    SilhouetteEdge,
+    matte,
+    measure,
+    premultiply,
+    silhouettes,
+)
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
-from finloop.features.table import Settings as FeatureSettings
+from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.features.table import features
 from finloop.io.cutouts import open_cutouts
 from finloop.io.picture import load_picture
@@ -70,7 +77,7 @@ from finloop.plots.extract import detections_picture
 from finloop.plots.thinned_fish import find_branches, number_pixels, thin_fish
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
-SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})
+SETTINGS = ExtractSettings(**{name: value for name, value in CONF.items() if name != "defaults"})
 KERNEL = cv2.getGaussianKernel(3, 0.85)
 SIZE = (120, 160)
 LONG, WIDE = 30.0, 7.0  # half axes of a toy fish
@@ -117,7 +124,7 @@ WHOLE = np.full(SIZE, 255, np.uint8)
 
 def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4, shadow=0.45):
     inside = arena[: frame.shape[0], : frame.shape[1]]
-    return list(silhouettes(frame, scene, inside, least, Ends(share, shadow, "all")))
+    return list(silhouettes(frame, scene, inside, least, SilhouetteEdge(share, shadow, "all")))
 
 
 # -- background ---------------------------------------------------------------------------------
@@ -766,7 +773,7 @@ def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
     def peak(length):
         gc.collect()
         tracemalloc.start()
-        film = Film(partial(read, []), length, 25.0)
+        film = ClipStream(partial(read, []), length, 25.0)
         seen = detections(film, scene, detector, Processes())
         count = sum(len(found) for _, found in tracks(seen, typical, SETTINGS))
         most = tracemalloc.get_traced_memory()[1]

@@ -47,7 +47,7 @@ from finloop.features.swimming_type import (
 )
 from finloop.features.table import (
     FEATURES,
-    Settings,
+    FeaturesSettings,
     delta_frames,
     features,
     heading,
@@ -71,7 +71,7 @@ from finloop.plots.turn import figure5, strongest_turn, turned_deg
 ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE = 25.0
-SETTINGS = Settings(
+SETTINGS = FeaturesSettings(
     delta_s=0.2,
     current=0.0,
     turn_threshold_deg=16.0,

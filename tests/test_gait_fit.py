@@ -10,7 +10,7 @@ from finloop.drawn.dog.walk import DogFilm, phases, truth
 from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.compare import compare, holdouts
 from finloop.gait.feet import align_phase, feet
-from finloop.gait.film import Film, keys_of
+from finloop.gait.film import GaitContours, keys_of
 from finloop.gait.fit import fit
 from finloop.gait.model import Gait, Layout, at_phases, four_keys, mirror_contours
 
@@ -44,7 +44,7 @@ TWO = {
 def _film(phases, gamma=TRUE, split=0.25, symmetry="swap", offsets=None, one=ONE, two=TWO):
     gait = Gait("x", symmetry, 1.0, gamma, split=split, wavelet="db4")
     frames = at_phases(one, two, gait, phases, Layout(offsets=offsets))
-    return Film(frames, phases, 2.0, symmetry, offsets=offsets)
+    return GaitContours(frames, phases, 2.0, symmetry, offsets=offsets)
 
 
 @pytest.mark.parametrize("gamma", [-1.0, -0.3, 0.0, 0.7, 1.0, 2.5])

@@ -14,7 +14,7 @@ from finloop.drawn.carp.film import motion
 from finloop.drawn.carp.midline import midline
 from finloop.drawn.carp.skin import half_width
 from finloop.gait.outline import (
-    Swim,
+    TrackContours,
     asymmetry,
     contours,
     in_body_frame,
@@ -51,7 +51,7 @@ def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndar
 
 
 @cache
-def swum(speed: float = 0.0, turn: float = 0.0) -> Swim:
+def swum(speed: float = 0.0, turn: float = 0.0) -> TrackContours:
     """What is measured of `swimming`."""
     return swim(*swimming(speed, turn), RATE)
 
@@ -180,7 +180,7 @@ def test_steady_frames_of_several_tracks_follow_each_other() -> None:
 def test_too_few_frames_of_a_beat_are_said() -> None:
     outline, line = swimming()
     found = swim(outline[:9], line[:9], RATE)
-    assert isinstance(found, Swim)
+    assert isinstance(found, TrackContours)
     assert isinstance(found.period, Period)
     assert "half a cycle" in found.period.why
 

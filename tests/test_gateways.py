@@ -26,7 +26,7 @@ from finloop.gateways.find import (
     GATEWAYS,
     IN,
     OUT,
-    Settings,
+    GatewaysSettings,
     gateways,
     nearest,
     nearness,
@@ -45,7 +45,7 @@ from finloop.sprites.orient import SPRITES, sprite_cutouts
 ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE, DELTA, LENGTH, SIZE, FRAMES = 20.0, 4, 60.0, 48, 60
-SETTINGS = Settings(top_in=12, top_out=3, threshold=1.2, apart=1.0, least=2.5)
+SETTINGS = GatewaysSettings(top_in=12, top_out=3, threshold=1.2, apart=1.0, least=2.5)
 
 
 # -- a toy film -------------------------------------------------------------------------------------

@@ -26,16 +26,28 @@ from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.export.keypoints import deeplabcut
 from finloop.extract.film import Detections
-from finloop.extract.fit import FilmSize, Fit, fit, keypoint, map_poses_to_clip, refuse_other_film
-from finloop.extract.given import Followed, longest_run, match_silhouettes, no_silhouette_error
+from finloop.extract.fit import (
+    FilmSize,
+    SilhouetteFit,
+    fit,
+    keypoint,
+    map_poses_to_clip,
+    refuse_other_film,
+)
+from finloop.extract.given import (
+    GivenTrackLinker,
+    longest_run,
+    match_silhouettes,
+    no_silhouette_error,
+)
 from finloop.extract.table import GIVEN, tracks_schema
-from finloop.extract.tracks import Spot
+from finloop.extract.tracks import SilhouettePlace
 from finloop.features.head import head_first, match_head_end
 from finloop.features.metrics import against_given
 from finloop.features.table import features
 from finloop.given_tracks import tracks_of
 from finloop.io.poses import load_poses
-from finloop.io.several import Part, join_clips
+from finloop.io.several import FilmPart, join_clips
 from finloop.io.table import load_table, save_csv_in_blocks, save_table
 from finloop.io.video import FRAMES, load_facts, load_mask
 from finloop.verbs import Film
@@ -242,7 +254,7 @@ def test_several_films_of_another_programs_tracks_become_one(
         (clip / "films" / name / "made_from.json").write_text("{}")
         if name < "c":
             shutil.copytree(extracted / "trex", tmp_path / name)
-    join_clips(clip, [Part(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])
+    join_clips(clip, [FilmPart(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])
     prepare(tmp_path, *CARP, "extract.tracks=file", f"extract.tracks_path='{code}'")
     monkeypatch.chdir(tmp_path)
     stages.extract.main()
@@ -274,7 +286,7 @@ def spot(x, y, isolated=True, long=10, wide=4):
         (x - long, y + wide),
     ]
     outline = np.array(corners, np.int32)[:, None]
-    return Spot(x, y, 4.0 * long * wide, box, isolated, outline)
+    return SilhouettePlace(x, y, 4.0 * long * wide, box, isolated, outline)
 
 
 def at(*places):
@@ -338,7 +350,7 @@ class Anything:
 
 def run(told, frames, cuts=(), least=3):
     """Track numbers by frame of toy silhouettes, and what the run has counted."""
-    followed = Followed(told, 20.0, least)
+    followed = GivenTrackLinker(told, 20.0, least)
     seen = (Detections(["fish"] * len(spots), spots, [Anything()] * len(spots)) for spots in frames)
     rows = [(f.track_id, f.frame) for _, ready in followed.tracks(seen, cuts) for f in ready]
     return sorted(rows), followed
@@ -552,7 +564,7 @@ def test_a_few_frames_more_or_fewer_are_no_fault():
 
 
 def test_the_share_needed_lies_between_chance_and_all():
-    needed = [Fit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
+    needed = [SilhouetteFit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
     assert needed == [0.5, 0.7, 0.9]
 
 

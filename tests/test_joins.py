@@ -19,7 +19,7 @@ from toy_film import (
 
 from finloop.animate.shoal import play
 from finloop.base.settings import settings
-from finloop.edit.joins import Joins, Shown, inertialize, joins, sum_past
+from finloop.edit.joins import Joins, PictureSequence, inertialize, joins, sum_past
 from finloop.edit.modes import MODES
 from finloop.edit.schema import (
     CUT,
@@ -40,7 +40,7 @@ def frames(*runs, mirrored=False, rot=0.0):
     """Runs (first row, ticks) of the film, one after the other."""
     rows = np.concatenate([np.arange(first, first + ticks) for first, ticks in runs])
     n = len(rows)
-    return Shown(
+    return PictureSequence(
         np.ones(n, bool), rows, np.broadcast_to(np.array(rot, float), n), np.full(n, mirrored)
     )
 
@@ -110,7 +110,7 @@ def test_a_posture_that_says_little_is_left_as_it_is():
 def test_a_picture_that_is_held_does_not_bend_on_and_on():
     rows = np.r_[10:20, np.full(30, 19), 20:30]
     n = len(rows)
-    shown = Shown(np.ones(n, bool), rows, np.zeros(n), np.zeros(n, bool))
+    shown = PictureSequence(np.ones(n, bool), rows, np.zeros(n), np.zeros(n, bool))
     found = made(shown, replace(HOW, bodies=FREE))
     apart = np.linalg.norm(found.codes - BODIES.codes(own(shown)), axis=1)
     step = np.linalg.norm(np.diff(BODIES.poses.codes[10:30], axis=0), axis=1).max()

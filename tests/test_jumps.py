@@ -17,7 +17,7 @@ from finloop.jumps import search
 from finloop.jumps.film import _best_jumps
 from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.sides import handedness, sides_apart
-from finloop.jumps.signature import Parts, signatures
+from finloop.jumps.signature import SignatureParts, signatures
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 from finloop.nearest import parts_of
@@ -182,7 +182,7 @@ def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):
     n = 200
     sides = np.stack([walk(rng, n)[0]] * 2)
     noise = rng.normal(0, 100, (2, n, 4))
-    made = Parts(sides, sides, sides, noise)
+    made = SignatureParts(sides, sides, sides, noise)
     ends = np.arange(n - 1), np.arange(1, n)
     values = signatures(made, ends, settings("jumps", look=0.0))
     assert np.median(np.linalg.norm(np.diff(values[0], axis=0), axis=1)) == pytest.approx(1)
@@ -218,7 +218,7 @@ def test_who_turns_one_way_more_often_is_handed(rng, rates, least, most):
     turning = np.repeat(rates, 100) * rng.uniform(0.9, 1.1, 100 * len(rates))
     motion = np.column_stack([np.ones_like(turning), 0 * turning, turning])
     pose = rng.normal(0, 1, (len(turning), 2)) * (1, 0.1)
-    made = Parts(
+    made = SignatureParts(
         np.stack([pose, pose * (-1, 1)]), None, np.stack([motion, motion * (1, -1, -1)]), None
     )
     assert least <= handedness(made, 100) <= most

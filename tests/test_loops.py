@@ -40,7 +40,7 @@ from finloop.loops.positions import (
 )
 from finloop.loops.search import (
     LOOPS,
-    Settings,
+    LoopsSettings,
     as_map,
     candidates,
     filter_diagonals,
@@ -59,7 +59,7 @@ from finloop.reel import Reel
 
 RATE = 20.0
 DELTA = 4
-EASY = Settings(
+EASY = LoopsSettings(
     threshold=1.0,
     least=2.5,
     apart=0.5,
@@ -73,7 +73,7 @@ EASY = Settings(
 
 
 def settings(**asked):
-    return Settings(**{**vars(EASY), **asked})
+    return LoopsSettings(**{**vars(EASY), **asked})
 
 
 def swum(x, y, heading=0.0, track=0, length=50.0):

@@ -28,7 +28,7 @@ from finloop.edit.modes import MODES, PAPER
 from finloop.live import fish as play_fish
 from finloop.live.door import bind_socket
 from finloop.live.message import LONGEST, MOST_PLACES, parse_message
-from finloop.live.server import BEHIND, Host, Page, Server
+from finloop.live.server import BEHIND, Host, PageClient, Server
 from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
 from stages.play import PAGE, _parser
@@ -168,7 +168,7 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
     async def flood():
         view = view_of(fish=2)
         view.gallery = Gallery(view.gallery.shelves, view.gallery.bodies, keep=4)
-        host, pages, counts = Host(view), [Page() for _ in range(3)], []
+        host, pages, counts = Host(view), [PageClient() for _ in range(3)], []
         for part in range(8):
             for number, text in enumerate(hostile(1250, part)):
                 host.hear(pages[number % 3], text)
@@ -234,7 +234,7 @@ def test_they_do_no_harm_over_the_wire_either():
 
 
 def test_of_each_kind_of_wish_only_the_last_is_kept_in_their_order():
-    host, page = Host(view_of(fish=2)), Page()
+    host, page = Host(view_of(fish=2)), PageClient()
     for x in range(50):
         host.hear(page, json.dumps({"do": "goal", "fish": 0, "x": x, "y": 0, "drag": x > 0}))
         host.hear(page, json.dumps({"do": "goal", "fish": 1, "x": x, "y": 1, "drag": True}))
@@ -250,7 +250,7 @@ def test_of_each_kind_of_wish_only_the_last_is_kept_in_their_order():
 
 def test_a_page_that_is_behind_gets_the_newest_frame_later():
     async def story():
-        page = Page()
+        page = PageClient()
         for number in range(1, 6):
             assert page.offer(number, b"%d" % number) == (number == 1)
         assert await page.next() == b"5"
@@ -270,7 +270,7 @@ def test_a_page_that_is_behind_gets_the_newest_frame_later():
 
 def test_a_page_that_tells_of_frames_too_early_does_not_stand_still_after():
     async def story():
-        page = Page()
+        page = PageClient()
         page.saw(3)  # is drawn just now, and not sent
         for number in range(1, 9):
             page.offer(number, b"%d" % number)

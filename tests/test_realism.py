@@ -42,7 +42,7 @@ from finloop.realism.windows import (
 )
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
-from stages.realism import Pictures
+from stages.realism import GalleryOpener
 from stages.settings import load
 
 RATE, DELTA = 25.0, 5
@@ -311,7 +311,7 @@ def test_the_falsest_windows_do_not_touch_and_a_copy_is_most_alike():
 def test_a_view_shows_the_heading_to_the_right():
     frame = np.zeros((100, 120), np.uint8)
     frame[20:40, 60] = 255  # a line up from (60, 40)
-    seen = examples.View(60.0, 40.0, 90.0, 80.0).crop_frame(frame, 160)
+    seen = examples.CameraView(60.0, 40.0, 90.0, 80.0).crop_frame(frame, 160)
     y, x = np.nonzero(seen[..., 0] > 100)
     assert seen.shape == (160, 160, 3)
     assert abs(y.mean() - 79.5) < 2 and x.min() > 75 and x.max() > 115
@@ -404,7 +404,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
 
 
 def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
-    here = Pictures(Project())
+    here = GalleryOpener(Project())
     sent = pickle.dumps(here)
     assert len(sent) < 1000
     with here() as own, pickle.loads(sent)() as other:
@@ -464,7 +464,7 @@ def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     monkeypatch.setattr(
         stages.realism, "measure_list", lambda *_: pd.DataFrame(columns=FEATURES.names)
     )
-    pictures = Pictures(Project())
+    pictures = GalleryOpener(Project())
     assert (
         stages.realism.swimming_of(
             works, pictures, dict.fromkeys(works, instrument_of(carp)), Processes()

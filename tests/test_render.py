@@ -44,12 +44,12 @@ from finloop.plots.render import (
     trajectory,
     window,
 )
-from finloop.puppet import Line
+from finloop.puppet import PlacedBackbone
 from finloop.render.gallery import Gallery, Shelf, frames, place_rows
 from finloop.render.lay import _sample
-from finloop.render.marks import COLOURS, Marks, aims, goal_ticks, parts, rgb
+from finloop.render.marks import COLOURS, MarkPainter, aims, goal_ticks, parts, rgb
 from finloop.render.painter import Bent, Box, Painter, Picture, Placed, Shadow, Turned, picture
-from finloop.render.steps import Steps, film_steps, step_numbers
+from finloop.render.steps import FrameChangeMeter, film_steps, step_numbers
 from finloop.sprites.orient import SPRITES
 
 BLACK = np.zeros((90, 120), np.uint8)
@@ -425,7 +425,7 @@ def test_marks_of_several_fish_grow_each_its_own_way():
         goal=["A"] * 4 + ["B", "B", "", ""],
     )  # fmt: skip
     painter = Painter(np.full((400, 500), 120, np.uint8), colour=True)
-    before, marks = painter.floor.copy(), Marks(painter, edit, [])
+    before, marks = painter.floor.copy(), MarkPainter(painter, edit, [])
     for tick, fish in enumerate(frames(edit, gallery())):
         marks.show(tick, *fish)
     new = (painter.floor != before).any(axis=2)
@@ -459,7 +459,7 @@ def straight(size=20.0, count=6):
 
 def bent(one, heading=0.0, posture=None, mirrored=False, scale=1.0):
     """A fish headed right, drawn headed there in a posture."""
-    source = Line(one.picture.x_px, one.picture.y_px, 0.0, 20.0, straight())
+    source = PlacedBackbone(one.picture.x_px, one.picture.y_px, 0.0, 20.0, straight())
     posture = straight() if posture is None else posture
     return Bent(one.picture, source, posture, np.radians(heading), 20.0 * scale, mirrored)
 
@@ -577,7 +577,7 @@ def test_a_step_is_the_distance_of_the_two_pictures():
     tank = np.random.default_rng(6).integers(0, 200, (90, 120, 3), np.uint8)
     for channels in (1, 3):
         painter = Painter(tank[..., 0] if channels == 1 else tank)
-        steps, shown = Steps(painter), []
+        steps, shown = FrameChangeMeter(painter), []
         for x in (-50.0, 3.0, 30.0, 33.7, 90.0, 90.0, 300.0, 300.0):
             step = steps.measure_step(painter.show(placed_at(x, 40.0)))
             shown.append(painter.canvas.astype(float))
@@ -652,7 +652,7 @@ def test_marks_lie_below_the_fish_and_the_way_grows():
         {"frame": Shelf([Cutout(0, 0, 0, 0, np.full((5, 5, 2), 255, np.uint8))], [[2, 2]])}
     )
     marked, clean = Painter(TANK, colour=True), Painter(TANK, colour=True)
-    marks = Marks(marked, edit, GOALS)
+    marks = MarkPainter(marked, edit, GOALS)
     marks_seen = []
     for tick, one in enumerate(place_rows(edit, shelf)):
         clean.show(one)
@@ -680,7 +680,7 @@ def test_the_caption_keeps_out_of_the_fishs_way():
     for corner, (x, y) in enumerate([(20, 20), (300, 20), (20, 220), (300, 220)]):
         edit = edit_list(5, x_px=float(x), y_px=float(y))
         painter = Painter(TANK, colour=True)
-        marks = Marks(painter, edit, [])
+        marks = MarkPainter(painter, edit, [])
         marks.show(0, next(place_rows(edit, gallery())))
         dark = (painter.canvas == 75).all(axis=2)
         assert dark.sum() > 500, corner
@@ -689,7 +689,7 @@ def test_the_caption_keeps_out_of_the_fishs_way():
 
 def test_a_name_at_the_edge_is_written_to_the_other_side():
     painter = Painter(TANK, colour=True)
-    Marks(painter, journey(), [Goal("feeder", 310.0, 200.0)])
+    MarkPainter(painter, journey(), [Goal("feeder", 310.0, 200.0)])
     assert (painter.floor[190:210, 250:300] > 200).any()
 
 

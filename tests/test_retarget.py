@@ -29,7 +29,7 @@ from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments
 from finloop.project import Project
 from finloop.puppet import Pose
-from finloop.retarget import Parts, Track, retarget_track, track_of
+from finloop.retarget import JoinParameters, Track, retarget_track, track_of
 from finloop.retarget.motion import forward_share, motion_of
 from finloop.retarget.place import find_placement, outside, shift_into
 from finloop.retarget.posture import align_postures, asked_postures, likely_codes, on_body
@@ -37,7 +37,7 @@ from finloop.retarget.rows import FilmRows, cheapest
 from finloop.retarget.track import body_points, lines
 from stages.stamps import retarget_stamp
 
-OTHERS = Parts(settings("jumps"), settings("animate"), settings("matching").join)
+OTHERS = JoinParameters(settings("jumps"), settings("animate"), settings("matching").join)
 NAMES = ("centre", "tail_tip", "b2", "left_eye", "Nose", "b1", "b3")
 ALONG = (None, 1.0, 0.5, None, 0.0, 0.25, 0.75)  # of the body, of these points
 STEPS = 32  # of a backbone

@@ -16,7 +16,7 @@ from finloop.social.leader import contradiction, leaders
 from finloop.social.measures import SHOAL, apart, beside, shoal_table
 from finloop.social.neighbours import neighbours, relative_neighbours, vectors
 from finloop.social.rule import Others, Self, Shoaling, shoaling_place
-from finloop.social.steps import Steps, add_pull_to_moves, add_pull_to_turns
+from finloop.social.steps import SocialSteps, add_pull_to_moves, add_pull_to_turns
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 
@@ -186,7 +186,7 @@ def steps(count=40, seed=0):
     def some(size):
         return size * (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count))
 
-    return Steps(
+    return SocialSteps(
         some(0.3), some(0.5), 1 + some(0.1), np.exp(1j * rng.normal(0, 0.3, count)), 1.0, 0.5
     )
 

@@ -26,7 +26,7 @@ from finloop.base.settings import settings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import table1
 from finloop.features.table import FEATURES, features, wrap_deg
-from finloop.features.table import Settings as FeatureSettings
+from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture
 from finloop.io.record import save_record
@@ -56,7 +56,7 @@ from finloop.sprites.orient import (
     sprite_cutouts,
     sprite_table,
 )
-from finloop.sprites.stretch import SIDES, Stretch, cycle_heading, phases
+from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
 from finloop.sprites.swimmers import smooth, swimmers
 from finloop.sprites.turn import reflection, rotation, trim_picture, turn_cutout
 
@@ -546,7 +546,7 @@ def test_one_animal_for_all_unless_it_costs_much(toy):
     table = pd.concat([toy.table, toy.table.assign(track_id=8)], ignore_index=True)
 
     def stretch(track, cost):
-        return Stretch(track, 0, 9, slice(0, 10), {"fault": cost})
+        return FrameRun(track, 0, 9, slice(0, 10), {"fault": cost})
 
     both = {
         "straight": [stretch(3, 1.0), stretch(8, 1.1)],
@@ -591,7 +591,7 @@ def test_blurred_pictures_are_soft(toy):
 
 @pytest.mark.parametrize(("swing", "still"), [(0.04, True), (0.06, False)])
 def test_a_still_tail_moves_less_than_its_width(swing, still):
-    stretch = Stretch(3, 0, 11, slice(0, 12))
+    stretch = FrameRun(3, 0, 11, slice(0, 12))
     table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
     assert is_still(Choice(stretch), table, DELTA, AUTOMATIC) == still
 
@@ -648,7 +648,7 @@ def test_nonsense_in_the_list_is_refused(toy, asked, message):
 
 def test_phases_need_frames_on_both_sides_of_the_bend(toy):
     ((a, b),) = plan_frames(PLAN, "left")
-    half = Stretch(3, a, (a + b) // 2 - 1, slice(a, (a + b) // 2))
+    half = FrameRun(3, a, (a + b) // 2 - 1, slice(a, (a + b) // 2))
     assert phases(toy.table, half, 1, AUTOMATIC.hold) == ["none"]
 
 

@@ -27,11 +27,11 @@ from finloop.base.line import MM, PX, TANK, Line
 from finloop.drawn import TRUTH
 from finloop.io.table import load_table
 from finloop.live.door import bind_socket
-from finloop.stimulus.animals import Animals
+from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.inputs import json_of, open_osc, open_udp, osc_of
 from finloop.stimulus.parts import Animals as Settings
 from finloop.stimulus.recorded import NAME, Spoiled, messages
-from finloop.stimulus.rules import RuleSpec, Tank, aim
+from finloop.stimulus.rules import RuleSpec, TankGeometry, aim
 from finloop.stimulus.tracker import LONGEST, MOST_AT_ONCE, Pair, calibration, parse_sightings
 
 WIDTH, HEIGHT, LENGTH = 400, 300, 40.0
@@ -41,7 +41,7 @@ def into(x, y):
     return min(max(x, 10.0), WIDTH - 11.0), min(max(y, 10.0), HEIGHT - 11.0)
 
 
-TANK_OF = Tank(WIDTH, HEIGHT, LENGTH, into)
+TANK_OF = TankGeometry(WIDTH, HEIGHT, LENGTH, into)
 GOOD = [
     {"t": 1.5, "id": "1", "x": 20, "y": 30.5}, {"t": -3, "id": 7, "x": 20, "y": 30, "heading": 35.0},
     {"t": 0, "id": "fish A.2: left-most", "x": 0, "y": -1e6, "heading": None, "token": "x"},
@@ -66,7 +66,7 @@ def told(t, x=200.0, y=150.0, id="1", **more):
 
 
 def animals_of(**how):
-    return Animals(Settings(**how), TANK_OF, None)
+    return LiveAnimals(Settings(**how), TANK_OF, None)
 
 
 def verdicts(animals, text, arrived, source="a"):
@@ -94,10 +94,10 @@ def test_what_is_meant_is_understood_and_nothing_else():
 
 
 def test_without_animals_in_the_protocol_nothing_is_wanted():
-    animals = Animals(None, TANK_OF, None)
+    animals = LiveAnimals(None, TANK_OF, None)
     assert (
         verdicts(animals, told(1), 1.0) == ["unwanted"]
-        and not animals.hear(told(1), "a", 1.0)[0].taken
+        and not animals.hear(told(1), "a", 1.0)[0].is_present
     )
     assert animals.present_animals(1.0) == [] and animals.past("1", 1.0) is None
 
@@ -201,11 +201,11 @@ def test_an_animal_outside_is_moved_in_and_one_at_a_wall_is_not():
     ):  # fmt: skip
         assert (
             verdicts(animals, told(t, x, y), t) == [verdict]
-            and animals.hear(told(t + 0.1, x, y), "a", t + 0.1)[0].taken
+            and animals.hear(told(t + 0.1, x, y), "a", t + 0.1)[0].is_present
         )
         assert animals.present_animals(t)[0][1:3] == ((x, y) if verdict == "taken" else into(x, y))
-    round_tank = Tank(WIDTH, HEIGHT, LENGTH, lambda x, y: (200.0, 150.0))
-    animals = Animals(Settings(), round_tank, None)
+    round_tank = TankGeometry(WIDTH, HEIGHT, LENGTH, lambda x, y: (200.0, 150.0))
+    animals = LiveAnimals(Settings(), round_tank, None)
     assert verdicts(animals, told(1, 239, 150), 1) == ["taken"]
     assert verdicts(animals, told(2, 241, 150), 2) == ["outside"]
 
@@ -423,7 +423,7 @@ def test_points_that_do_not_fit_tell_how_far_they_are_off():
 
 
 def test_mm_are_px_by_the_scale_of_the_film():
-    animals = Animals(Settings(unit="mm"), TANK_OF, 0.25)
+    animals = LiveAnimals(Settings(unit="mm"), TANK_OF, 0.25)
     animals.hear(told(1.0, 25, 50, heading=90.0), "a", 1.0)
     assert animals.present_animals(1.0)[0][1:4] == pytest.approx((100, 200, math.pi / 2))
 
@@ -441,7 +441,7 @@ A, B, C, D = [(point, point) for point in CORNERS[:4]]
 ])  # fmt: skip
 def test_what_is_wrong_with_a_calibration_is_said_at_once(wrong, said):
     with pytest.raises(FinloopError, match=said):
-        Animals(Settings(**wrong), TANK_OF, None)
+        LiveAnimals(Settings(**wrong), TANK_OF, None)
 
 
 # --- hostile messages

@@ -9,9 +9,9 @@ import pytest
 from browser import Visit, chromium, hold_time, visit
 
 from finloop.base.errors import FinloopError
-from finloop.puppet import Line
+from finloop.puppet import PlacedBackbone
 from finloop.render.painter import Bent, Painter, picture
-from finloop.stimulus.display import Display
+from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import message
 from finloop.stimulus.log import frames_of
@@ -86,7 +86,7 @@ def state_of(posture, x=160.25, y=120.5, heading=0.7, size=LENGTH, number=10, pa
 
 def bent_of(one, posture, heading=0.7, size=LENGTH, mirrored=False):
     held = picture(one.pixels, *one.line[:2])
-    source = Line(held.x_px, held.y_px, *one.line[2:], one.posture.astype(float))
+    source = PlacedBackbone(held.x_px, held.y_px, *one.line[2:], one.posture.astype(float))
     return Bent(held, source, posture.astype(float), float(np.float32(heading)), size, mirrored)
 
 
@@ -821,7 +821,9 @@ def test_a_display_is_calibrated_with_the_keyboard(browser):
     page.select_option("#square-corner", "bottom left")
     page.select_option("#tone", "even")
     page.click("#save")
-    display = Display.model_validate_json(json.dumps(server.until("display")[0]["display"]))
+    display = DisplayCalibration.model_validate_json(
+        json.dumps(server.until("display")[0]["display"])
+    )
     assert (
         display.px_per_mm == 4
         and display.background == (128, 128, 128)

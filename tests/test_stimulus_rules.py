@@ -11,14 +11,14 @@ from pydantic import ValidationError
 
 from finloop.animate.arena import tank as arena_tank
 from finloop.stimulus.animals import Animal
-from finloop.stimulus.rules import RuleSpec, Tank, aim, mirror_place
+from finloop.stimulus.rules import RuleSpec, TankGeometry, aim, mirror_place
 
 RULES = get_args(RuleSpec.model_fields["rule"].annotation)
 LENGTH = 40.0
-SEA = Tank(1001, 1001, LENGTH, lambda x, y: (x, y))  # no walls
+SEA = TankGeometry(1001, 1001, LENGTH, lambda x, y: (x, y))  # no walls
 MIDDLE = 500.0
 POOL = arena_tank(np.ones((300, 400), bool), 15.0)
-WALLED = Tank(400, 300, LENGTH, POOL.into)
+WALLED = TankGeometry(400, 300, LENGTH, POOL.into)
 NOW = 100.0
 
 

@@ -21,7 +21,7 @@ from finloop.stimulus.desk import ask, session_status
 from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import frames_of, open_record, plan_again
 from finloop.stimulus.serve import parse_message
-from finloop.stimulus.show import RealClock, Replay, Show
+from finloop.stimulus.show import RealClock, Replay, SessionHub
 
 CONDITIONS = {
     "known": {"seconds": 0.8, "motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}},
@@ -65,7 +65,7 @@ def running(folder, token=None, digest=False, **plan):
     plan = plan_of(plan.pop("conditions", CONDITIONS), **plan)
     session, _ = session_of(folder, plan, RealClock())
     session.feed.facts["digest"] = digest
-    room = Show(session, "toy", folder / "display.json")
+    room = SessionHub(session, "toy", folder / "display.json")
     session.attach(room.send, lambda to, text: room.tell(text))
     with served(lambda port, fail: session_app(Door(port, token), room, list, fail)) as (
         address,

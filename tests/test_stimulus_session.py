@@ -89,9 +89,9 @@ def test_fading_changes_nothing_but_alpha(tmp_path):
     made, plan = scene(), plan_of({"a": {"seconds": 1.5} | RULE}, fade_s=0.4)
     told = []
     for fade in (0.0, 0.4):
-        from finloop.stimulus.animals import Animals
+        from finloop.stimulus.animals import LiveAnimals
 
-        animals = Animals(plan.animals, made.tank, None)
+        animals = LiveAnimals(plan.animals, made.tank, None)
         reaction = Reaction(made, Cue(plan.conditions["a"], 1, 0, fade), 1, animals)
         told.append(np.stack([reaction.tick(n / made.rate_hz) for n in range(made.ticks(1.5))]))
     plain, faded = told

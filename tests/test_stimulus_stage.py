@@ -13,7 +13,7 @@ from tiny_run import TinyRun
 import stages.stimulus
 from finloop.base.errors import FinloopError
 from finloop.io.journal import save_journal
-from finloop.stimulus.display import Display, save_display
+from finloop.stimulus.display import DisplayCalibration, save_display
 from finloop.stimulus.replay import Record, open_record
 from stages.stimulus_scene import display_file, known_display, open_scene
 
@@ -108,7 +108,9 @@ def test_a_display_must_be_calibrated_where_the_protocol_says_so(there, tmp_path
         command(monkeypatch, "show", path, "--display", "wall", "--port", "0")
     with pytest.raises(FinloopError, match="letters, digits"):
         display_file("../wall")
-    wall = Display(width_px=1280, height_px=720, ratio=1.0, refresh_hz=60.0, px_per_mm=3.5)
+    wall = DisplayCalibration(
+        width_px=1280, height_px=720, ratio=1.0, refresh_hz=60.0, px_per_mm=3.5
+    )
     save_display(display_file("wall"), wall)
     try:
         assert known_display("wall", True) == wall

@@ -30,7 +30,7 @@ from finloop.tank.camera import views
 from finloop.tank.display import choose_window
 from finloop.tank.glb import Glb
 from finloop.tank.gltf import Swum, shapes, tank_glb, upright
-from finloop.tank.scene import Scene
+from finloop.tank.scene import TankScene
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -74,7 +74,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     view = views("top", room, fish.head, fish.poses.heading, 25.0)
     floor = np.full((150, 200), 128, np.uint8)
     floor[:40, :40] = 60
-    with Scene(floor, room, size) as scene:
+    with TankScene(floor, room, size) as scene:
         for tick in range(2):
             shown = scene.frame([fish.shape_at(tick)], view, tick, 0.0).astype(int)
             vivid = np.abs(shown[..., 0] - shown[..., 2]) > 42  # red or blue: the fish alone is
@@ -105,7 +105,7 @@ def test_several_fish_are_drawn_each_with_its_shadow():
     view = views("top", room, one.head, one.poses.heading, 25.0)
     shown = {}
     for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
-        with Scene(floor, room, size, len(fish)) as scene:
+        with TankScene(floor, room, size, len(fish)) as scene:
             shown[name] = scene.frame([own.shape_at(0) for own in fish], view, 0, 0.0).astype(int)
     left, right = np.s_[:, :100], np.s_[:, 108:]
     assert np.array_equal(shown["both"][left], shown["one"][left])

@@ -9,7 +9,7 @@ import pytest
 from finloop.base.settings import settings
 from finloop.extract.backbone import trace
 from finloop.extract.samples import survey
-from finloop.extract.segment import Ends, silhouettes
+from finloop.extract.segment import SilhouetteEdge, silhouettes
 from finloop.extract.thin import EDGE, with_thin_parts
 
 SIZE, TANK, BODY = (160, 240), 200, 100  # grey levels; the body differs by 100
@@ -64,7 +64,7 @@ def test_the_backbone_is_as_long_however_pale_the_tail(tail):
     assert typical.thin
     lengths = {}
     for thin in (False, True):
-        ends = Ends(how.outline_share, how.shadow, "none", thin)
+        ends = SilhouetteEdge(how.outline_share, how.shadow, "none", thin)
         (one,) = silhouettes(frame, scene, WHOLE, 60, ends)
         line = trace(one.mask, one.field, 33, scene.threshold)
         assert line is not None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from finloop.extract.tracks import Linker, Spot
+from finloop.extract.tracks import Linker, SilhouettePlace
 
 GATE, RATIO = 60.0, 1.4
 LONG = 40  # of a toy fish's box
@@ -11,7 +11,9 @@ LONG = 40  # of a toy fish's box
 
 def spot(x, y, area=400.0, isolated=True, size=LONG):
     half = size // 2
-    return Spot(x, y, area, (int(x) - half, int(y) - half, int(x) + half, int(y) + half), isolated)
+    return SilhouettePlace(
+        x, y, area, (int(x) - half, int(y) - half, int(x) + half, int(y) + half), isolated
+    )
 
 
 def link(film, cuts=(), gate=GATE, ratio=RATIO):

@@ -14,7 +14,7 @@ import scipy
 
 from finloop.animate.arena import Tank, tank
 from finloop.animate.cast import Cast
-from finloop.animate.motion import Motion, learn
+from finloop.animate.motion import MotionStatistics, learn
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.world import World
 from finloop.base.settings import settings, values_of
@@ -39,7 +39,7 @@ from finloop.plan.world import Brisk, FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
 from finloop.social.rule import Shoaling
-from finloop.social.steps import Steps
+from finloop.social.steps import SocialSteps
 from finloop.social.zones import Zones
 
 ORIENTATIONS = 24
@@ -107,13 +107,13 @@ def lessons(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
     return pd.concat([track(i, i, mirror, scale) for i in range(4)], ignore_index=True)
 
 
-def learnt(table: pd.DataFrame, rate: float = RATE) -> Motion:
+def learnt(table: pd.DataFrame, rate: float = RATE) -> MotionStatistics:
     """What a feature table teaches."""
     return learn(table, rate, DELTA)
 
 
 @cache
-def lesson() -> Motion:
+def lesson() -> MotionStatistics:
     """What the lessons teach."""
     return learnt(lessons())
 
@@ -408,5 +408,5 @@ def undecided() -> dict[str, None]:
 def shoaling(zones: Zones) -> Shoaling:
     """Steps of about two body lengths ahead, and zones that change them."""
     turn = np.exp(1j * np.random.default_rng(1).normal(0, 0.5, 200))
-    own = Steps(np.full(200, 0.2 + 0j), np.full(200, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
+    own = SocialSteps(np.full(200, 0.2 + 0j), np.full(200, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
     return Shoaling(zones, own, 15, 10)

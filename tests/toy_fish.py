@@ -7,7 +7,7 @@ import pandas as pd
 from finloop.base.cutout import Cutout
 from finloop.tank.body import typical_width
 from finloop.tank.camera import Room
-from finloop.tank.fish import Fish
+from finloop.tank.fish import FishSurface
 from finloop.tank.skin import Skins
 from finloop.tank.swim import film_bodies, poses
 
@@ -91,7 +91,7 @@ def fish_of(edit):
     pose = poses(edit, film, SPRITE)
     skins = Skins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), cutouts.__getitem__)
     place = np.c_[pose.centre, np.full(len(edit), 40.0)]
-    return Fish(pose, place, skins, typical, LENGTH)
+    return FishSurface(pose, place, skins, typical, LENGTH)
 
 
 def covered(fish, tick, shape):

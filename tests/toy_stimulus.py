@@ -9,8 +9,8 @@ from toy_tank import Drops, toy_players
 from finloop.edit.schema import FRAME
 from finloop.io.journal import save_journal
 from finloop.render.gallery import Gallery, Shelf
-from finloop.stimulus.course import Scene
-from finloop.stimulus.feed import Feed, Tank
+from finloop.stimulus.course import TrialContext
+from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT, SESSION, Log
 from finloop.stimulus.order import trials
 from finloop.stimulus.pictures import PagePictures
@@ -23,7 +23,7 @@ LIVE = {"unit": "px"}
 
 
 def scene():
-    return Scene(toy_players()["matching"], bodies_of(rich_film()))
+    return TrialContext(toy_players()["matching"], bodies_of(rich_film()))
 
 
 def plan_of(conditions, **more):
@@ -40,7 +40,7 @@ def feed_of(made, plan, slots=(64, 64), **facts):
     more = {"rate": made.rate_hz, "posture": made.posture, "looks": looks, "fish": plan.fish}
     more |= {"mm_per_px": None, "display": None, "mode": "session", "digest": False, "keys": []}
     floor = np.full((height, width), 200, np.uint8)
-    return Feed(Tank(floor, *slots), more | {"name": "toy"} | facts, PagePictures(gallery))
+    return Feed(TankCanvas(floor, *slots), more | {"name": "toy"} | facts, PagePictures(gallery))
 
 
 def header_of(made, plan, **more):

@@ -14,7 +14,7 @@ from finloop.animate.places import random_goals
 from finloop.animate.state import State
 from finloop.base.arrays import Floats
 from finloop.edit.schema import Goal
-from finloop.plan.plan import Options
+from finloop.plan.plan import CandidateVerdicts
 from finloop.plan.planner import Planner
 from finloop.project import Project
 from stages.modes.matching import open_mode
@@ -64,7 +64,7 @@ def search_picture(folder: Path) -> Picture:
     return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
-def _decision(planner: Planner) -> tuple[State, Goal, Options, tuple[Floats, Floats]]:
+def _decision(planner: Planner) -> tuple[State, Goal, CandidateVerdicts, tuple[Floats, Floats]]:
     """Return a decision with many ways, some good, some not, that jumps on its way to a goal."""
     rng = np.random.default_rng(2)
     state, best = planner.begin(rng), None

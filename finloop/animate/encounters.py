@@ -18,7 +18,7 @@ from finloop.distance.picture import typical_length
 from finloop.edit.schema import FRAME
 
 
-class Shown(NamedTuple):
+class PlacedPicture(NamedTuple):
     """What tells the outline of a fish on screen: columns of an edit list."""
 
     kind: str
@@ -38,7 +38,7 @@ def place_outline(
 
 
 def outline(player: AnyPlayer, row: Any) -> Floats:
-    """The outline (p, 2) on screen of a row of an edit list, or `Shown`."""
+    """The outline (p, 2) on screen of a row of an edit list, or `PlacedPicture`."""
     mirrored = row.kind == FRAME and row.mirrored
     return place_outline(
         player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored
@@ -67,10 +67,10 @@ def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     """How many pairs of fish overlap at each tick (ticks,) of an edit list."""
     where = places(edit)
     fish, ticks = where.shape[:2]
-    columns = [edit[name].to_numpy() for name in Shown._fields]
+    columns = [edit[name].to_numpy() for name in PlacedPicture._fields]
 
     def hull_at(one: int, tick: int) -> Floats:
-        return outline(player, Shown(*(column[one * ticks + tick] for column in columns)))
+        return outline(player, PlacedPicture(*(column[one * ticks + tick] for column in columns)))
 
     pairs = np.zeros(ticks, np.int64)
     for one, other in combinations(range(fish), 2):

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from finloop.animate.motion import Motion
+from finloop.animate.motion import MotionStatistics
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
@@ -136,7 +136,7 @@ def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Float
     return _over_delta(place, head, motion)
 
 
-def motion_of_film(features: pd.DataFrame, motion: Motion) -> tuple[Floats, Floats]:
+def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Floats, Floats]:
     """The same of every track of the film."""
     length = motion.body_length_px / motion.size
     parts = [
@@ -148,7 +148,9 @@ def motion_of_film(features: pd.DataFrame, motion: Motion) -> tuple[Floats, Floa
     return speed, rate
 
 
-def _over_delta(place: Floats, heading_deg: Floats, motion: Motion) -> tuple[Floats, Floats]:
+def _over_delta(
+    place: Floats, heading_deg: Floats, motion: MotionStatistics
+) -> tuple[Floats, Floats]:
     """place (n, 2): in body lengths."""
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
     moved = np.hypot(*(place[delta:] - place[:-delta]).T)
@@ -198,7 +200,7 @@ def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
 
 
 def measure_film(
-    features: pd.DataFrame, swum: tuple[Floats, Floats], steps: Floats, motion: Motion
+    features: pd.DataFrame, swum: tuple[Floats, Floats], steps: Floats, motion: MotionStatistics
 ) -> dict[str, float]:
     """Return the film's own measures: the line that an animation is held against.
 

@@ -44,7 +44,7 @@ class Turns:
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionStatistics:
     """What every mode knows of how the film's fish swim.
 
     straight_ticks: how long it swam between two turns; delta: Δ in ticks; body_length_px: as
@@ -58,13 +58,13 @@ class Motion:
     body_length_px: float
     size: float = 1.0
 
-    def scale_to(self, size: float) -> "Motion":
+    def scale_to(self, size: float) -> "MotionStatistics":
         """Return the motion of a fish drawn `size` times as large as filmed."""
         return replace(self, body_length_px=self.body_length_px * size / self.size, size=size)
 
 
 @dataclass(frozen=True)
-class Course:
+class TrackKinematics:
     """How one track swims: everything smoothed over Δ, so that noise is not taken for motion."""
 
     speed: Floats
@@ -80,7 +80,7 @@ Track = dict[str, NDArray[Any]]
 """Columns of a feature table, the rows of one track; x_px, y_px as `through_water` has them."""
 
 
-def course(track: Track, delta: int, length_px: float, rate_hz: float) -> Course:
+def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
     """What one track, frame by frame, does."""
     frames = np.arange(len(track["x_px"]))
     before = np.maximum(frames - delta // 2, 0)
@@ -95,7 +95,7 @@ def course(track: Track, delta: int, length_px: float, rate_hz: float) -> Course
     spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
     speed = np.hypot(*moved.T) * rate_hz
     faster = np.gradient(scipy.ndimage.uniform_filter1d(speed, delta)) * delta
-    return Course(
+    return TrackKinematics(
         speed=speed,
         heading_deg=heading,
         forward=step[:, 0],
@@ -106,7 +106,7 @@ def course(track: Track, delta: int, length_px: float, rate_hz: float) -> Course
     )
 
 
-def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[Course]:
+def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[TrackKinematics]:
     """How the film's fish swim, track by track; delta: Δ in frames.
 
     A film of hours is learnt from tracks that are spread over it. Where the film shows no straight
@@ -121,7 +121,7 @@ def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[Course]:
     return every
 
 
-def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> Motion:
+def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
     """The turns of a feature table, and how long its fish swim straight; delta: Δ in frames.
 
     Where the film shows no turn, each track is one. FinloopError if nothing moves, or no heading
@@ -135,10 +135,10 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> Motion:
     if turns is None:
         raise too_little("turning")
     length = float(features["body_length_px"].median())
-    return Motion(turns, np.array(straight, np.int32), rate_hz, delta, length)
+    return MotionStatistics(turns, np.array(straight, np.int32), rate_hz, delta, length)
 
 
-def runs_of(one: Course) -> "list[Run]":
+def runs_of(one: TrackKinematics) -> "list[Run]":
     """The runs of one swimming type of a track: itself, the type, first and one past the last."""
     return [(one, *run) for run in _runs(one.kind)]
 
@@ -175,10 +175,10 @@ def _runs(kind: NDArray[np.int8]) -> list[tuple[int, int, int]]:
     return [(int(kind[a]), int(a), int(b)) for a, b in pairwise(bounds)]
 
 
-Run = tuple[Course, int, int, int]
+Run = tuple[TrackKinematics, int, int, int]
 
 
-def _whole(c: Course) -> Run:
+def _whole(c: TrackKinematics) -> Run:
     """A track as one turn, to the side to which it turns in all."""
     side = 1 if c.heading_deg[-1] >= c.heading_deg[0] else -1
     return c, side, 1, len(c.kind) - 1

@@ -12,7 +12,7 @@ import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank
-from finloop.animate.motion import Motion
+from finloop.animate.motion import MotionStatistics
 from finloop.animate.route import Route
 from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
@@ -52,7 +52,7 @@ def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.pat
     return checked_line(Line(name, x, y, PX, time, heading, rows=rows))
 
 
-def lay(line: Line, tank: Tank, motion: Motion, mm_per_px: float | None) -> Path:
+def lay(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
     """Lay a line out in the tank.
 
     Without times, one that ends where it began is closed. FinloopError if it leaves the arena, is

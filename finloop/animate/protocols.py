@@ -11,7 +11,7 @@ from finloop.animate.rule import Rule
 from finloop.animate.state import State
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
-from finloop.edit.build import Sources
+from finloop.edit.build import EditInputs
 from finloop.edit.joins import Joins
 from finloop.edit.schema import Goal
 from finloop.edit.stretch import Stretch
@@ -28,7 +28,7 @@ class AnyPlayer(Protocol):
     @property
     def cast(self) -> Cast: ...
     @property
-    def sources(self) -> Sources: ...
+    def sources(self) -> EditInputs: ...
     @property
     def shoaling(self) -> Shoaling | None: ...
     @property

@@ -11,7 +11,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 @dataclass(frozen=True)
-class Settings:
+class AnimateSettings:
     """Where the fish is sent, and how pictures are joined, in every mode."""
 
     # x and y of A, B, C …, reached one after the other; afterwards the fish wanders; of several

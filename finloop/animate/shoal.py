@@ -25,7 +25,7 @@ from finloop.edit.stretch import Swim
 from finloop.social.rule import rule_of
 
 
-class Task(NamedTuple):
+class SwimTask(NamedTuple):
     """What a fish does: swim a path, then to goals one after the other, then by a rule or anywhere.
 
     rng: of all that is left to chance; zones: whether it swims by them then; follows: the number of
@@ -70,20 +70,20 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
 
 def tasks(
     goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
-) -> list[Task]:
+) -> list[SwimTask]:
     """What each of several fish does: goals are dealt, and the first fish swims the path, if any.
 
     rng: of the first fish, from which those of the others are spawned.
     """
     draws = [rng, *rng.spawn(fish - 1)]
     routes = [route, *[None] * (fish - 1)]
-    return [Task(*one) for one in zip(deal(goals, fish), draws, routes, strict=True)]
+    return [SwimTask(*one) for one in zip(deal(goals, fish), draws, routes, strict=True)]
 
 
-class Swimmer:
+class SchoolMember:
     """A fish of a shoal: what it has planned so far."""
 
-    def __init__(self, player: AnyPlayer, task: Task, number: int, plans: Plans) -> None:
+    def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
         """A fish that begins in company, with nothing planned yet. NoRoom where there is none.
 
         FinloopError where it begins a path on another fish.
@@ -145,19 +145,19 @@ class Swimmer:
         return Rule.by_zones(others[0, :, :3], rule_of(shoaling))
 
 
-def settle(player: AnyPlayer, todo: Sequence[Task], plans: Plans) -> list[Swimmer]:
+def settle(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
     """Put fish into the tank, each with a first plan.
 
     All that begin a path are there before anyone plans; the others come one after the other. plans:
     of as many fish, to which theirs are added. NoRoom if there is none for all of them.
     """
     swim = [number for number, task in enumerate(todo) if task.route is not None]
-    fish = {number: Swimmer(player, todo[number], number, plans) for number in swim}
+    fish = {number: SchoolMember(player, todo[number], number, plans) for number in swim}
     for number in swim:
         fish[number].decide(plans)
     for number in sorted(set(range(len(todo))) - set(swim)):
         try:
-            fish[number] = Swimmer(player, todo[number], number, plans)
+            fish[number] = SchoolMember(player, todo[number], number, plans)
             fish[number].decide(plans)
         except NoRoom as error:
             raise NoRoom(
@@ -169,7 +169,7 @@ def settle(player: AnyPlayer, todo: Sequence[Task], plans: Plans) -> list[Swimme
     return [fish[number] for number in range(len(todo))]
 
 
-def shoal(player: AnyPlayer, todo: Sequence[Task], ticks: int) -> list[Swim]:
+def shoal(player: AnyPlayer, todo: Sequence[SwimTask], ticks: int) -> list[Swim]:
     """Swim at least `ticks` ticks with as many fish as there are tasks.
 
     NoRoom if there is none for all of them.
@@ -195,7 +195,7 @@ def swim(
     route: Route | None = None,
 ) -> Swim:
     """Swim at least `ticks` ticks with one fish: a path, goals one after the other, anywhere."""
-    return shoal(player, [Task(goals, rng, route)], ticks)[0]
+    return shoal(player, [SwimTask(goals, rng, route)], ticks)[0]
 
 
 def play(

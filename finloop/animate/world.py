@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from finloop.animate.arena import Tank
-from finloop.animate.motion import Motion
+from finloop.animate.motion import MotionStatistics
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,6 @@ class World:
     """
 
     tank: Tank
-    motion: Motion
+    motion: MotionStatistics
     touch_px: float
     head_px: float

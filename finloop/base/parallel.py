@@ -37,7 +37,7 @@ def warm_up(modules: Sequence[str]) -> None:
         forkserver.ensure_running()
 
 
-class Task(Protocol[B_co]):
+class PendingResult(Protocol[B_co]):
     """One item that a worker has been given."""
 
     def result(self) -> B_co:
@@ -61,7 +61,9 @@ class Workers(Protocol):
         """Whether the work is done in this process itself."""
         ...
 
-    def employ(self, work: Callable[[A], B]) -> AbstractContextManager[Callable[[A], Task[B]]]:
+    def employ(
+        self, work: Callable[[A], B]
+    ) -> AbstractContextManager[Callable[[A], PendingResult[B]]]:
         """For a block, a function that hands one item out to be worked, and returns at once.
 
         It or `result` raise BrokenProcessPool where all that is handed out is lost.
@@ -150,7 +152,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
     killed = 0
     while todo or pending:
         with workers.employ(work) as hand:
-            results: deque[Task[B]] = deque()
+            results: deque[PendingResult[B]] = deque()
             while todo or pending:
                 while todo and len(pending) < workers.count + 1:
                     pending.append(todo.popleft())

@@ -1,10 +1,11 @@
 """Parameters: what a stage word declares, the values in conf/, and the check of both.
 
-A parameter is declared once, in the frozen dataclass `Settings` of `finloop/<word>/settings.py`:
-its type and range as an annotation, its unit and meaning as a comment. It has no default there;
-its value stands in `conf/<word>/default.yaml`. Where a word has several variants, `Settings` is the
-union of their dataclasses, each with a field `source` that names its file in `conf/<word>/`.
-`__post_init__` may raise ValueError for values that must not be together. A dataclass is flat.
+A parameter is declared once, in the frozen dataclass `<Word>Settings` of
+`finloop/<word>/settings.py`: its type and range as an annotation, its unit and meaning as a
+comment. It has no default there; its value stands in `conf/<word>/default.yaml`. Where a word has
+several variants, it is the union of their dataclasses, each with a field `source` that names its
+file in `conf/<word>/`. `__post_init__` may raise ValueError for values that must not be together. A
+dataclass is flat.
 
 Types are strict (3.0 is no int, "3" no number, true no 1); NaN and infinity are never allowed.
 """
@@ -94,7 +95,7 @@ RENAMED = {"nn": "network"}
 def settings(word: str, **values: Any) -> Any:
     """The parameters of a stage word: its values in conf/, with `values` in place of some.
 
-    `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.Settings`;
+    `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.ExtractSettings`;
     `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.Carp`. Needs no Hydra.
     FinloopError if a name is unknown, or a value has a wrong type or is out of range; all are
     listed.
@@ -112,7 +113,7 @@ def settings(word: str, **values: Any) -> Any:
 
 def variants(word: str) -> dict[str, type]:
     """The dataclasses of a stage word, by the names of their files in conf/<word>/."""
-    declared = _declaration(word).Settings
+    declared = getattr(_declaration(word), f"{word.capitalize()}Settings")
     union = get_args(declared)
     if not union:
         return {"default": declared}

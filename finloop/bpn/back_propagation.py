@@ -26,7 +26,7 @@ from finloop.bpn.model import (
     input_range,
     to_scale,
 )
-from finloop.bpn.settings import Settings
+from finloop.bpn.settings import BpnSettings
 
 PART = 4096  # rows whose hidden layer fits the processor's cache: 200,000 at once take 5 × as long
 RUN_AWAY = 1e6  # of a weight: its sigmoid has long been a mere switch
@@ -97,7 +97,7 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
 def learn(
     rows: Rows,
     sides: tuple[Mask, Mask],
-    p: Settings,
+    p: BpnSettings,
     rate_hz: float,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
@@ -111,7 +111,7 @@ def train(
     inputs: Floats,
     outputs: Floats,
     held_out: tuple[Floats, Floats],
-    settings: Settings,
+    settings: BpnSettings,
     delta_s: float,
     rng: np.random.Generator,
     advance: Callable[[], object] = lambda: None,
@@ -151,7 +151,7 @@ def model_of(weights: Floats, low: Floats, high: Floats, delta_s: float) -> Moti
     )  # fmt: skip
 
 
-def _check_growth(weights: Floats, settings: Settings) -> None:
+def _check_growth(weights: Floats, settings: BpnSettings) -> None:
     """Refuse weights that grew without bound."""
     if not np.abs(weights).max() < RUN_AWAY:
         raise FinloopError(

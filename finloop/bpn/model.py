@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
-from finloop.bpn.settings import Settings
+from finloop.bpn.settings import BpnSettings
 from finloop.features.memory import block_frames
 
 INPUTS = {
@@ -191,7 +191,7 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
     return _enough(~test, test)
 
 
-def split(rows: Rows, by: str, p: Settings) -> tuple[Mask, Mask]:
+def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
     """Rows to learn from and rows held out, (n,) each, by "blocks" or by "tracks".
 
     Of a long film `p.most_rows` are learnt from.
@@ -209,7 +209,7 @@ def split(rows: Rows, by: str, p: Settings) -> tuple[Mask, Mask]:
     return train, held_out
 
 
-def split_or_all(rows: Rows, p: Settings) -> tuple[Mask, Mask]:
+def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
     """`split` by `p.split`; where the film is too short for that, all rows and none held out.
 
     FinloopError if the film has no rows, or if it is `p` that leaves too few: whole tracks, or

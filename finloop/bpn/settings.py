@@ -9,7 +9,7 @@ from finloop.base.settings import Count, Positive, Seed, Share
 
 
 @dataclass(frozen=True)
-class Settings:
+class BpnSettings:
     """The network 4-hidden-2, how it learns, and what it never learns from."""
 
     hidden: Count  # units between the 4 inputs and the 2 outputs

@@ -25,7 +25,7 @@ import scipy
 
 from finloop.base.arrays import Complex, Floats, Ints, Mask, Reals
 from finloop.calibrate.film import FilmShoal
-from finloop.calibrate.settings import Settings
+from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.neighbours import Neighbours
 from finloop.social.zones import COUZIN, Zones, weighted_sum, zone_means
 
@@ -48,7 +48,7 @@ class Fitted:
     explained_held_out: float
 
 
-def fit_zones(film: FilmShoal, p: Settings) -> Fitted:
+def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
     """Fit the zones that predict best the directions of the first half of a film."""
     rows, others = (film.lessons(first, p.rows) for first in (True, False))
     seen, wall, after = film.visible_neighbours(rows), wall_pull(film, rows), film.directions(rows)
@@ -217,7 +217,7 @@ def share_explained(
     return 1 - left[0] / left[1]
 
 
-def _radii(p: Settings) -> Iterator[tuple[float, float, float]]:
+def _radii(p: CalibrateSettings) -> Iterator[tuple[float, float, float]]:
     """Radii of three zones, the smallest first; numbers of the parameters are as they are.
 
     Where such a number leaves no radius of the list for another zone, that has the same number.
@@ -246,7 +246,7 @@ def _zones(
     return Zones(inner, middle, outer, blind, *own)
 
 
-def without_company(p: Settings) -> Zones:
+def without_company(p: CalibrateSettings) -> Zones:
     """The zones where a film has no company to learn from: of the parameters, else the paper's."""
     names = [one.name for one in fields(Zones)]
     numbers = {name: float(value) for name in names if (value := getattr(p, name)) != "auto"}

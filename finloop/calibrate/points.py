@@ -9,17 +9,17 @@ import pandas as pd
 
 from finloop.base.arrays import Complex, Ints
 from finloop.calibrate.film import FilmShoal
-from finloop.calibrate.settings import Settings
+from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.measures import shoal_table
 from finloop.social.neighbours import neighbours
-from finloop.social.steps import Steps, add_pull_to_moves, add_pull_to_turns, last_rows
+from finloop.social.steps import SocialSteps, add_pull_to_moves, add_pull_to_turns, last_rows
 from finloop.social.walls import Walls
 from finloop.social.zones import Zones, pull
 
 _BURN_IN = 0.1  # of the steps: where the fish begin is forgotten
 
 
-def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> Steps:
+def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
     """The own steps from some rows that have one before and a later one.
 
     A pull of 1 changes displacement and direction by as much as the fish's own direction has.
@@ -28,7 +28,7 @@ def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> Steps:
     move, turn = film.moves(rows), film.directions(rows)
     before = (film.place[rows] - film.place[last_rows(film.later)[rows]]) * own.conj()
     forward, onward = (_own_part(vector, pulls) for vector in (move, turn))
-    return Steps(
+    return SocialSteps(
         film.walls.near(film.place[rows], own), before, move - forward * pulls,
         turn - onward * pulls, forward, onward,
     )  # fmt: skip
@@ -42,7 +42,11 @@ def _own_part(vectors: Complex, pulls: Complex) -> float:
 
 
 def swum_points(
-    film: FilmShoal, steps: Steps, zones: Zones, p: Settings, rng: np.random.Generator
+    film: FilmShoal,
+    steps: SocialSteps,
+    zones: Zones,
+    p: CalibrateSettings,
+    rng: np.random.Generator,
 ) -> pd.DataFrame:
     """The measures (`SHOAL`) of as many fish as a film shows, that swim `p.steps` steps."""
     fish, count = film.fish, p.steps

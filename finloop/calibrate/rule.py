@@ -3,11 +3,11 @@
 from finloop.calibrate.film import LEAST, FilmShoal
 from finloop.calibrate.fit import Fitted, fit_zones, without_company
 from finloop.calibrate.points import own_steps
-from finloop.calibrate.settings import Settings
+from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.rule import Shoaling
 
 
-def film_rule(film: FilmShoal, p: Settings) -> tuple[Shoaling, Fitted | None]:
+def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted | None]:
     """The rule, and the fit of its zones; None where the film shows too little company for one."""
     fit = fit_zones(film, p) if film.teaches else None
     zones = fit.zones if fit else without_company(p)

@@ -12,7 +12,7 @@ Angle = Annotated[float, Field(ge=0, le=360)]
 
 
 @dataclass(frozen=True)
-class Settings:
+class CalibrateSettings:
     """The zones (`finloop.social.zones`); auto: as the film's fish have it."""
 
     repulsion: Fitted  # body lengths; whoever is nearer is swum away from

@@ -67,7 +67,7 @@ class Quality:
         )
 
 
-class Reader(Protocol):
+class GreyReader(Protocol):
     """Streams the frames start … stop − 1 of a clip, grey."""
 
     def __call__(self, *, start: int, stop: int) -> Iterator[Picture]: ...
@@ -76,7 +76,7 @@ class Reader(Protocol):
 class Clip(NamedTuple):
     """A clip to check: samples, some frames spread over it; lights and changes as in `Tally`."""
 
-    read: Reader
+    read: GreyReader
     rate_hz: float
     samples: Sequence[Picture]
     lights: Sequence[float]

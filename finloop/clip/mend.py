@@ -15,7 +15,7 @@ from finloop.clip.check import Quality, grey
 from finloop.clip.doubled import Doubled
 from finloop.clip.light import gain, in_light
 from finloop.clip.settings import File
-from finloop.clip.shake import STILL, UNKNOWN, Marks, Shift, marks, shift, undo_shift
+from finloop.clip.shake import STILL, UNKNOWN, Landmarks, Shift, marks, shift, undo_shift
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
 
 # Of the picture's smaller side: a camera that moves farther takes a strip of that width from both
@@ -75,7 +75,7 @@ class Calm:
     left_px: float = 0.0
     down_px: float = 0.0
     up_px: float = 0.0
-    _marks: Marks | None = None
+    _marks: Landmarks | None = None
     _last: Shift = field(default=STILL)
 
     def __call__(self, take: Frames) -> Frames:

@@ -119,4 +119,4 @@ _ARENA_NUMBERS = {
     "mask": ("arena_mask",),
 }
 
-Settings = Zebrafish | Carp | File
+ClipSettings = Zebrafish | Carp | File

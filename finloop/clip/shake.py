@@ -25,7 +25,7 @@ _SURE = 0.1  # px; where a shift cannot be known that well, it is not given
 _BEST = 0.33  # share of the tiles, those with most edges, that alone may not make it sure
 
 
-class Marks(NamedTuple):
+class Landmarks(NamedTuple):
     """Places of the still tank that show a shift: all are arrays of one length.
 
     x, y: px. level: grey. right, down: its slope, grey levels a px. tile: number of the tile.
@@ -71,7 +71,7 @@ def _small(soft: Picture) -> np.ndarray:
     return cv2.resize(soft, size, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
-def marks(tank: Picture) -> Marks:
+def marks(tank: Picture) -> Landmarks:
     """The steepest places of each tile of the still tank."""
     soft = _soft(tank)
     level = soft.astype(np.float64)
@@ -95,10 +95,10 @@ def marks(tank: Picture) -> Marks:
     share = np.bincount(tiles, steep[ys, xs] ** 2, _TILES**2)
     usual = float(np.median(share[share > 0])) if len(tiles) else 1.0
     trust = np.minimum(1.0, usual / share[tiles])
-    return Marks(xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _small(soft))
+    return Landmarks(xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _small(soft))
 
 
-def shift(frame: Picture, of: Marks, last: Shift = STILL) -> Shift:
+def shift(frame: Picture, of: Landmarks, last: Shift = STILL) -> Shift:
     """The shift of a frame; `last` is that of the frame before. UNKNOWN without enough marks."""
     if len(of.x) < 12:
         return UNKNOWN
@@ -121,7 +121,7 @@ def shift(frame: Picture, of: Marks, last: Shift = STILL) -> Shift:
     return _judge_shift(place, off, weight, sigma, of)
 
 
-def _start(soft: Picture, of: Marks, last: Shift) -> Floats:
+def _start(soft: Picture, of: Landmarks, last: Shift) -> Floats:
     """Where the search begins: no shift, that of the frame before, or the phase correlation's."""
     starts = [np.zeros(2)]
     if np.isfinite(last.x):
@@ -135,7 +135,7 @@ def _start(soft: Picture, of: Marks, last: Shift) -> Floats:
     return starts[int(np.argmin(misfits))]
 
 
-def _sample_marks(soft: Picture, of: Marks, place: Floats) -> Floats:
+def _sample_marks(soft: Picture, of: Landmarks, place: Floats) -> Floats:
     """Return grey levels where the marks lie after a shift, between pixels bilinearly."""
     height, width = soft.shape
     x = np.clip(of.x + place[0], 0, width - 1.001)
@@ -147,14 +147,14 @@ def _sample_marks(soft: Picture, of: Marks, place: Floats) -> Floats:
     return np.asarray(above * (1 - v) + below * v)
 
 
-def _misfit(soft: Picture, of: Marks, place: Floats) -> float:
+def _misfit(soft: Picture, of: Landmarks, place: Floats) -> float:
     """Median difference at the marks, in the light of the frame."""
     value = _sample_marks(soft, of, place)
     light = float(np.median(value)) / max(1.0, float(np.median(of.level)))
     return float(np.median(np.abs(value - light * of.level)))
 
 
-def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: Marks) -> Shift:
+def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: Landmarks) -> Shift:
     """Return the shift, if enough of the picture says so, and how far apart its tiles lie."""
     apart = []
     for slope in (of.right, of.down):

@@ -24,4 +24,4 @@ class Local:
     source: Literal["local"]  # this variant
 
 
-Settings = Default | Local
+ClusterSettings = Default | Local

@@ -20,7 +20,7 @@ from uuid import uuid4
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import TRIES, worker_loss_error
 from finloop.cluster.piece import Call, Home, piece, ready
-from finloop.cluster.settings import Local, Settings
+from finloop.cluster.settings import ClusterSettings, Local
 from finloop.io.atomic import passing_file
 
 A = TypeVar("A")
@@ -38,7 +38,7 @@ _FOLDER = "data"  # below the stage's folder: where the work lies for the worker
 
 @contextmanager
 def dask_workers(
-    p: Settings, home: Home, processes: int, need: Sequence[str] = ()
+    p: ClusterSettings, home: Home, processes: int, need: Sequence[str] = ()
 ) -> Iterator["DaskWorkers"]:
     """The workers of the cluster that the parameters name; of a local one `processes`.
 
@@ -119,14 +119,14 @@ class DaskWorkers:
             def hand(item: A) -> _Task:
                 call = pickle.dumps(Call(piece, self.home, path, _pickle_bytes(item)))
 
-                def submitted() -> Any:
+                def fetch_result() -> Any:
                     key = f"piece-{name}-{next(number)}"
                     try:
                         return self.client.submit(pickle.loads, call, key=key, pure=False)
                     except (OSError, RuntimeError) as error:
                         raise self.gone() from error
 
-                return _Task(self, submitted)
+                return _Task(self, fetch_result)
 
             yield hand
 
@@ -188,7 +188,7 @@ class _Task:
         self._workers, self._submit, self._future = workers, submit, submit()
 
     def result(self) -> Any:
-        """As in `base.parallel.Task`; FinloopError where nobody is left to work."""
+        """As in `base.parallel.PendingResult`; FinloopError where nobody is left to work."""
         killed = _import_distributed().KilledWorker
         for _ in range(TRIES - 1):
             try:

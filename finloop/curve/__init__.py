@@ -9,6 +9,6 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "dynamics": ["energy", "solve"], "filters": ["filter_bank"],
-    "problem": ["Material", "Motion", "Problem"], "stiffness": ["connection"],
+    "problem": ["Material", "Trajectory", "Problem"], "stiffness": ["connection"],
     "wavelet": ["back", "forward", "drop_details"],
 })  # fmt: skip

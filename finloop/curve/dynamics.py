@@ -17,10 +17,10 @@ from finloop.base.arrays import Floats
 from finloop.curve.integrate import METHOD
 from finloop.curve.oscillator import Numbers, Oscillators, forced_motion, motion
 from finloop.curve.problem import (
-    Motion,
-    Options,
     Problem,
     Solution,
+    SolverOptions,
+    Trajectory,
     check_problem,
     force_at,
     velocity_at_start,
@@ -29,23 +29,27 @@ from finloop.curve.stiffness import eigenvalues, stiffness
 from finloop.curve.wavelet import back, forward
 
 
-def solve(problem: Problem, method: str = "modal", options: Options | None = None) -> Motion:
+def solve(
+    problem: Problem, method: str = "modal", options: SolverOptions | None = None
+) -> Trajectory:
     """The motion of `problem`.
 
     "modal": exact. "runge-kutta": adaptive, Eq. 3.15. "explicit-euler", "implicit-euler": ρ = 0.
     "decoupled": Eq. 3.16 with the diagonal of K alone, in the wavelet basis. FinloopError if the
     problem or the method's settings make no sense; the message says which and why.
     """
-    options = options or Options()
+    options = options or SolverOptions()
     problem = check_problem(problem, method)
     exact = modal(problem, options)
     if method == "modal":
-        return Motion(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
+        return Trajectory(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
     solution = {"decoupled": solve_decoupled, **METHOD}[method](problem, options)
     off = np.abs(solution.displacement - exact.displacement).max()
     size = np.abs(exact.displacement).max()
     error = float(off / size) if size else float(off)
-    return Motion(problem.times, solution.displacement, solution.velocity, error, solution.facts)
+    return Trajectory(
+        problem.times, solution.displacement, solution.velocity, error, solution.facts
+    )
 
 
 # --- in a basis in which K is, or is taken to be, diagonal
@@ -59,7 +63,7 @@ class Basis(NamedTuple):
     k: Floats
 
 
-def modal(problem: Problem, options: Options) -> Solution:
+def modal(problem: Problem, options: SolverOptions) -> Solution:
     """Exact: K of the φ basis is circulant, so the Fourier modes are independent.
 
     A force that depends on place and time couples them; then `forced_motion` refines its steps
@@ -74,7 +78,7 @@ def modal(problem: Problem, options: Options) -> Solution:
     return _solve_in_basis(basis, problem, options)
 
 
-def solve_decoupled(problem: Problem, options: Options) -> Solution:
+def solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
     """Solve Eq. 3.16 in the wavelet basis without K's off-diagonals; the error is not small."""
     n, levels = len(problem.rest), options.levels
     basis = Basis(
@@ -85,7 +89,7 @@ def solve_decoupled(problem: Problem, options: Options) -> Solution:
     return _solve_in_basis(basis, problem, options)
 
 
-def _solve_in_basis(basis: Basis, problem: Problem, options: Options) -> Solution:
+def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> Solution:
     material = problem.material
     mass = material.density or 1.0  # of C, see Material
     damping = material.mass_damping * mass + material.stiffness_damping * basis.k
@@ -111,7 +115,7 @@ def _solve_in_basis(basis: Basis, problem: Problem, options: Options) -> Solutio
 # --- energy and momentum
 
 
-def energy(problem: Problem, motion: Motion) -> Floats:
+def energy(problem: Problem, motion: Trajectory) -> Floats:
     """Kinetic and elastic energy (t,): ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|²."""
     n = len(problem.rest)
     k = eigenvalues(problem.wavelet, n, problem.material.elastic)
@@ -123,6 +127,6 @@ def energy(problem: Problem, motion: Motion) -> Floats:
     return (elastic + kinetic) / 2
 
 
-def momentum(problem: Problem, motion: Motion) -> Floats:
+def momentum(problem: Problem, motion: Trajectory) -> Floats:
     """ρ ∫ u̇, (t, d); without force it fades by e^(−s₁ t)."""
     return problem.material.density * motion.velocity.mean(axis=1)

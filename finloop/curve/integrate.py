@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.curve.problem import Options, Problem, Solution, force_at, velocity_at_start
+from finloop.curve.problem import Problem, Solution, SolverOptions, force_at, velocity_at_start
 from finloop.curve.stiffness import damping, mass, stiffness
 from finloop.curve.wavelet import back, forward
 
@@ -23,7 +23,7 @@ ITERATIONS = 100
 """Largest number of Schulz iterations; any matrix that float64 can invert needs fewer."""
 
 
-def matrices(problem: Problem, options: Options) -> tuple[csr_array, csr_array]:
+def matrices(problem: Problem, options: SolverOptions) -> tuple[csr_array, csr_array]:
     """C and K (n, n) in the wavelet basis."""
     n, material = len(problem.rest), problem.material
     k = stiffness(problem.wavelet, n, options.levels, material.elastic)
@@ -31,7 +31,7 @@ def matrices(problem: Problem, options: Options) -> tuple[csr_array, csr_array]:
     return damping(m, k, material.mass_damping, material.stiffness_damping), k
 
 
-def _push(problem: Problem, options: Options) -> Callable[[float, Floats], Floats]:
+def _push(problem: Problem, options: SolverOptions) -> Callable[[float, Floats], Floats]:
     """Q in the wavelet basis, from time and coefficients (n, d)."""
     if not callable(problem.force):
         constant = forward(
@@ -46,7 +46,7 @@ def _push(problem: Problem, options: Options) -> Callable[[float, Floats], Float
     return push
 
 
-def runge_kutta(problem: Problem, options: Options) -> Solution:
+def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
     """Eq. 3.15 by an adaptive Runge–Kutta formula of scipy.
 
     FinloopError if the formula gives up.
@@ -112,7 +112,7 @@ def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float
 
 
 def _inverse(
-    matrix: csr_array, options: Options
+    matrix: csr_array, options: SolverOptions
 ) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
     """A function that solves with the matrix, and facts about the factors or iterations."""
     if options.inverse == "schulz":
@@ -129,7 +129,7 @@ def _inverse(
     )
 
 
-def _even_step(problem: Problem, options: Options) -> float:
+def _even_step(problem: Problem, options: SolverOptions) -> float:
     """Δt of Euler's steps."""
     gaps = np.diff(problem.times)
     if options.substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
@@ -143,7 +143,7 @@ def _even_step(problem: Problem, options: Options) -> float:
 
 def _integrate_steps(
     problem: Problem,
-    options: Options,
+    options: SolverOptions,
     step: float,
     advance: Callable[[float, Floats, Floats], Floats],
 ) -> Floats:
@@ -159,7 +159,7 @@ def _integrate_steps(
     return np.stack(course)
 
 
-def euler(problem: Problem, options: Options, implicit: bool) -> Solution:
+def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
     """Euler's steps on C q̇ + K q = Q (§3.3).
 
     Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for it to stay finite.
@@ -180,7 +180,7 @@ def euler(problem: Problem, options: Options, implicit: bool) -> Solution:
                 "more, or take implicit-euler",
             )
     solve, facts = _inverse(csr_array(c + step * k) if implicit else c, options)
-    exact_solve = solve if not implicit else _inverse(c, Options(inverse="sparse"))[0]
+    exact_solve = solve if not implicit else _inverse(c, SolverOptions(inverse="sparse"))[0]
 
     def advance(time: float, q: Floats, force: Floats) -> Floats:
         if implicit:
@@ -200,7 +200,7 @@ def euler(problem: Problem, options: Options, implicit: bool) -> Solution:
     return Solution(u, v, {"steps": float(steps), **facts})
 
 
-METHOD: dict[str, Callable[[Problem, Options], Solution]] = {
+METHOD: dict[str, Callable[[Problem, SolverOptions], Solution]] = {
     "runge-kutta": runge_kutta,
     "explicit-euler": partial(euler, implicit=False),
     "implicit-euler": partial(euler, implicit=True),

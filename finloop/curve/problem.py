@@ -48,7 +48,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Options:
+class SolverOptions:
     """Settings of the methods.
 
     `levels`: of the wavelet basis (all methods but modal). `rtol`, `integrator` (scipy's):
@@ -65,7 +65,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Motion:
+class Trajectory:
     """Displacements and velocities (t, n, d), and how far they are from the exact ones.
 
     `error`: largest deviation from the exact displacement, as a share of the largest exact

@@ -11,8 +11,8 @@ from finloop.distance.map import (
     Block,
     Ints,
     MapFacts,
-    Pairs,
     Picture,
+    PicturePairs,
     about_mean,
     bands,
     kinds,
@@ -23,13 +23,13 @@ from finloop.distance.map import (
     usual_steps,
 )
 from finloop.distance.picture import BODY, FILM
-from finloop.distance.settings import Settings
+from finloop.distance.settings import DistanceSettings
 from finloop.features.table import step_of
 
 _STRETCHES = 20  # at least, of a film that is too long to be mapped as a whole
 
 
-class Film(Protocol):
+class PictureSource(Protocol):
     """Pictures by row of the feature table, see `finloop.reel.Reel`."""
 
     @property
@@ -53,7 +53,7 @@ def part(features: pd.DataFrame, most: int) -> Ints:
     return np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in every])
 
 
-def blocks(features: pd.DataFrame, p: Settings) -> list[Block]:
+def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
     """The blocks of the map that `compare` computes, rows in `order`."""
     features = features.iloc[part(features, p.most_pictures)]
     kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
@@ -61,7 +61,7 @@ def blocks(features: pd.DataFrame, p: Settings) -> list[Block]:
     return list(bands(kind[rows], area[rows], p.area_threshold))
 
 
-def headed_steps(film: Film, rows: Ints, size: int) -> Picture:
+def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
     """Return Eq. 5 from some rows (k,) to those a natural step later, both headed to the right."""
     features = film.features.iloc[rows]
     x = about_mean(film.frames(rows, size, BODY))
@@ -69,7 +69,9 @@ def headed_steps(film: Film, rows: Ints, size: int) -> Picture:
     return np.asarray(table["step"], np.float32)
 
 
-def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: None) -> Similar:
+def compare(
+    film: PictureSource, p: DistanceSettings, advance: Callable[[], object] = lambda: None
+) -> Similar:
     """Compare frames with those like them (Eqs. 5-8); `advance()` after each block.
 
     Of a film of more than `p.most_pictures` frames only stretches, see `part`.
@@ -89,7 +91,7 @@ def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: Non
     median, p95 = usual_steps(steps)
     most = np.inf if p.keep is None else p.keep * median
 
-    def with_progress() -> Iterator[Pairs]:
+    def with_progress() -> Iterator[PicturePairs]:
         for pairs in similar(x, kind[places], area[places], p.area_threshold, most):
             yield pairs
             advance()

@@ -74,7 +74,7 @@ class Block(NamedTuple):
     columns: slice
 
 
-class Pairs(NamedTuple):
+class PicturePairs(NamedTuple):
     """Pairs of pictures by their numbers in x, and their distances (Eq. 5)."""
 
     a: Ints
@@ -216,7 +216,7 @@ def count_pairs(blocks: Iterable[Block]) -> int:
 
 def similar(
     x: Picture, kind: Ints, area: Reals, threshold: float, most: float = np.inf
-) -> Iterator[Pairs]:
+) -> Iterator[PicturePairs]:
     """Eq. 6: the pairs a < b that Eqs. 7 and 8 let through and that are at most `most` apart.
 
     `x` is of `about_mean`, its frames in `order`. Other pairs are not computed, but for a few at
@@ -230,10 +230,10 @@ def similar(
         block[~compared] = np.inf
         _sharpen(x, norms, at, block)
         a, b = np.nonzero(compared & (block <= most**2))
-        yield Pairs(rows[a], columns[b], np.sqrt(block[a, b]))
+        yield PicturePairs(rows[a], columns[b], np.sqrt(block[a, b]))
 
 
-def pair_table(pairs: Iterable[Pairs], rows: Ints) -> pd.DataFrame:
+def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
     """PAIRS of pairs of frames that are `rows` of the feature table: i < j, sorted by i, then j."""
     row = rows.astype(np.int32)  # at once: of a long film there are tens of millions
     parts = [(row[a], row[b], distance) for a, b, distance in pairs]

@@ -9,7 +9,7 @@ from finloop.base.settings import Positive
 
 
 @dataclass(frozen=True)
-class Settings:
+class DistanceSettings:
     """How pictures of two frames are compared."""
 
     # film: as filmed, within one orientation, the paper's way; body: every fish turned to 0°

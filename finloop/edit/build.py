@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
-from finloop.edit.joins import INERTIAL, Joins, Shown, cross_fades, inertialize
+from finloop.edit.joins import INERTIAL, Joins, PictureSequence, cross_fades, inertialize
 from finloop.edit.schema import EDIT, FRAME, SPRITE, STATES, TERMS
 from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import direction_deg, orientation, wrap_deg
@@ -18,7 +18,7 @@ NO_COSTS = (np.nan,) * len(TERMS)
 
 
 @dataclass(frozen=True)
-class Sources:
+class EditInputs:
     """What an edit list can show: n rows of the film, s sprites; and how pictures are joined.
 
     rate_hz: ticks a second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,):
@@ -45,7 +45,7 @@ class Sources:
         return number + int(self.goes_on[number])
 
 
-def edit_list(swum: Swim, ticks: int, sources: Sources, fish: int = 0) -> pd.DataFrame:
+def edit_list(swum: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
     """The first `ticks` ticks as an edit list with the columns of `EDIT`; fish: its number."""
     table = pd.DataFrame(edit_columns(swum.stretches, swum.names, ticks, sources))
     faded = table["weight"] > 0
@@ -58,7 +58,7 @@ def edit_list(swum: Swim, ticks: int, sources: Sources, fish: int = 0) -> pd.Dat
     return table[EDIT.names]
 
 
-def edit_lists(swum: Sequence[Swim], ticks: int, sources: Sources) -> pd.DataFrame:
+def edit_lists(swum: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
     """The same of several fish, one after the other, in one table."""
     each = [edit_list(one, ticks, sources, fish) for fish, one in enumerate(swum)]
     return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
@@ -91,7 +91,7 @@ def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]
 
 
 def edit_columns(
-    stretches: Sequence[Stretch], names: Sequence[str], ticks: int, sources: Sources
+    stretches: Sequence[Stretch], names: Sequence[str], ticks: int, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
     """What is drawn, (ticks,) each; of the partner only where `weight` > 0."""
     lengths = np.array([len(s.way) for s in stretches])
@@ -131,7 +131,9 @@ def edit_columns(
     }
 
 
-def resolve_mirror_images(frame: Mask, number: Ints, rot: Floats, heading_deg: Reals) -> Shown:
+def resolve_mirror_images(
+    frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
+) -> PictureSequence:
     """Return pictures (ticks,) whose frame numbers from n on become mirrored frames.
 
     There a mirror image is the frame upside down; drawn, it is mirrored about its own heading.
@@ -141,11 +143,13 @@ def resolve_mirror_images(frame: Mask, number: Ints, rot: Floats, heading_deg: R
     mirrored = frame & (number >= rows)
     row = np.where(mirrored, number - rows, number)
     heading = heading_deg[np.where(frame, row, 0)]
-    return Shown(frame, row, np.where(mirrored, wrap_deg(rot - 2 * heading), rot), mirrored)
+    return PictureSequence(
+        frame, row, np.where(mirrored, wrap_deg(rot - 2 * heading), rot), mirrored
+    )
 
 
 def join_columns(
-    pictures: Shown, heading: Floats, new: Ints, sources: Sources
+    pictures: PictureSequence, heading: Floats, new: Ints, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of pictures, partners and poses.
 
@@ -168,7 +172,9 @@ def join_columns(
     return own | {"partner": other.pop("partner_source")} | other | {"weight": weight, "pose": pose}
 
 
-def picture_columns(pictures: Shown, heading: Floats, sources: Sources) -> dict[str, NDArray[Any]]:
+def picture_columns(
+    pictures: PictureSequence, heading: Floats, sources: EditInputs
+) -> dict[str, NDArray[Any]]:
     """Return the columns kind, source, orientation (0: frame), rotation_deg, scale, mirrored."""
     count = sources.orientations
     sector = orientation(heading, count)

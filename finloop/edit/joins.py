@@ -104,7 +104,7 @@ def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> 
 
 
 @dataclass(frozen=True)
-class Shown:
+class PictureSequence:
     """Pictures (ticks,): whether it is a frame, its number, by how much a frame is turned.
 
     mirrored: whether a frame is.
@@ -138,7 +138,7 @@ class Inertial(NamedTuple):
     turn_deg: Floats
 
 
-def inertialize(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
+def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertial:
     """Inertialize pictures; line_deg (ticks,) is the direction that a sprite is drawn for."""
     bodies, frame, number = how.bodies, shown.frame, shown.number
     own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
@@ -211,15 +211,15 @@ def _last(at: Ints, ticks: int) -> Ints:
 
 
 def cross_fades(
-    shown: Shown, begins: Ints, fade: int, following: Callable[[str, int], int]
-) -> tuple[Shown, Floats]:
+    shown: PictureSequence, begins: Ints, fade: int, following: Callable[[str, int], int]
+) -> tuple[PictureSequence, Floats]:
     """The pictures (ticks,) that fade out, and their shares, 0 where none does.
 
     Where something else begins, the old plays on for `fade` ticks and loses its share. following:
     the picture after one of a kind.
     """
     ticks = len(shown.number)
-    partner = Shown(
+    partner = PictureSequence(
         np.zeros(ticks, bool), np.zeros(ticks, np.int64), np.zeros(ticks), np.zeros(ticks, bool)
     )
     weight = np.zeros(ticks)

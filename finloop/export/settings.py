@@ -10,7 +10,7 @@ from finloop.edit.modes import Shown
 
 
 @dataclass(frozen=True)
-class Settings:
+class ExportSettings:
     """Which edit list and which tracks are handed on, and how fine."""
 
     mode: Shown  # the edit list that is exported and filmed

@@ -51,12 +51,12 @@ class Scene:
     threshold: float
 
     @cached_property
-    def tank(self) -> "Tank":
+    def tank(self) -> "LitPixels":
         """Pixels of the background by which the light of a frame is measured."""
         return tank_of(self.background)
 
 
-class Tank(NamedTuple):
+class LitPixels(NamedTuple):
     """Pixels of a background that are bright enough to measure the light by.
 
     lit: (rows, columns[, 3]) bool of every `_GRID`th pixel; levels: of those that are lit, and
@@ -176,14 +176,14 @@ def light(frame: Picture, background: Picture) -> float:
     return _light(frame, tank_of(background))
 
 
-def tank_of(background: Picture) -> Tank:
+def tank_of(background: Picture) -> LitPixels:
     """The pixels of a background by which the light is measured."""
     grid = background[::_GRID, ::_GRID].astype(np.float32)
     lit = grid > 16
-    return Tank(lit, grid[lit], float(np.median(grid[lit])) if lit.any() else 0.0)
+    return LitPixels(lit, grid[lit], float(np.median(grid[lit])) if lit.any() else 0.0)
 
 
-def _light(frame: Picture, tank: Tank) -> float:
+def _light(frame: Picture, tank: LitPixels) -> float:
     if not len(tank.levels):
         return 1.0
     # the median; np.median takes twice as long

@@ -26,9 +26,16 @@ from finloop.extract.background import (
     sample_size,
 )
 from finloop.extract.samples import Typical, Verdict, judge
-from finloop.extract.segment import Ends, Fish, Silhouette, contour, measure, silhouettes
-from finloop.extract.settings import Settings
-from finloop.extract.tracks import Linker, Spot
+from finloop.extract.segment import (
+    SegmentedFish,
+    Silhouette,
+    SilhouetteEdge,
+    contour,
+    measure,
+    silhouettes,
+)
+from finloop.extract.settings import ExtractSettings
+from finloop.extract.tracks import Linker, SilhouettePlace
 
 T = TypeVar("T")
 
@@ -38,7 +45,7 @@ class TrackedFish(NamedTuple):
 
     track_id: int
     frame: int
-    fish: Fish
+    fish: SegmentedFish
 
 
 _STRETCH = 240  # frames that a worker works on at a time, at most
@@ -73,11 +80,11 @@ def follow(
 
 
 class Detections(NamedTuple):
-    """The silhouettes of one frame: verdict, spot and, if it is an isolated fish, its `Fish`."""
+    """The silhouettes of one frame: verdict, spot and, of an isolated fish, its `SegmentedFish`."""
 
     verdicts: list[Verdict]
-    spots: list[Spot]
-    fish: list[Fish | None]
+    spots: list[SilhouettePlace]
+    fish: list[SegmentedFish | None]
 
 
 @dataclass(frozen=True)
@@ -86,7 +93,7 @@ class Detector:
 
     arena: Picture
     typical: Typical
-    settings: Settings
+    settings: ExtractSettings
 
     def __call__(self, frame: Picture, scene: Scene) -> Detections:
         """Return all silhouettes of `frame`; those that are isolated fish are measured."""
@@ -96,7 +103,9 @@ class Detector:
         """Return the same of a frame that is in the light of `scene`."""
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
-        ends = Ends(settings.outline_share, settings.shadow, self.typical.fins, self.typical.thin)
+        ends = SilhouetteEdge(
+            settings.outline_share, settings.shadow, self.typical.fins, self.typical.thin
+        )
         patches = list(silhouettes(frame, scene, self.arena, least, ends))
         verdicts = [judge(s, self.typical, settings) for s in patches]
         fish = [
@@ -122,7 +131,7 @@ class Keeper(Protocol):
         ...
 
 
-class Film(NamedTuple):
+class ClipStream(NamedTuple):
     """A clip to read: its length, its frames per second, and the distance of its key frames.
 
     keeper: of what is detected in its stretches; None: nothing is kept.
@@ -136,7 +145,7 @@ class Film(NamedTuple):
 
 
 def detections(
-    film: Film, scene: Scene, detector: Detector, workers: Workers
+    film: ClipStream, scene: Scene, detector: Detector, workers: Workers
 ) -> Iterator[Detections | None]:
     """Detections of every frame in order, computed by `workers`; None where it cannot be decoded.
 
@@ -156,7 +165,7 @@ def detections(
 
 
 def _stretch(
-    film: Film, scene: Scene, detector: Detector, span: tuple[int, int]
+    film: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> list[Detections | None]:
     """What is detected in the frames of a span, kept or computed."""
     compute = partial(_detect_span, film, scene, detector, span)
@@ -166,7 +175,7 @@ def _stretch(
 
 
 def _detect_span(
-    film: Film, scene: Scene, detector: Detector, span: tuple[int, int]
+    film: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> list[Detections | None]:
     """Detect animals in the frames of a span; after a damaged one resume at the next key frame."""
     start, stop = span
@@ -191,7 +200,10 @@ def fill_lost_frames(seen: Iterable[Detections | None], lost: list[int]) -> Iter
 
 
 def tracks(
-    detections: Iterable[Detections], typical: Typical, settings: Settings, cuts: Sequence[int] = ()
+    detections: Iterable[Detections],
+    typical: Typical,
+    settings: ExtractSettings,
+    cuts: Sequence[int] = (),
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
     """For each frame the counts of its verdicts, and the fish of tracks that are long enough.
 
@@ -219,14 +231,14 @@ def tracks(
         yield Counter(verdicts), ready
 
 
-def _spot(silhouette: Silhouette, fish: Fish | None, outlined: bool) -> Spot:
+def _spot(silhouette: Silhouette, fish: SegmentedFish | None, outlined: bool) -> SilhouettePlace:
     h, w = silhouette.mask.shape
     x0, y0 = silhouette.x0, silhouette.y0
     box = (x0, y0, x0 + w, y0 + h)
     outline = contour(silhouette) if outlined else None
     if fish is None:
-        return Spot(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False, outline)
-    return Spot(fish.x_px, fish.y_px, silhouette.area_px, box, True, outline)
+        return SilhouettePlace(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False, outline)
+    return SilhouettePlace(fish.x_px, fish.y_px, silhouette.area_px, box, True, outline)
 
 
 def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
@@ -244,7 +256,7 @@ class FollowedNoneError(FinloopError):
     """No track of a film is long enough."""
 
 
-def no_track_error(settings: Settings, verdicts: Counter[Verdict]) -> FollowedNoneError:
+def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> FollowedNoneError:
     """Return the error to raise where no track is long enough."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
     return FollowedNoneError(

@@ -11,8 +11,8 @@ from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.extract.given import SHOWN_ALONE, Given, distances
-from finloop.extract.settings import Settings
-from finloop.extract.tracks import Spot
+from finloop.extract.settings import ExtractSettings
+from finloop.extract.tracks import SilhouettePlace
 
 HEADS = ("nosetip", "nose", "snout", "rostrum", "mouth", "headtip", "head")
 TAILS = ("tailtip", "tailend", "tailfin", "caudalfin", "caudal", "tail", "tailbase", "peduncle")
@@ -31,7 +31,7 @@ class FilmSize(NamedTuple):
 
 
 def map_poses_to_clip(
-    poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: Settings
+    poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
 ) -> tuple[Given, str | None, str | None]:
     """Return the poses by frames of the clip, and the names of head and tail keypoints, if any.
 
@@ -128,7 +128,7 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
         )
 
 
-class Fit(NamedTuple):
+class SilhouetteFit(NamedTuple):
     """How well places agree with silhouettes in sample frames.
 
     share: of the places that have a silhouette of any kind within a body length; chance: the same
@@ -153,8 +153,11 @@ class Fit(NamedTuple):
 
 
 def fit(
-    tracks: Given, frames: Sequence[int], spots: Sequence[Sequence[Spot]], length_px: float
-) -> Fit:
+    tracks: Given,
+    frames: Sequence[int],
+    spots: Sequence[Sequence[SilhouettePlace]],
+    length_px: float,
+) -> SilhouetteFit:
     """How well the places of sample frames agree with the silhouettes (`spots`) of these frames."""
     shift = len(frames) // 2
     own, other = [], []
@@ -171,16 +174,16 @@ def fit(
         if (animals == animal).sum() > 2 and not near[animals == animal].any()
     )
     chance = float(np.concatenate(other).mean()) if other else 0.0
-    return Fit(float(near.mean()), chance, len(near), lost, max(map(len, spots)))
+    return SilhouetteFit(float(near.mean()), chance, len(near), lost, max(map(len, spots)))
 
 
-def _near(points: Floats, spots: Sequence[Spot], length_px: float) -> NDArray[np.bool_]:
+def _near(points: Floats, spots: Sequence[SilhouettePlace], length_px: float) -> NDArray[np.bool_]:
     if not spots or not len(points):
         return np.zeros(len(points), bool)
     return distances(points, spots, length_px).min(axis=1) <= length_px
 
 
-def refuse_other_film(tracks: Given, agreement: Fit, film: FilmSize) -> None:
+def refuse_other_film(tracks: Given, agreement: SilhouetteFit, film: FilmSize) -> None:
     """FinloopError if too few places show an animal."""
     if agreement.share >= agreement.least_share:
         return

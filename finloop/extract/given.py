@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats
 from finloop.extract.film import Detections, FollowedNoneError, TrackedFish
 from finloop.extract.samples import Verdict
-from finloop.extract.tracks import Spot
+from finloop.extract.tracks import SilhouettePlace
 
 _WITHIN = 0.1  # body lengths; a place farther from a silhouette is not within it
 
@@ -67,7 +67,7 @@ class Given:
         return row
 
 
-def distances(points: Floats, spots: Sequence[Spot], most_px: float) -> Floats:
+def distances(points: Floats, spots: Sequence[SilhouettePlace], most_px: float) -> Floats:
     """Distances (animals, silhouettes) px of places (animals, k, 2) px from silhouettes.
 
     Infinite where the box of a silhouette is farther than `most_px`.
@@ -86,7 +86,7 @@ def distances(points: Floats, spots: Sequence[Spot], most_px: float) -> Floats:
 
 
 def match_silhouettes(
-    points: Floats, spots: Sequence[Spot], length_px: float
+    points: Floats, spots: Sequence[SilhouettePlace], length_px: float
 ) -> list[tuple[Outcome, int | None]]:
     """Return the outcome and silhouette number of each place (animals, k, 2) px."""
     if not len(points) or not spots:
@@ -113,7 +113,7 @@ def match_silhouettes(
     ]
 
 
-class Followed:
+class GivenTrackLinker:
     """Tracks as the program gives them: runs of frames in which an animal has a silhouette.
 
     The track of an animal's k-th run, both from 0, has the number animal + k · animals. So a later
@@ -168,7 +168,9 @@ class Followed:
             del running[animal]
 
 
-def no_silhouette_error(given: Given, followed: Followed, least_frames: int) -> FollowedNoneError:
+def no_silhouette_error(
+    given: Given, followed: GivenTrackLinker, least_frames: int
+) -> FollowedNoneError:
     """Return the error to raise where no animal has silhouettes long enough for a track."""
     counts = Counter[Outcome]()
     for (_, outcome), count in followed.outcomes.items():

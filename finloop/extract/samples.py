@@ -28,8 +28,8 @@ from finloop.extract.background import (
     survey_noise,
 )
 from finloop.extract.fins import Fins, kind, side
-from finloop.extract.segment import Ends, Silhouette, silhouettes
-from finloop.extract.settings import Settings
+from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
+from finloop.extract.settings import ExtractSettings
 
 
 class Typical(NamedTuple):
@@ -58,7 +58,7 @@ _BETTER = 0.67
 _UNSTEADY = 0.04
 
 
-def judge(silhouette: Silhouette, typical: Typical, settings: Settings) -> Verdict:
+def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -> Verdict:
     """The verdict on a silhouette, by its place, size and contrast."""
     if silhouette.contrast < settings.least_contrast_ratio * typical.contrast:
         return "too pale"
@@ -71,7 +71,7 @@ def judge(silhouette: Silhouette, typical: Typical, settings: Settings) -> Verdi
     return "fish"
 
 
-class Survey(NamedTuple):
+class BackgroundSurvey(NamedTuple):
     """What a background shows: scene, typical fish, and how much its fish differ in area.
 
     spread: half the width of the middle 68 % of their areas, relative to the median (of Gaussian
@@ -84,7 +84,7 @@ class Survey(NamedTuple):
 
 
 def survey(
-    sample: Sequence[Picture], arena: Picture, settings: Settings, crew: Threads = ALONE
+    sample: Sequence[Picture], arena: Picture, settings: ExtractSettings, crew: Threads = ALONE
 ) -> tuple[Scene, Typical]:
     """Scene and typical fish from frames spread over the clip; `crew` looks at some at a time.
 
@@ -111,8 +111,12 @@ def survey(
 
 
 def _without_ghosts(
-    sample: Sequence[Picture], median: Picture, arena: Picture, settings: Settings, crew: Threads
-) -> list[Survey]:
+    sample: Sequence[Picture],
+    median: Picture,
+    arena: Picture,
+    settings: ExtractSettings,
+    crew: Threads,
+) -> list[BackgroundSurvey]:
     """What is measured with the patched median and with one even tone, if there is a fish."""
     least = max(settings.least_contrast, _GHOST)
     patched = partial(patched_background, sample, median, least)
@@ -127,40 +131,40 @@ def _survey(
     sample: Sequence[Picture],
     background: Picture,
     arena: Picture,
-    settings: Settings,
+    settings: ExtractSettings,
     crew: Threads,
-) -> Survey:
+) -> BackgroundSurvey:
     """What is measured with a background; FinloopError as `survey`."""
     scene = survey_noise(
         sample, background, settings.polarity, settings.noise_sigmas, settings.least_contrast, crew
     )
     fins: Fins = "darker" if settings.fins == "auto" and scene.polarity != "bright" else "none"
-    ends = Ends(settings.outline_share, settings.shadow, fins)
+    ends = SilhouetteEdge(settings.outline_share, settings.shadow, fins)
 
-    def of_frame(ends: Ends, frame: Picture) -> list[Silhouette]:
+    def of_frame(ends: SilhouetteEdge, frame: Picture) -> list[Silhouette]:
         lit = in_light_of(scene, frame)
         return list(silhouettes(frame, lit, arena, settings.least_area_px, ends))
 
-    def found(thin: bool) -> tuple[list[Silhouette], Typical, float]:
+    def find_silhouettes(thin: bool) -> tuple[list[Silhouette], Typical, float]:
         look = partial(of_frame, ends._replace(thin=thin))
         some = [s for one in ordered_map(look, sample, crew) for s in one]
         typical, unsteady = typical_fish(some, scene, settings)
         return some, typical._replace(thin=thin), unsteady
 
-    candidates, typical, unsteady = found(settings.thin == "keep")
+    candidates, typical, unsteady = find_silhouettes(settings.thin == "keep")
     if settings.thin == "auto" and unsteady > _UNSTEADY:
-        other = found(thin=True)
+        other = find_silhouettes(thin=True)
         if other[-1] < _BETTER * unsteady:
             candidates, typical, _ = other
     areas = [s.area_px for s in candidates if judge(s, typical, settings) == "fish"]
     if 2 * len(areas) < len(sample):
-        return Survey(scene, typical, np.inf)
+        return BackgroundSurvey(scene, typical, np.inf)
     low, middle, high = np.quantile(areas, (0.16, 0.5, 0.84))
-    return Survey(scene, typical, float((high - low) / 2 / middle))
+    return BackgroundSurvey(scene, typical, float((high - low) / 2 / middle))
 
 
 def typical_fish(
-    candidates: Sequence[Silhouette], scene: Scene, settings: Settings
+    candidates: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> tuple[Typical, float]:
     """The typical fish of a clip, from silhouettes of sample frames; how much its length differs.
 
@@ -193,7 +197,9 @@ def typical_fish(
     return Typical(area, float(middle), contrast, fins), float((high - low) / 2 / middle)
 
 
-def _no_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Settings) -> FinloopError:
+def _no_fish(
+    candidates: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
+) -> FinloopError:
     if not candidates:
         why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
     elif all(s.at_border for s in candidates):

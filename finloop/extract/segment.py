@@ -47,7 +47,7 @@ class Silhouette:
 
 
 @dataclass(frozen=True)
-class Fish:
+class SegmentedFish:
     """One isolated fish in one frame. Coordinates in px of the picture, pixel centres at integers.
 
     backbone.points_px and outline_px are in picture coordinates too; outline_px is (m, 2), closed,
@@ -66,7 +66,7 @@ class Fish:
     cutout: Picture
 
 
-class Ends(NamedTuple):
+class SilhouetteEdge(NamedTuple):
     """Where silhouettes end.
 
     share: of a fish's own contrast, at which its edge lies; shadow: the share of the tank's light
@@ -81,7 +81,7 @@ class Ends(NamedTuple):
 
 
 def silhouettes(
-    frame: Picture, scene: Scene, arena: Picture, least_area: float, ends: Ends
+    frame: Picture, scene: Scene, arena: Picture, least_area: float, ends: SilhouetteEdge
 ) -> Iterator[Silhouette]:
     """Every patch of `frame` of at least `least_area` px² that stands out from the background.
 
@@ -216,7 +216,9 @@ def contour(silhouette: Silhouette) -> Edge:
     return max(chains, key=len)
 
 
-def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -> Fish | None:
+def measure(
+    silhouette: Silhouette, frame: Picture, scene: Scene, points: int
+) -> SegmentedFish | None:
     """Backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
 
     `frame` and `scene` are those in which it was found. All but the cut-out are of the silhouette
@@ -235,7 +237,7 @@ def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -
         shown, (left, top) = with_fins(alpha, (x0, y0), silhouette.fins, levels)
     h, w = shown.shape
     window = np.s_[top : top + h, left : left + w]
-    return Fish(
+    return SegmentedFish(
         x_px=moments["m10"] / moments["m00"] + x0,
         y_px=moments["m01"] / moments["m00"] + y0,
         area_px=moments["m00"] / 255,

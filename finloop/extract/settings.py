@@ -12,7 +12,7 @@ Ratio = Annotated[float, Field(ge=1)]
 
 
 @dataclass(frozen=True)
-class Settings:
+class ExtractSettings:
     """How fish are told from the tank, and linked into tracks."""
 
     # the empty tank: the median of spread-out frames; threshold, one even tone, for a fish that

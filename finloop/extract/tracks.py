@@ -23,7 +23,7 @@ Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
 
 
 @dataclass(frozen=True)
-class Spot:
+class SilhouettePlace:
     """The place of one silhouette of a frame; only an `isolated` one can belong to a track.
 
     outline: (n, 1, 2) int32 px, only where tracks come from a file.
@@ -40,7 +40,7 @@ class Spot:
 @dataclass
 class _Track:
     number: int
-    spot: Spot
+    spot: SilhouettePlace
     vx: float = 0.0
     vy: float = 0.0
 
@@ -60,14 +60,14 @@ class Linker:
     def __init__(self, gate_px: float, area_ratio: float) -> None:
         self._gate, self._ratio = gate_px, area_ratio
         self._tracks: list[_Track] = []
-        self._before: list[Spot] = []  # every spot of the frame before, isolated or not
+        self._before: list[SilhouettePlace] = []  # every spot of the frame before, isolated or not
         self._next = 0
 
     def cut(self) -> None:
         """End every track: the film is cut here."""
         self._tracks, self._before = [], []
 
-    def step(self, spots: list[Spot]) -> list[int | None]:
+    def step(self, spots: list[SilhouettePlace]) -> list[int | None]:
         """Track number of each spot of the next frame; None for those that are in no track."""
         owner = self._assign(spots)
         alone = [track for track in self._tracks if track not in owner.values()]
@@ -92,7 +92,7 @@ class Linker:
         self._tracks, self._before = tracks, spots
         return numbers
 
-    def _assign(self, spots: list[Spot]) -> dict[int, _Track]:
+    def _assign(self, spots: list[SilhouettePlace]) -> dict[int, _Track]:
         """Spot index → track, for the pairs of an optimal assignment that pass both gates."""
         if not self._tracks or not spots:
             return {}
@@ -109,7 +109,11 @@ class Linker:
         }
 
     def _has_split(
-        self, before: Spot, own: int, spots: list[Spot], owner: dict[int, _Track]
+        self,
+        before: SilhouettePlace,
+        own: int,
+        spots: list[SilhouettePlace],
+        owner: dict[int, _Track],
     ) -> bool:
         """Whether spot `own` has shrunk, and a spot without a track has come out of its place."""
         if before.area_px <= _GREW * spots[own].area_px:
@@ -123,7 +127,7 @@ class Linker:
         return _holds_any(before.box, born)
 
 
-def _has_swallowed(track: _Track, spot: Spot, alone: list[_Track]) -> bool:
+def _has_swallowed(track: _Track, spot: SilhouettePlace, alone: list[_Track]) -> bool:
     """Whether a track's spot has grown, over where a track without a spot was expected."""
     grown = spot.area_px > _GREW * track.spot.area_px
     return grown and _holds_any(spot.box, (other.next_place for other in alone))

@@ -9,7 +9,7 @@ from finloop.base.settings import NotNegative, Positive
 
 
 @dataclass(frozen=True)
-class Settings:
+class FeaturesSettings:
     """How motion is measured, and when a fish turns.
 
     A fish turns where the mean of (change of heading in Δ / `turn_threshold_deg`) and (signed bend

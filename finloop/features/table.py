@@ -19,7 +19,7 @@ from finloop.features.area import at_places, bend
 from finloop.features.current import measured_current, through_water
 from finloop.features.head import head_first, match_head_end
 from finloop.features.memory import measured_delta
-from finloop.features.settings import Settings
+from finloop.features.settings import FeaturesSettings
 from finloop.features.swimming_type import Thresholds, swimming_type, thresholds, turn
 
 _STEPS = 5  # natural steps in Δ, as in the paper's film
@@ -102,8 +102,9 @@ def heading(backbone: Reals) -> Floats:
 
 
 def features(
-    tracks: pd.DataFrame, rate_hz: float, settings: Settings, given: pd.DataFrame | None = None
-) -> tuple[pd.DataFrame, NDArray[np.float32]]:
+    tracks: pd.DataFrame, rate_hz: float, settings: FeaturesSettings,
+    given: pd.DataFrame | None = None,
+) -> tuple[pd.DataFrame, NDArray[np.float32]]:  # fmt: skip
     """The feature table of a table of tracks, row by row, and the backbones head first.
 
     The table of tracks is in the order (track_id, frame), as `extract` writes it. FinloopError if
@@ -187,7 +188,7 @@ def _tail(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
 
 
 def limits_of(
-    direction: Reals, bent: Reals, tracks: Sequence[slice], delta: int, settings: Settings
+    direction: Reals, bent: Reals, tracks: Sequence[slice], delta: int, settings: FeaturesSettings
 ) -> Thresholds:
     """The thresholds of turns: as they are given, or measured in the film.
 

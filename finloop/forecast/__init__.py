@@ -13,5 +13,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "learning": ["learn"],
     "model": ["Forecast"],
     "neighbours": ["similar_rows"],
-    "sampling": ["State", "begin", "step"],
+    "sampling": ["RolloutState", "begin", "step"],
 })  # fmt: skip

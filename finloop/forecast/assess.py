@@ -16,7 +16,7 @@ from finloop.features.area import bend
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.model import Forecast
 from finloop.forecast.partition import Partition
-from finloop.forecast.sampling import Sampler, State, at_row, go_over, step
+from finloop.forecast.sampling import RolloutState, Sampler, at_row, go_over, step
 from finloop.puppet.pose import Pose, steps
 
 HELD_OUT = Schema(
@@ -139,7 +139,7 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
         if not len(similar):
             continue
         control = swim.control[rng.choice(similar)]
-        state, way = State(at_row(swim, row).past, go_over(swim, row, control, rng)), []
+        state, way = RolloutState(at_row(swim, row).past, go_over(swim, row, control, rng)), []
         for _ in range(delta):
             state = step(swim, state, control, rng)
             way.append(state.past[0, -MOTION:] * step_s)

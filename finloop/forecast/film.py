@@ -20,7 +20,7 @@ from finloop.distance.picture import typical_length
 from finloop.features.current import through_water
 from finloop.features.memory import memory_frames
 from finloop.features.table import delta_of
-from finloop.forecast.settings import Settings
+from finloop.forecast.settings import ForecastSettings
 from finloop.pose.film import FilmPoses
 
 MOTION = 3
@@ -69,7 +69,7 @@ class FilmStates:
 
 
 def film_states(
-    features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: Settings
+    features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: ForecastSettings
 ) -> FilmStates:
     """The states of a film.
 

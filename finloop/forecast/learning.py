@@ -18,7 +18,7 @@ from finloop.base.arrays import Ints
 from finloop.forecast.film import CONTROL, FilmStates
 from finloop.forecast.model import Forecast
 from finloop.forecast.partition import Partition
-from finloop.forecast.settings import Settings
+from finloop.forecast.settings import ForecastSettings
 
 _FLOOR = 0.02  # of a variance: what hardly changes at all must not count more than the rest
 _STEADY = 0.3  # of the noise is different at every lag; the rest moves the whole past
@@ -52,7 +52,10 @@ class _Network(nn.Module):
 
 
 def learn(
-    film: FilmStates, parts: Partition, p: Settings, advance: Callable[[], object] = lambda: None
+    film: FilmStates,
+    parts: Partition,
+    p: ForecastSettings,
+    advance: Callable[[], object] = lambda: None,
 ) -> tuple[Forecast, pd.DataFrame]:
     """Train on the rows to learn from; the rows held out say when to stop.
 
@@ -104,8 +107,8 @@ def _mean_square(x: Tensor) -> Tensor:
 
 
 def _epoch(
-    network: _Network, adam: torch.optim.Optimizer, sample: tuple[Sample, Tensor], p: Settings,
-    chance: torch.Generator,
+    network: _Network, adam: torch.optim.Optimizer, sample: tuple[Sample, Tensor],
+    p: ForecastSettings, chance: torch.Generator,
 ) -> None:  # fmt: skip
     """Learn from every row once."""
     (past, control, later), weight = sample

@@ -20,7 +20,7 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.settings import Settings
+from finloop.forecast.settings import ForecastSettings
 from finloop.nearest import MOST, Choice, Nearest, parts_of
 
 _LOT = 512  # rows at a time
@@ -49,7 +49,7 @@ VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 
 
 def similar_rows(
-    film: FilmStates, look: Reals, visible: VisibleDistance, p: Settings
+    film: FilmStates, look: Reals, visible: VisibleDistance, p: ForecastSettings
 ) -> tuple[Ints, NDArray[np.int32]]:
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
@@ -94,7 +94,7 @@ def _space(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:
     return np.concatenate([(embedding(film, lot, fade) - mean).astype(np.float32) for lot in lots])
 
 
-def _similar(film: FilmStates, look: Reals, p: Settings) -> Iterator[Ints]:
+def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
     """Pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
     The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
@@ -131,7 +131,7 @@ def _choose_among(
     return choose(queries, np.where(near < 0, -1, some[near]))
 
 
-def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: Settings) -> Ints:
+def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: ForecastSettings) -> Ints:
     """Of pairs (k, 2) of `_similar` the first `p.neighbours` of each row that look alike."""
     _, row = np.unique(pairs[:, 0], return_inverse=True)
     place = np.arange(len(pairs)) - np.searchsorted(row, row)

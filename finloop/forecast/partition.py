@@ -8,7 +8,7 @@ from finloop.base.arrays import Ints
 from finloop.base.errors import FinloopError
 from finloop.features.memory import block_frames
 from finloop.forecast.film import FilmStates
-from finloop.forecast.settings import Settings
+from finloop.forecast.settings import ForecastSettings
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Partition:
     held_out: Ints
 
 
-def split(film: FilmStates, p: Settings) -> Partition:
+def split(film: FilmStates, p: ForecastSettings) -> Partition:
     """By stretches of time across all fish: a held-out row has no part of its past in the others.
 
     Of a long film `p.most_rows` of both.

@@ -20,7 +20,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_kernel
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.model import Forecast, Net, next_mean
-from finloop.forecast.settings import Settings
+from finloop.forecast.settings import ForecastSettings
 
 _LOT = 50_000  # rows at a time
 _EDGES = 1_000_000  # of the graph, a sample: how much controls of similar rows differ
@@ -57,7 +57,7 @@ class Sampler(NamedTuple):
     rests: Mask
 
 
-class State(NamedTuple):
+class RolloutState(NamedTuple):
     """A fish's past (L + 1, d), the present first, and the row that it follows."""
 
     past: Floats
@@ -74,7 +74,7 @@ def means(film: FilmStates, model: Forecast) -> Floats:
 
 
 def sampler(
-    film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: Settings,
+    film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: ForecastSettings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
     """The sampler of a film and its model.
@@ -96,17 +96,19 @@ def sampler(
     )  # fmt: skip
 
 
-def begin(swim: Sampler, rng: np.random.Generator) -> State:
+def begin(swim: Sampler, rng: np.random.Generator) -> RolloutState:
     """The state of a row of the film, all equally likely."""
     return at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
 
 
-def at_row(swim: Sampler, row: int) -> State:
+def at_row(swim: Sampler, row: int) -> RolloutState:
     """The state of a row."""
-    return State(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
+    return RolloutState(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
 
 
-def step(swim: Sampler, state: State, control: Floats | None, rng: np.random.Generator) -> State:
+def step(
+    swim: Sampler, state: RolloutState, control: Floats | None, rng: np.random.Generator
+) -> RolloutState:
     """One tick on, under a control (2,), or freely.
 
     Nothing but `rng` is changed: the same state, control and draws give the same next state.
@@ -116,7 +118,7 @@ def step(swim: Sampler, state: State, control: Floats | None, rng: np.random.Gen
         row = go_over(swim, row, control, rng)
     here = swim.control[row] if control is None else np.asarray(control, float)
     later = follow(swim, state.past, row, 1, here)
-    return State(np.concatenate([later, state.past[:-1]]), row + 1)
+    return RolloutState(np.concatenate([later, state.past[:-1]]), row + 1)
 
 
 def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:

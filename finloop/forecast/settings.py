@@ -9,7 +9,7 @@ from finloop.base.settings import Count, NotNegative, Positive, Seed, Share
 
 
 @dataclass(frozen=True)
-class Settings:
+class ForecastSettings:
     """The network of the next pose and motion, how it learns, and what is sampled beside it."""
 
     # The state.

@@ -9,7 +9,8 @@ From film to a cycle: contours in the body frame (`outline` of fish, `limbs` of 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "clock": ["gamma_fit"], "cycles": ["film_of_regions", "film_of_swim"], "film": ["Film", "Keys"],
+    "clock": ["gamma_fit"], "cycles": ["film_of_regions", "film_of_swim"],
+    "film": ["GaitContours", "Keys"],
     "model": ["Gait", "Layout", "at_phases", "four_keys"], "outline": ["track_outlines", "swim"],
     "period": ["Period"],
 })  # fmt: skip

@@ -16,7 +16,7 @@ import scipy
 from finloop.base.arrays import Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.gait.descriptor import contour, per_coefficient
-from finloop.gait.film import Film, check, samples_of
+from finloop.gait.film import GaitContours, check, samples_of
 from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
@@ -29,7 +29,7 @@ _WHOLE = -1  # in the column scale: all scales together
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ClockComparison:
     """Errors on held-out frames."""
 
     scheme: str  # what is held out at a time: "cycles" or "every other frame"
@@ -41,7 +41,7 @@ class Comparison:
     by_scale: pd.DataFrame
 
 
-def holdouts(film: Film) -> tuple[str, list[Mask]]:
+def holdouts(film: GaitContours) -> tuple[str, list[Mask]]:
     """The scheme and the masks of held-out frames: whole cycles if there are two of them, else
     every other frame. A last cycle that is not whole has a mask of its own."""
     frames = np.arange(len(film.phase))
@@ -53,8 +53,8 @@ def holdouts(film: Film) -> tuple[str, list[Mask]]:
 
 
 def compare(
-    film: Film, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
-) -> Comparison:
+    film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
+) -> ClockComparison:
     """Fit each clock to some frames and predict the held-out ones.
 
     A mask whose remaining frames cannot be fitted is skipped; if all are, the last error is raised.
@@ -79,11 +79,11 @@ def compare(
     for c in CLOCKS:
         contours[f"rms_{c}"] = np.sqrt(contours.pop(c) / contours["frames"]) / film.body_length
     scales = table[table["scale"] != _WHOLE].reset_index(drop=True)
-    return Comparison(scheme, rms, contours, _by_scale(film, scales, subcycles))
+    return ClockComparison(scheme, rms, contours, _by_scale(film, scales, subcycles))
 
 
 def _errors(
-    film: Film, mask: Mask, split: float, wavelet: str, coarse: int
+    film: GaitContours, mask: Mask, split: float, wavelet: str, coarse: int
 ) -> Iterator[dict[str, Any]]:
     """Squared errors by clock on the frames of a mask: a row for each contour and subcycle, scale
     _WHOLE, and one for each of its scales."""
@@ -114,7 +114,7 @@ def _errors(
             yield keys | {"frames": len(test.tau)} | squares
 
 
-def _part(film: Film, mask: Mask) -> Film:
+def _part(film: GaitContours, mask: Mask) -> GaitContours:
     """The film's frames within a mask."""
     contours = {name: points[mask] for name, points in film.contours.items()}
     return replace(film, phase=film.phase[mask], contours=contours)
@@ -135,7 +135,7 @@ def free(model: Subcycle, tau: Points) -> Points:
 
 
 def _by_scale(
-    film: Film, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
+    film: GaitContours, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
 ) -> pd.DataFrame:
     """The table `Comparison.by_scale` from squared errors."""
     gammas, share, count = [], [], []

@@ -10,21 +10,21 @@ import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.gait.feet import align_phase, feet
-from finloop.gait.film import Film, hips
+from finloop.gait.film import GaitContours, hips
 from finloop.gait.limbs import Limbs, Region, limbs
-from finloop.gait.outline import Swim, steady
+from finloop.gait.outline import TrackContours, steady
 from finloop.gait.period import Period, fill_gaps, period, require_periodic
 
 OUTLINE = "outline"
 
 
-def film_of_swim(swim: Swim) -> Film:
+def film_of_swim(swim: TrackContours) -> GaitContours:
     """The steady frames of a swimming fish, lengths in body lengths.
 
     FinloopError if its motion does not repeat.
     """
     points, phase = steady([swim])
-    return Film({OUTLINE: points}, phase, 1.0, "mirror")
+    return GaitContours({OUTLINE: points}, phase, 1.0, "mirror")
 
 
 def film_of_regions(
@@ -33,7 +33,7 @@ def film_of_regions(
     n: int,
     split: float = 0.25,
     first: int = 0,
-) -> tuple[Film, Period, Limbs]:
+) -> tuple[GaitContours, Period, Limbs]:
     """The steady frames of an animal from the side, its limbs in the frame of the body, px.
 
     `first` is the number of the first frame. The period is computed twice, because the course of
@@ -46,7 +46,7 @@ def film_of_regions(
     beat = _beat(contours, frame_rate_hz)
     steady = {name: points[beat.steady] for name, points in contours.points.items()}
     phase = align_phase(beat.phase[beat.steady], feet(steady), split)
-    film = Film(steady, phase, contours.length_px, "swap").complete()
+    film = GaitContours(steady, phase, contours.length_px, "swap").complete()
     return replace(film, offsets=hips(film)), beat, contours
 
 

@@ -19,7 +19,7 @@ WIDEST = 0.125
 
 
 @dataclass(frozen=True)
-class Film:
+class GaitContours:
     """Contours of a film in the frame of the body."""
 
     # closed, (frames, n, 2) by id, n a power of two; NaN in frames where one is missing. Those of
@@ -35,7 +35,7 @@ class Film:
         """Contours as they are half a cycle later."""
         return half_later(contours, self.symmetry, Layout(offsets=self.offsets))
 
-    def complete(self) -> "Film":
+    def complete(self) -> "GaitContours":
         """The film with hidden limbs added, all NaN, if the animal is seen from the side.
 
         A hidden limb follows from its partner by symmetry, see `gait.model.partner`.
@@ -69,7 +69,7 @@ class Keys:
         return start[name], end[name]
 
 
-def check(film: Film) -> None:
+def check(film: GaitContours) -> None:
     """Refuse a film to which no gait can be fitted.
 
     FinloopError if the film has fewer frames than half a cycle needs, or the phase does not rise.
@@ -88,7 +88,7 @@ def check(film: Film) -> None:
         )
 
 
-def hips(film: Film) -> dict[str, Points]:
+def hips(film: GaitContours) -> dict[str, Points]:
     """How far right and down of its partner each limb hangs, (2,) by id, the mean over the film.
 
     A limb is compared with its partner half a cycle later, when both are at the same point of their
@@ -113,7 +113,7 @@ def hips(film: Film) -> dict[str, Points]:
     return out
 
 
-def keys_of(film: Film, split: float) -> Keys:
+def keys_of(film: GaitContours, split: float) -> Keys:
     """Key frames by linear interpolation, the mean over all cycles and both halves.
 
     Frames are weighed by a triangle about the key's phase, as wide as one frame's step to each
@@ -161,7 +161,9 @@ class Samples:
     frame: Ints
 
 
-def samples_of(film: Film, split: float, wavelet: str, coarse: int) -> dict[str, list[Samples]]:
+def samples_of(
+    film: GaitContours, split: float, wavelet: str, coarse: int
+) -> dict[str, list[Samples]]:
     """Samples of A and B by id; frames of C and D are taken over by the symmetry."""
     later = film.later(film.contours)
     second = np.mod(film.phase, 1.0) >= 0.5

@@ -13,7 +13,7 @@ from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
 from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.descriptor import contour, descriptor, scale_slices
-from finloop.gait.film import Film, Keys, Samples, check, keys_of, samples_of
+from finloop.gait.film import GaitContours, Keys, Samples, check, keys_of, samples_of
 from finloop.gait.model import POOLED, Gait, Layout, cycle, subcycle
 
 Gammas = dict[str, dict[str, tuple[float, ...]]]
@@ -93,7 +93,7 @@ def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
 
 
 def corrected_keys(
-    film: Film, split: float, wavelet: str, coarse: int
+    film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
     """Key frames corrected for the curvature of the motion, and the subcycles between them.
 
@@ -123,7 +123,7 @@ def corrected_keys(
 
 
 def _smooth(
-    film: Film,
+    film: GaitContours,
     subcycles: Mapping[tuple[str, int], Subcycle],
     split: float,
     wavelet: str,
@@ -158,7 +158,7 @@ def _bends(tau: Points) -> Points:
 
 
 def fit(
-    film: Film,
+    film: GaitContours,
     name: str,
     frequency_hz: float,
     *,
@@ -201,7 +201,9 @@ def fit(
     return replace(gait, support=support_of(film, keys, gait)), keys
 
 
-def support_of(film: Film, keys: Keys, gait: Gait) -> dict[str, tuple[tuple[float, float], ...]]:
+def support_of(
+    film: GaitContours, keys: Keys, gait: Gait
+) -> dict[str, tuple[tuple[float, float], ...]]:
     """Spans of phase (from, to) in which each limb's foot is on the ground.
 
     A foot is down from its foremost to its hindmost place, the animal heading for screen right. It

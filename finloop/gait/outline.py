@@ -29,7 +29,7 @@ TAIL = 1 / 16  # of the contour on either side of the tail end: whose sideways m
 
 
 @dataclass(frozen=True)
-class Swim:
+class TrackContours:
     """One track: contours (frames, n, 2) in the body frame, body lengths, and their beat.
 
     Point 0 is the snout, n / 2 the tail end; clockwise as seen. Phase 0 is where the tail is
@@ -57,7 +57,9 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
     return outline.astype(float), np.where(tail_leads, backbone[:, ::-1], backbone)
 
 
-def swim(outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS) -> Swim:
+def swim(
+    outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
+) -> TrackContours:
     """Contours in the body frame and the tail beat of consecutive frames of one fish.
 
     `outline_px` (frames, m, 2) run either way round, `backbone_px` (frames, k, 2) head first; `n`
@@ -69,7 +71,7 @@ def swim(outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int =
     own = in_body_frame(points, centre, angle) / length
     beat = period(sideways(own), frame_rate_hz, -tail(own))
     if not beat.cycles:
-        return Swim(own, beat, length)
+        return TrackContours(own, beat, length)
     smooth = course(np.column_stack([centre, angle]), beat.phase)
     straightened = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
     flat = straightened.reshape(len(straightened), -1)
@@ -77,11 +79,11 @@ def swim(outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int =
     steady = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
-        return Swim(own, replace(steady, why=why), length)
-    return Swim(straightened, with_phase_zero(steady, -tail(straightened)), length)
+        return TrackContours(own, replace(steady, why=why), length)
+    return TrackContours(straightened, with_phase_zero(steady, -tail(straightened)), length)
 
 
-def steady(swims: Sequence[Swim]) -> tuple[Floats, Floats]:
+def steady(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
     """Contours (f, n, 2) and rising phase (f,) of the steady frames of periodic tracks in a row.
 
     Each stretch of steady frames begins a new cycle, so the phase counts the cycles of the result.

@@ -9,7 +9,7 @@ from finloop.base.settings import Positive, Seed
 
 
 @dataclass(frozen=True)
-class Settings:
+class GaitSettings:
     """Where limbs come from, how their gait is fitted, and what it then drives."""
 
     # the drawn dog, whose truth is known | limbs of one's own film

@@ -21,7 +21,7 @@ from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, distance
 from finloop.features.table import delta_of, direction_deg, orientations_of, wrap_deg
-from finloop.gateways.settings import Settings
+from finloop.gateways.settings import GatewaysSettings
 from finloop.reel import Reel
 
 IN, OUT = "in", "out"
@@ -136,7 +136,8 @@ def _frames_ahead(features: pd.DataFrame) -> Ints:
 
 
 def gateways(
-    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, step: float, settings: Settings
+    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, step: float,
+    settings: GatewaysSettings,
 ) -> pd.DataFrame:  # fmt: skip
     """The table of `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
 
@@ -163,7 +164,7 @@ def gateways(
 
 
 def _ways_in(
-    near: Nearness, features: pd.DataFrame, most: float, settings: Settings
+    near: Nearness, features: pd.DataFrame, most: float, settings: GatewaysSettings
 ) -> pd.DataFrame:
     """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
     track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
@@ -211,7 +212,7 @@ def _ways_out(
 
 
 def nearest(
-    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: Settings
+    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: GatewaysSettings
 ) -> pd.DataFrame:  # fmt: skip
     """The table of `GATEWAYS` without a threshold: the gateways that a higher one would add."""
     endless = replace(settings, threshold=np.inf)

@@ -9,7 +9,7 @@ from finloop.base.settings import NotNegative, Positive
 
 
 @dataclass(frozen=True)
-class Settings:
+class GatewaysSettings:
     """Which frames of the film a sprite leads to, and back."""
 
     # frames that every sprite leads to, in each orientation

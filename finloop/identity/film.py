@@ -15,8 +15,8 @@ from finloop.base.stretches import spread
 from finloop.distance.picture import BODY
 from finloop.features.head import tail_first
 from finloop.identity import appearance, motion
-from finloop.identity.joins import Chains, Joins, Pairs, at_once, best, in_passes, later
-from finloop.identity.settings import Settings
+from finloop.identity.joins import Chains, Pairs, TrackJoins, at_once, best, in_passes, later
+from finloop.identity.settings import IdentitySettings
 from finloop.reel import Reel
 
 IDENTITIES = Schema(
@@ -47,10 +47,12 @@ class Evidence:
     reel: Reel
     measures: Floats
     segment: NDArray[np.intp]
-    settings: Settings
+    settings: IdentitySettings
 
 
-def evidence(reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: Settings) -> Evidence:
+def evidence(
+    reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
+) -> Evidence:
     """The evidence of a film.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
@@ -138,7 +140,7 @@ def spans(features: pd.DataFrame) -> Spans:
     return Spans(np.append(0, edges), np.append(edges, len(features)))
 
 
-def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> Joins:
+def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
     """The joins of tracks, or of parts of tracks: rows in the order of frames.
 
     The score of a join is that of motion and appearance together; the appearance of tracks that are
@@ -179,7 +181,7 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> Joins:
     )
 
 
-def _numbers(joins: Joins, lengths: list[int]) -> NDArray[np.intp]:
+def _numbers(joins: TrackJoins, lengths: list[int]) -> NDArray[np.intp]:
     """The number of each track's animal, 0 for the one with the most rows."""
     root = np.arange(len(lengths))
     for track in range(len(lengths)):

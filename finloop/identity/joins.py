@@ -27,7 +27,7 @@ class Pairs(NamedTuple):
     b: Tracks
 
 
-class Joins(NamedTuple):
+class TrackJoins(NamedTuple):
     """For each track (n,) its predecessor, −1 for none, and the probability of that."""
 
     before: Tracks
@@ -65,7 +65,7 @@ def _ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
 def best(
     tracks: int, pairs: Pairs, log_ratio: Floats, strangers: float, least: float,
     rng: np.random.Generator,
-) -> Joins:  # fmt: skip
+) -> TrackJoins:  # fmt: skip
     """The set of joins that is most probable as a whole; every track has at most one on each side.
 
     log_ratio (e,): of a join of each of the pairs; no other is made. strangers: how often an animal
@@ -84,15 +84,15 @@ def best(
         times += before == sets.best(log_ratio + noise, alone + rng.gumbel(size=alone.shape))
     probability = np.where(before >= 0, times / _DRAWS, 1.0)
     sure = probability >= least
-    return Joins(np.where(sure, before, -1), np.where(sure, probability, 1.0))
+    return TrackJoins(np.where(sure, before, -1), np.where(sure, probability, 1.0))
 
 
 def in_passes(
     tracks: int,
     scores: Callable[[Chains], tuple[Pairs, Floats]],
     sure: float,
-    best_of: Callable[[int, Pairs, Floats], Joins],
-) -> Joins:
+    best_of: Callable[[int, Pairs, Floats], TrackJoins],
+) -> TrackJoins:
     """The joins of tracks, the sure ones first.
 
     Tracks that a join of at least the probability `sure` connects are one chain in the next pass:
@@ -110,7 +110,7 @@ def in_passes(
         before[first[new]] = last[joins.before[new]]
         probability[first[new]] = joins.probability[new]
         if not is_sure.any():
-            return Joins(before, probability)
+            return TrackJoins(before, probability)
         chains = _chains(before)
 
 
@@ -125,7 +125,7 @@ def _chains(before: Tracks) -> Chains:
     return chains
 
 
-class _Part(NamedTuple):
+class _Component(NamedTuple):
     """Tracks (m,) that pairs connect. Column k of its assignment is start k, m + k end k alone.
 
     edges: of all edges in their order; column, start: of their sparse matrix (m, 2m).
@@ -155,7 +155,7 @@ class _Sets:
         end, column = end[self._order], column[self._order]
         edge = np.searchsorted(part[end], np.arange(len(size) + 1))
         self._parts = [
-            _Part(
+            _Component(
                 in_order[a : a + m], slice(low, high), column[low:high],
                 np.searchsorted(place[end[low:high]], np.arange(m + 1)),
             )

@@ -22,7 +22,7 @@ _NO_ERROR = 1e-3  # body lengths; nothing is foretold more exactly than it is me
 
 
 @dataclass(frozen=True)
-class Ends:
+class TrackEnds:
     """Where tracks begin and end. start, stop (n,): frames of both; the rest in body lengths.
 
     first, last (n, 2): places; arriving, leaving (n, 2): velocities a frame.
@@ -36,13 +36,13 @@ class Ends:
     leaving: Floats
 
 
-def ends(frames: list[Reals], places: list[Floats], before: int) -> Ends:
+def ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
     """The ends of tracks, given the frames (k,) and places (k, 2) of each.
 
     before: rows over which a velocity is measured, where there are as many.
     """
     back = [min(before, len(track) - 1) for track in frames]
-    return Ends(
+    return TrackEnds(
         np.array([track[0] for track in frames]),
         np.array([track[-1] for track in frames]),
         np.array([track[0] for track in places]),
@@ -52,10 +52,10 @@ def ends(frames: list[Reals], places: list[Floats], before: int) -> Ends:
     )
 
 
-def ends_of(tracks: Ends, chains: Chains) -> Ends:
+def ends_of(tracks: TrackEnds, chains: Chains) -> TrackEnds:
     """Where chains of tracks begin and end."""
     first, last = ([chain[k] for chain in chains] for k in (0, -1))
-    return Ends(
+    return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
         tracks.arriving[first], tracks.leaving[last],
     )  # fmt: skip
@@ -150,7 +150,7 @@ def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
     return same
 
 
-def log_ratios(ends: Ends, drift: Drift, pairs: Pairs) -> Floats:
+def log_ratios(ends: TrackEnds, drift: Drift, pairs: Pairs) -> Floats:
     """The log ratio (e,) of a join from the end of a to the start of b, which is later.
 
     The place half way is foretold from both sides: from the end of a and from the start of b.

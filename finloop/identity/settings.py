@@ -9,7 +9,7 @@ from finloop.base.settings import Count, Seed, Share
 
 
 @dataclass(frozen=True)
-class Settings:
+class IdentitySettings:
     """How tracks are joined to animals, by motion and by appearance."""
 
     looked_at: Annotated[int, Field(ge=4)]  # pictures of a track for its descriptors

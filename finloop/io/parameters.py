@@ -26,7 +26,7 @@ def read_parameters(path: Path) -> dict[str, Any]:
 
 
 def parameters(word: str, values: Mapping[str, Any]) -> Any:
-    """Return the parameters of a stage word, as its `Settings`.
+    """Return the parameters of a stage word, as its settings.
 
     FinloopError if a parameter is refused; it lists all that are, by dotted name.
     """

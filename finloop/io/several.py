@@ -24,7 +24,7 @@ _COUNTS = ("frames_repeated", "frames_dropped", "frames_missing")
 Frames = NDArray[np.intp]
 
 
-class Part(NamedTuple):
+class FilmPart(NamedTuple):
     """One of several films: its folder's name, its path, and its frames in the common count.
 
     error: why it is left out; "" where it is not.
@@ -37,14 +37,14 @@ class Part(NamedTuple):
     error: str = ""
 
 
-def parts_of(clip: Path) -> list[Part]:
+def parts_of(clip: Path) -> list[FilmPart]:
     """The films of a clip's folder that could be read; none where it holds a single film."""
     return [part for part in all_parts(clip) if not part.error]
 
 
-def all_parts(clip: Path) -> list[Part]:
+def all_parts(clip: Path) -> list[FilmPart]:
     """The films of a clip's folder, those too that could not be read."""
-    return load_records(clip / PARTS_NAME, Part, "clip") if (clip / PARTS_NAME).exists() else []
+    return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
 
 
 def folders(clip: Path) -> list[tuple[str, Path]]:
@@ -55,7 +55,7 @@ def folders(clip: Path) -> list[tuple[str, Path]]:
     return [(part.name, Path(FILMS) / part.name) for part in parts_of(clip)] or [("", Path())]
 
 
-def join_clips(clip: Path, parts: Sequence[Part]) -> VideoFacts:
+def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     """Write the facts, the arena and the list of several films beside their folders.
 
     The common rate is the lowest, so that no frame is shown twice; a quicker film is thinned. The
@@ -70,7 +70,7 @@ def join_clips(clip: Path, parts: Sequence[Part]) -> VideoFacts:
         raise _no_films([(part.path, part.error) for part in parts])
     first = next(iter(facts))
     rate = min(fact.frame_rate for fact in facts.values())
-    listed: list[Part] = []
+    listed: list[FilmPart] = []
     segments: list[tuple[int, int]] = []
     start = 0
     for part in parts:

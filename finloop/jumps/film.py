@@ -12,10 +12,10 @@ from finloop.base.arrays import Ints
 from finloop.base.parallel import ALONE, Workers, ordered_map
 from finloop.features.table import delta_of
 from finloop.jumps.search import Search, best_jumps
-from finloop.jumps.settings import Settings
+from finloop.jumps.settings import JumpsSettings
 from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Straight, blocks, parts, signatures, standardize
-from finloop.jumps.source import Source
+from finloop.jumps.source import RowSource
 from finloop.jumps.visible import VisibleDistance
 
 _LOT = 2000  # rows at a time
@@ -35,7 +35,7 @@ class FilmJumps(NamedTuple):
 
 
 def film_jumps(
-    source: Source, settings: Settings, crew: Workers = ALONE,
+    source: RowSource, settings: JumpsSettings, crew: Workers = ALONE,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
     """The jumps of a film; `crew` works on some rows at a time, advance(n): n more are done.
@@ -81,7 +81,7 @@ def film_jumps(
 
 
 def _best_jumps(
-    source: Source, search: Search, natural: float, counts: tuple[int, int], rows: Ints
+    source: RowSource, search: Search, natural: float, counts: tuple[int, int], rows: Ints
 ) -> pd.DataFrame:
     """The best jumps of rows. natural: of `VisibleDistance`.
 

@@ -7,7 +7,7 @@ from finloop.base.settings import Count, NotNegative, Positive, Share
 
 
 @dataclass(frozen=True)
-class Settings:
+class JumpsSettings:
     """Which frames are neighbours."""
 
     candidates: Count  # nearest frames of every frame that are drawn, one a passage of the film

@@ -5,7 +5,7 @@ import numpy as np
 from finloop.base.arrays import Ints
 from finloop.base.stretches import spread
 from finloop.distance.picture import apart
-from finloop.jumps.signature import Parts, Straight
+from finloop.jumps.signature import SignatureParts, Straight
 
 _ROWS = 300  # pictures at most
 
@@ -26,7 +26,7 @@ def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
     return mirror / max(usual, 1e-12)
 
 
-def handedness(parts: Parts, block: int) -> float:
+def handedness(parts: SignatureParts, block: int) -> float:
     """How much more a fish bends, drifts or turns to one side than to the other, 0 … 1, at least.
 
     The odd part of each is what changes sign in the mirror. Its mean, less twice the standard error

@@ -14,8 +14,8 @@ from finloop.base.parallel import Workers, ordered_map
 from finloop.base.stretches import spread
 from finloop.features.current import through_water
 from finloop.features.table import delta_of
-from finloop.jumps.settings import Settings
-from finloop.jumps.source import Source
+from finloop.jumps.settings import JumpsSettings
+from finloop.jumps.source import RowSource
 from finloop.puppet import Pose, draw
 from finloop.reel import Reel
 
@@ -24,7 +24,7 @@ _LOT = 1000  # pictures at a time
 _SAMPLE = 600  # pictures at most that the principal components are fitted to
 
 
-class Parts(NamedTuple):
+class SignatureParts(NamedTuple):
     """What rows are compared in, each (2, n, k): of the film [0] and of its mirror image [1].
 
     pose: codes of principal shapes; change: of these in a frame; motion: speeds ahead and aside,
@@ -45,7 +45,7 @@ class Straight:
     That is the mean posture, which is its own mirror image. size: px across.
     """
 
-    source: Source
+    source: RowSource
     size: int
 
     def __call__(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -82,7 +82,7 @@ def blocks(n: int, most: int) -> list[Ints]:
     return np.split(np.arange(n), range(most, n, most))
 
 
-def parts(source: Source, settings: Settings, crew: Workers) -> Parts:
+def parts(source: RowSource, settings: JumpsSettings, crew: Workers) -> SignatureParts:
     """The parts of all rows."""
     reel, poses = source.film()
     span = max(1, round(delta_of(reel.features) / 4))
@@ -90,10 +90,12 @@ def parts(source: Source, settings: Settings, crew: Workers) -> Parts:
     change = np.stack([slope(codes, reel.goes_on, span) for codes in pose])
     straight = Straight(source, settings.look_px)
     look = _components(straight, len(reel), settings.look_numbers, crew)
-    return Parts(pose, change, film_motion(reel, span), look)
+    return SignatureParts(pose, change, film_motion(reel, span), look)
 
 
-def signatures(row_parts: Parts, ends: tuple[Ints, Ints], settings: Settings) -> Floats:
+def signatures(
+    row_parts: SignatureParts, ends: tuple[Ints, Ints], settings: JumpsSettings
+) -> Floats:
     """What rows [0] and their mirror images [1] are compared by, (2, n, d), in natural steps.
 
     The parts side by side, each divided by its deviation over the film, times its weight. A natural

@@ -12,7 +12,7 @@ from finloop.reel import Reel
 Pictures = NDArray[np.uint8]
 
 
-class Source(Protocol):
+class RowSource(Protocol):
     """Rows of a film, their postures, and room for their pictures.
 
     It is asked again for every block. A cluster pickles it, once for all blocks.
@@ -50,12 +50,12 @@ class InMemory:
         return cls(reel, poses, np.empty(shape_of(reel, size), np.uint8))
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """As in `Source`."""
+        """As in `RowSource`."""
         return self.reel, self.poses
 
     def pictures(self) -> Pictures:
-        """As in `Source`."""
+        """As in `RowSource`."""
         return self.drawn
 
     def keep(self) -> None:
-        """As in `Source`."""
+        """As in `RowSource`."""

@@ -24,4 +24,4 @@ of the square of the visible distance in one pose. A mirrored `row` has the same
 
 LOOK = Schema(Column("look", "float32", "1", length=ANY))
 """Light and skin of the n rows of a film, and then of their n mirror images; without these where
-the fish is not to be mirrored. As in `signature.Parts`, together of the deviation 1."""
+the fish is not to be mirrored. As in `signature.SignatureParts`, together of the deviation 1."""

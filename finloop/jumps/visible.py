@@ -12,7 +12,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.parallel import Workers, ordered_map
 from finloop.distance.picture import SPAN, apart
 from finloop.jumps.signature import blocks
-from finloop.jumps.source import Pictures, Source
+from finloop.jumps.source import Pictures, RowSource
 from finloop.puppet import draw
 from finloop.puppet.pairs import PictureSet, apart_in_pose, nearest_in_pose
 
@@ -32,7 +32,7 @@ class VisibleDistance:
     natural: float
 
     @classmethod
-    def from_source(cls, source: Source, crew: Workers) -> "VisibleDistance":
+    def from_source(cls, source: RowSource, crew: Workers) -> "VisibleDistance":
         """Draw the rows of a film into the room that it has for its pictures."""
         reel, poses = source.film()
         pictures, rows = source.pictures(), blocks(len(reel), _LOT)
@@ -73,7 +73,7 @@ class VisibleDistance:
         return np.where(steps < 0, np.inf, steps / self.natural)
 
 
-def _draw_rows(source: Source, size: int, rows: Ints) -> Pictures:
+def _draw_rows(source: RowSource, size: int, rows: Ints) -> Pictures:
     """Draw pictures (k, size, size, c) of rows (k,) in their own postures, headed right."""
     reel, poses = source.film()
     middle, length, shape = (size - 1) / 2, size / SPAN, (size, size)

@@ -12,34 +12,34 @@ from finloop.edit.stretch import Stretch
 from finloop.social.rule import Shoaling
 
 
-class Errand(NamedTuple):
+class PathTask(NamedTuple):
     """A path to be swum. begun: whether the fish has come to its beginning."""
 
     route: Route
     begun: bool = False
 
 
-class Order(NamedTuple):
+class RuleTask(NamedTuple):
     """A rule to swim by. shoaling: in company, by these zones; leader: after the fish so named."""
 
     shoaling: Shoaling | None = None
     leader: str | None = None
 
 
-class Wish(NamedTuple):
+class Request(NamedTuple):
     """What a fish is asked for at a tick.
 
     Mode, path, rule, ticks till its plan is cut (0: it is not).
     """
 
     mode: str
-    errand: Errand | None
-    order: Order | None
+    errand: PathTask | None
+    order: RuleTask | None
     cut_after: int
 
 
 @dataclass(frozen=True)
-class Choice:
+class DecisionRecord:
     """A decision, and all that it was made from.
 
     tick: the first one that the stretch is swum at; state, draws: of the fish and of the random

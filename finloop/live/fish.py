@@ -23,7 +23,7 @@ from finloop.animate.route import Route, place
 from finloop.animate.rule import Rule
 from finloop.edit.build import edit_columns
 from finloop.edit.schema import Goal
-from finloop.live.choice import Choice, Errand, Order, Wish
+from finloop.live.choice import DecisionRecord, PathTask, Request, RuleTask
 from finloop.live.modes import Modes
 
 Floats = NDArray[np.float64]
@@ -95,8 +95,8 @@ class LiveFish:
     ) -> None:  # fmt: skip
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
-        self.errand: Errand | None = None
-        self.order: Order | None = None
+        self.errand: PathTask | None = None
+        self.order: RuleTask | None = None
         self.reached = False
         self._modes, self._rng, self._ghost = modes, rng, ghost
         self._others = others
@@ -106,7 +106,7 @@ class LiveFish:
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
         self._wishes = np.full(HISTORY, None, object)
-        self._choices: deque[Choice] = deque()
+        self._choices: deque[DecisionRecord] = deque()
         self._plan = np.zeros(0, ROW)  # the last stretch, of which so much has been played:
         self._plan_poses = np.zeros(0, object)
         self._played = 0
@@ -138,9 +138,9 @@ class LiveFish:
         ways = list(self._others(self, self.born + tick).values())
         return Plans.from_paths(ways, tick).others(-1, tick)
 
-    def wish_at(self, tick: int) -> Wish:
+    def wish_at(self, tick: int) -> Request:
         """What it was asked for at a tick that is known."""
-        wish: Wish = self._wishes[tick % HISTORY]
+        wish: Request = self._wishes[tick % HISTORY]
         return wish
 
     def places(self, ticks: range) -> Floats:
@@ -153,14 +153,14 @@ class LiveFish:
     def _oldest(self) -> int:
         return max(self.born, self.last_tick - HISTORY + 1)
 
-    def choice(self, tick: int) -> Choice | None:
+    def choice(self, tick: int) -> DecisionRecord | None:
         """The decision in force at a tick."""
         row = self.row_at(tick)
         if row is None:
             return None
         return next((one for one in reversed(self._choices) if one.tick == row.decided), None)
 
-    def plan_of(self, choice: Choice) -> Choice:
+    def plan_of(self, choice: DecisionRecord) -> DecisionRecord:
         """Return the decision that planned what a decision swims: often the decision itself."""
         earlier = (one for one in reversed(self._choices) if one.tick <= choice.tick)
         return next((one for one in earlier if not one.follows_plan), choice)
@@ -175,9 +175,9 @@ class LiveFish:
         """To the beginning of a path from the next tick on, and along it."""
         x, y = place(route, 0.0)
         self.send((float(x), float(y)))
-        self.errand = Errand(route)
+        self.errand = PathTask(route)
 
-    def obey(self, order: Order) -> None:
+    def obey(self, order: RuleTask) -> None:
         """By a rule from the next tick on."""
         if order != self.order:
             self.send(None)
@@ -226,7 +226,7 @@ class LiveFish:
             self._arrive(last)
         goal = self.goal
         self._poses[self.last_tick % HISTORY] = row.pose
-        self._wishes[self.last_tick % HISTORY] = Wish(
+        self._wishes[self.last_tick % HISTORY] = Request(
             self.mode, self.errand, self.order, self._cut_after
         )
         self._ring[self.last_tick % HISTORY] = row._replace(
@@ -251,7 +251,7 @@ class LiveFish:
             return None
         return None if self.reached else self.goal
 
-    def _arrive(self, last: Choice) -> None:
+    def _arrive(self, last: DecisionRecord) -> None:
         """The last stretch is swum: a goal may be reached, a path begun, or done."""
         errand, fish = self.errand, self._state.fish
         if errand is not None and errand.begun:
@@ -308,7 +308,7 @@ class LiveFish:
         plan = self._plan, self._plan_poses, self._played
         return self._state, self._rng.bit_generator.state, plan
 
-    def _keep_clear(self, last: Choice, old: tuple[Any, ...]) -> None:
+    def _keep_clear(self, last: DecisionRecord, old: tuple[Any, ...]) -> None:
         """Take a decision back if it is not clear of the other fish, which rely on the old plan."""
         choice = self._choices[-1]
         if not self._player.is_clear(choice.state, choice.stretch):
@@ -328,7 +328,7 @@ class LiveFish:
         draws = self._rng.bit_generator.state
         stretch, self._state = self._player.plan(state, goal, self._rng)
         begins = self.born + state.fish.tick
-        self._choices.append(Choice(begins, self.mode, state, draws, goal, stretch))
+        self._choices.append(DecisionRecord(begins, self.mode, state, draws, goal, stretch))
         while len(self._choices) > 1 and self._choices[1].tick <= begins - HISTORY:
             self._choices.popleft()
         (self._plan, self._plan_poses), self._played = self._rows(), 0
@@ -338,7 +338,7 @@ class LiveFish:
 
         It depends on what of those before has not died away: longer where the film rests.
         """
-        ticks, moved, recent = 0, 0, deque[Choice]()
+        ticks, moved, recent = 0, 0, deque[DecisionRecord]()
         joins, last = self._player.joins, self._choices[-1]
         for choice in reversed(self._choices):
             recent.appendleft(choice)

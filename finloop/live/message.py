@@ -93,7 +93,7 @@ class Speed(Message):
     times: Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
 
 
-class Look(Message):
+class PastTick(Message):
     """Show a tick that has been, and stay there; None: go back to the present."""
 
     do: Literal["look"]
@@ -138,7 +138,7 @@ Wish = (
     | Pause
     | Step
     | Speed
-    | Look
+    | PastTick
     | SwimOn
     | Explain
     | Count

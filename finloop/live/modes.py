@@ -5,14 +5,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from finloop.animate.protocols import AnyPlayer
-from finloop.edit.build import Sources
+from finloop.edit.build import EditInputs
 
 
 class Modes(NamedTuple):
     """The modes of a tank by name: what plays each, and what is drawn in each."""
 
     players: Mapping[str, AnyPlayer]
-    sources: Mapping[str, Sources]
+    sources: Mapping[str, EditInputs]
 
     @classmethod
     def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":

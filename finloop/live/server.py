@@ -30,7 +30,7 @@ BEHIND = 2  # frames that a page may be behind
 _OF_FISH = ("goal", "path", "rule", "drop")  # wishes of one fish, or of all
 
 
-class Page:
+class PageClient:
     """A page that looks on. It holds one frame at most, the newest."""
 
     def __init__(self) -> None:
@@ -65,13 +65,13 @@ class Host:
 
     def __init__(self, view: View) -> None:
         self.view = view
-        self.pages: set[Page] = set()
+        self.pages: set[PageClient] = set()
         self.frame_ms: float = 0.0
         self.wishes: dict[tuple[object, ...], Wish] = {}
         self._steps = 0
         self._changed = asyncio.Event()
 
-    def hear(self, page: Page, text: str | bytes | None) -> None:
+    def hear(self, page: PageClient, text: str | bytes | None) -> None:
         """A message of a page."""
         wish = parse_message(text)
         if wish is None:
@@ -90,7 +90,7 @@ class Host:
             self.wishes[key] = wish
         self._changed.set()
 
-    def join(self, page: Page) -> None:
+    def join(self, page: PageClient) -> None:
         """One more looks on."""
         self.pages.add(page)
         self._changed.set()
@@ -178,7 +178,7 @@ def app(
 
 async def _attend(host: Host, connection: WebSocket) -> None:
     """Frames to a page and its messages to the host, until it goes."""
-    page = Page()
+    page = PageClient()
     host.join(page)
     sends = asyncio.create_task(_send(connection, page))
     try:
@@ -196,7 +196,7 @@ async def _attend(host: Host, connection: WebSocket) -> None:
             await sends
 
 
-async def _send(connection: WebSocket, page: Page) -> None:
+async def _send(connection: WebSocket, page: PageClient) -> None:
     with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
         while True:
             await connection.send_bytes(await page.next())

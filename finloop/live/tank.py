@@ -12,7 +12,7 @@ from finloop.animate.world import World
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
-from finloop.live.choice import Order
+from finloop.live.choice import RuleTask
 from finloop.live.fish import Floats, Ghost, LiveFish
 from finloop.live.modes import Modes
 from finloop.social.leader import contradiction
@@ -159,7 +159,7 @@ class LiveTank:
         self._refuse_in_paper("company")
         rule = rule_of(self.shoaling)
         for number in self._fish_numbers(which):
-            self.fish[number].obey(Order(rule))
+            self.fish[number].obey(RuleTask(rule))
 
     def lead(self, which: int | None, leader: int) -> None:
         """A fish, or all others, swim after another one. FinloopError if that is contradictory."""
@@ -173,7 +173,7 @@ class LiveTank:
                     said, "a leader that follows none of its followers", "send the leader elsewhere"
                 )
         for number in followers:
-            self.fish[number].obey(Order(leader=self.fish[leader].name))
+            self.fish[number].obey(RuleTask(leader=self.fish[leader].name))
 
     @property
     def leaders(self) -> dict[int, int]:
@@ -194,7 +194,7 @@ class LiveTank:
         self.shoaling = replace(self.shoaling, zones=zones)
         for fish in self.fish:
             if fish.order is not None and fish.order.shoaling is not None:
-                fish.order = Order(self.shoaling)
+                fish.order = RuleTask(self.shoaling)
 
     def lack(self, mode: str) -> str:
         """Return why the tank cannot change over to a mode now; empty if it can."""

@@ -17,10 +17,10 @@ from finloop.edit.explain import in_words
 from finloop.edit.modes import MODES
 from finloop.edit.schema import VERDICTS
 from finloop.live import message
-from finloop.live.choice import Choice, Errand, Order
+from finloop.live.choice import DecisionRecord, PathTask, RuleTask
 from finloop.live.tank import LiveTank
 from finloop.plan.graph import MotionGraph
-from finloop.plan.plan import Options
+from finloop.plan.plan import CandidateVerdicts
 from finloop.plan.planner import Planner
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
@@ -33,7 +33,7 @@ _QUALITY = 82  # JPEG
 
 
 @dataclass
-class Counts:
+class EventCounts:
     """What happened beside: bad messages, frames that a slow page did not get, goals reached."""
 
     bad: int = 0
@@ -58,7 +58,7 @@ class View:
     explained: int = 0
     frame: int = 0
     refused: str = ""
-    counts: Counts = field(default_factory=Counts)
+    counts: EventCounts = field(default_factory=EventCounts)
 
     @property
     def tick(self) -> int:
@@ -108,7 +108,7 @@ class View:
                 self.advance()
             case message.Speed():
                 self.speed = wish.times
-            case message.Look():
+            case message.PastTick():
                 self.looked = wish.tick
             case message.SwimOn():
                 tank.back_to(wish.tick)
@@ -196,14 +196,14 @@ class View:
             "trail": np.rint(fish.places(trail)).astype(int).tolist(),
         }  # fmt: skip
 
-    def _leader_number(self, order: Order | None) -> int | None:
+    def _leader_number(self, order: RuleTask | None) -> int | None:
         """Return the number of the leader of a rule, −1 for the group; None without a rule."""
         if order is None or order.leader is None:
             return None if order is None else -1
         names = [fish.name for fish in self.tank.fish]
         return names.index(order.leader) if order.leader in names else None
 
-    def _decision(self, choice: Choice) -> dict[str, Any]:
+    def _decision(self, choice: DecisionRecord) -> dict[str, Any]:
         """Return a decision, with the ways that were weighed when its plan was made."""
         plan = self.tank.fish[self.explained].plan_of(choice)
         fish, stretch, options = plan.state.fish, choice.stretch, plan.stretch.options
@@ -218,7 +218,7 @@ class View:
             "ways": [self._describe_candidate(plan, way) for way in ways[:_MOST_WAYS]],
         }  # fmt: skip
 
-    def _describe_candidate(self, choice: Choice, way: int) -> dict[str, Any]:
+    def _describe_candidate(self, choice: DecisionRecord, way: int) -> dict[str, Any]:
         fish, options = choice.state.fish, choice.stretch.options
         assert options is not None
         row, cost = int(options.rows[way]), float(options.value[way])
@@ -231,7 +231,7 @@ class View:
             "path": self._path(self._film(choice), fish.x, fish.y, row, float(options.rots[way])),
         }  # fmt: skip
 
-    def _film(self, choice: Choice) -> MotionGraph:
+    def _film(self, choice: DecisionRecord) -> MotionGraph:
         """The film through which ways were weighed."""
         player = self.tank.players[choice.mode]
         assert isinstance(player, Planner)
@@ -248,7 +248,7 @@ class View:
         return np.rint(way).astype(int).tolist()
 
 
-def _describe_path(errand: Errand | None) -> dict[str, Any] | None:
+def _describe_path(errand: PathTask | None) -> dict[str, Any] | None:
     """Return a path, and whether the fish has come to its beginning."""
     if errand is None:
         return None
@@ -259,7 +259,7 @@ def _describe_path(errand: Errand | None) -> dict[str, Any] | None:
     return {"places": shown, "closed": route.closed, "begun": errand.begun}
 
 
-def _rank_candidates(options: Options) -> list[int]:
+def _rank_candidates(options: CandidateVerdicts) -> list[int]:
     """Rank the candidates: the one taken, then those that fail no test, cheapest first."""
     ways = range(len(options.rows))
     return sorted(

@@ -5,11 +5,11 @@ import pandas as pd
 
 from finloop.distance.map import Ints, MapFacts
 from finloop.loops.graph import LoopGraph, goes_on, in_component
-from finloop.loops.search import Counts
+from finloop.loops.search import PairCounts
 
 
 def numbers(
-    loops: pd.DataFrame, counts: Counts, graph: LoopGraph, features: pd.DataFrame,
+    loops: pd.DataFrame, counts: PairCounts, graph: LoopGraph, features: pd.DataFrame,
     facts: MapFacts, mapped: Ints,
 ) -> dict[str, float]:  # fmt: skip
     """Flat numbers. A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film.

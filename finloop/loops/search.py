@@ -24,7 +24,7 @@ from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
 from finloop.features.table import delta_of
 from finloop.loops.graph import rank_groups
-from finloop.loops.settings import Settings
+from finloop.loops.settings import LoopsSettings
 from finloop.loops.travel import improper
 
 
@@ -52,7 +52,7 @@ class SparseMap(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Counts:
+class PairCounts:
     """The number of pairs after each test."""
 
     pairs: int
@@ -68,8 +68,8 @@ def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
 
 
 def find(
-    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: Settings
-) -> tuple[pd.DataFrame, Counts]:
+    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: LoopsSettings
+) -> tuple[pd.DataFrame, PairCounts]:
     """The loops of a film (§4.1, Figs. 8, 12, 13), best first, and the counts of each test.
 
     `pairs` : D of the rows that may be compared (Eq. 6), rows of the feature table. `step` : the
@@ -94,14 +94,14 @@ def find(
     return loops[LOOPS.names], counts
 
 
-def least_frames(delta: int, settings: Settings) -> int:
+def least_frames(delta: int, settings: LoopsSettings) -> int:
     """The least number of frames between two ends of a loop in one track; delta: Δ in frames."""
     return max(1, round(settings.least * delta))
 
 
 def candidates(
-    pairs: SparseMap, features: pd.DataFrame, limit: float, settings: Settings
-) -> tuple[pd.DataFrame, Counts]:
+    pairs: SparseMap, features: pd.DataFrame, limit: float, settings: LoopsSettings
+) -> tuple[pd.DataFrame, PairCounts]:
     """All local minima of filtered D up to `limit`, best first, and the counts of each test.
 
     Columns a, b, distance, filtered, improper (Fig. 13: whether the pair is no loop).
@@ -116,7 +116,7 @@ def candidates(
     table = pd.DataFrame(
         {"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at], "improper": bad}
     )
-    counts = Counts(len(pairs.j), int(np.isfinite(value).sum()), len(at), int(bad.sum()))
+    counts = PairCounts(len(pairs.j), int(np.isfinite(value).sum()), len(at), int(bad.sum()))
     return table.sort_values(["filtered", "a", "b"], ignore_index=True), counts
 
 
@@ -256,7 +256,9 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     return rank_groups(name[part[:n]])
 
 
-def _none(pairs: SparseMap, features: pd.DataFrame, step: float, settings: Settings) -> NoLoops:
+def _none(
+    pairs: SparseMap, features: pd.DataFrame, step: float, settings: LoopsSettings
+) -> NoLoops:
     """The reason why there are no loops, and the parameter that would give some."""
     goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()

@@ -9,7 +9,7 @@ from finloop.base.settings import Count, NotNegative, Positive
 
 
 @dataclass(frozen=True)
-class Settings:
+class LoopsSettings:
     """Which pairs of frames become loops, and how modes `loops` and `hybrid` play them."""
 
     threshold: NotNegative  # median natural steps: the largest distance along a loop

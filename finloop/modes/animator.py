@@ -12,7 +12,7 @@ from finloop.animate.cast import Cast
 from finloop.animate.motion import learn
 from finloop.animate.places import random_goals
 from finloop.animate.protocols import AnyPlayer
-from finloop.animate.settings import Settings
+from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import swim
 from finloop.animate.size import Sized, head_ahead_px, scale_film
 from finloop.animate.world import World
@@ -78,7 +78,7 @@ class PaperAnimator:
     player: PaperPlayer
     pictures: Pictures
     step: float
-    p: Settings
+    p: AnimateSettings
 
     fish = 1
 
@@ -123,7 +123,7 @@ class PaperAnimator:
         return swum, edit_list(swum, ticks, self.player.sources)
 
 
-class Basis(NamedTuple):
+class ModeAssets(NamedTuple):
     """What the paper's modes share."""
 
     sized: Sized
@@ -132,7 +132,7 @@ class Basis(NamedTuple):
     cast: Cast
 
 
-def basis_of(made: FilmData, p: Settings) -> Basis:
+def basis_of(made: FilmData, p: AnimateSettings) -> ModeAssets:
     """Return the tank, the film at its drawn size and what it teaches, for a mode of the paper."""
     at_size = scale_film(made.reel, made.outline_px, made.arena, p, made.floor)
     reel = at_size.reel
@@ -143,13 +143,13 @@ def basis_of(made: FilmData, p: Settings) -> Basis:
     )  # fmt: skip
     pictures = Pictures(reel, made.map_facts.size, Bodies(made.poses, reel.goes_on, reel.sprites))
     hulls = outlines(reel) if len(reel.sprites) else []
-    return Basis(at_size, world, pictures, Cast(reel.sprites, hulls, at_size.hulls))
+    return ModeAssets(at_size, world, pictures, Cast(reel.sprites, hulls, at_size.hulls))
 
 
 NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
 
 
-def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> MotionGraph:
+def loop_film(made: FilmData, basis: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
     """Return the film with the jumps of its loops alone."""
     features = basis.sized.reel.features
     n, track = len(features), features["track_id"].to_numpy()
@@ -163,8 +163,8 @@ def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> MotionGraph:
 
 
 def make_animator(
-    made: FilmData, basis: Basis, mode: PaperMode, way: MotionGraph, sprites: Sprites | None,
-    p: Settings, join: str,
+    made: FilmData, basis: ModeAssets, mode: PaperMode, way: MotionGraph, sprites: Sprites | None,
+    p: AnimateSettings, join: str,
 ) -> PaperAnimator:  # fmt: skip
     """Return what plans the animations of a mode. way: the film; join: how pictures are joined."""
     how = joins(p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.helps)

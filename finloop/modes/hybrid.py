@@ -13,19 +13,19 @@ import pandas as pd
 
 from finloop.animate.arena import inside
 from finloop.animate.kinematics import Target, touches, wrap
-from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats, Ints
 from finloop.bpn.model import MotionModel
 from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import orientation, wrap_deg
-from finloop.loops.settings import Settings as LoopsSettings
+from finloop.loops.settings import LoopsSettings
 from finloop.modes.animator import FilmData, PaperAnimator, basis_of, make_animator
-from finloop.modes.hybrid_settings import Settings
+from finloop.modes.hybrid_settings import HybridSettings
 from finloop.modes.loops import Loops, Starts, Ways, add_verdict_counts, first_end, make_loop_player
 from finloop.modes.network import Network, make_network
-from finloop.modes.network_settings import Settings as NetworkSettings
+from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.player import PaperMode
 
 _LEFT = 1  # tick after the film: the gateway's sprite is shown
@@ -179,7 +179,7 @@ class Hybrid:
 
 def hybrid_animator(
     made: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
-    p: CommonSettings, q: tuple[NetworkSettings, LoopsSettings, Settings],
+    p: CommonSettings, q: tuple[NetworkSettings, LoopsSettings, HybridSettings],
 ) -> PaperAnimator:  # fmt: skip
     """Bring together mode `hybrid` (Fig. 19); without loops or gateways it is network mode."""
     basis = basis_of(made, p)

@@ -5,7 +5,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True)
-class Settings:
+class HybridSettings:
     """How the hybrid mode changes over."""
 
     # how one picture follows another: see `network.join`; of every switch and loop

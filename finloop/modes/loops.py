@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
 from finloop.animate.kinematics import Target, bearing, rotate, touches, wrap
-from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.animate.world import World
 from finloop.base.arrays import Floats, Ints, Mask
@@ -26,10 +26,10 @@ from finloop.edit.schema import FILM, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.loops.positions import quadrant_of
-from finloop.loops.settings import Settings
+from finloop.loops.settings import LoopsSettings
 from finloop.modes.animator import (
-    Basis,
     FilmData,
+    ModeAssets,
     PaperAnimator,
     basis_of,
     loop_film,
@@ -72,7 +72,7 @@ class Ways(NamedTuple):
 class Loops:
     """Plays the film's loops. film: with the jumps of its loops alone."""
 
-    def __init__(self, world: World, film: MotionGraph, p: Settings) -> None:
+    def __init__(self, world: World, film: MotionGraph, p: LoopsSettings) -> None:
         self.world, self.film, self.p = world, film, p
         self.stay = max(1, round(p.stay * world.motion.delta))
         self.ends = loop_ends(film)
@@ -320,7 +320,7 @@ def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
 
 
 def loops_animator(
-    made: FilmData, loops: pd.DataFrame, p: CommonSettings, q: Settings
+    made: FilmData, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
 ) -> PaperAnimator:
     """Bring together mode `loops` (Figs. 10-13). NothingToUse if the film has no loops."""
     basis = basis_of(made, p)
@@ -340,6 +340,8 @@ def no_loops_error(mode: str) -> NothingToUse:
     )
 
 
-def make_loop_player(made: FilmData, basis: Basis, loops: pd.DataFrame, q: Settings) -> Loops:
+def make_loop_player(
+    made: FilmData, basis: ModeAssets, loops: pd.DataFrame, q: LoopsSettings
+) -> Loops:
     """Return what plays the loops of a film."""
     return Loops(basis.world, loop_film(made, basis, loops), q)

@@ -14,7 +14,7 @@ from finloop.animate.motion import learn
 from finloop.animate.paths import Path, lay
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
-    Task,
+    SwimTask,
     deal,
     refuse_meetings,
     settle,
@@ -49,7 +49,7 @@ from finloop.social.rule import Shoaling, rule_of
 NO_SPRITES: Ints = np.zeros(0, np.intp)
 
 
-class Material(NamedTuple):
+class MatchingData(NamedTuple):
     """What has been made of a film.
 
     arena (h, w): where the fish can be; reel: its pictures; outline_px (n, k, 2): x, y as filmed of
@@ -146,7 +146,7 @@ class MatchingAnimator:
         """Return the goals of each fish."""
         return [task.goals for task in self.tasks(goals)]
 
-    def tasks(self, goals: Sequence[Goal]) -> list[Task]:
+    def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
         """What each fish does: swim its path, or to goals, or by a rule."""
         rng = np.random.default_rng(self.world.settings.seed)
         todo = self._tasks(goals, self.seekers, rng)
@@ -157,7 +157,7 @@ class MatchingAnimator:
 
     def _tasks(
         self, goals: Sequence[Goal], seekers: Sequence[int], rng: np.random.Generator
-    ) -> list[Task]:
+    ) -> list[SwimTask]:
         """The tasks of all fish by the rules, of those that seek to goals, which are dealt."""
         p = self.world.settings
         todo = by_rule(tasks([], p.fish, rng), p)
@@ -172,7 +172,7 @@ class MatchingAnimator:
         goals = [task.goals for task in todo]
         return edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
 
-    def _trial(self, number: int) -> list[Task]:
+    def _trial(self, number: int) -> list[SwimTask]:
         p = self.world.settings
         rng = np.random.default_rng([p.seed, number])
         goals = random_goals(self.world, p.trial_goals * len(self.fish_without_rule), rng)
@@ -197,7 +197,7 @@ class MatchingAnimator:
         return swum, edit
 
 
-def matching_animator(made: Material, p: AllSettings) -> MatchingAnimator:
+def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     """Bring together what plans mode `matching`.
 
     FinloopError where the film shows too little for what `matching.uses` names.
@@ -253,7 +253,7 @@ class NothingToUse(FinloopError):
     """The film shows too little for a mode."""
 
 
-def by_rule(todo: Sequence[Task], p: AllSettings) -> list[Task]:
+def by_rule(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
     """The same by the rules of the parameters, whose fish are numbered from 1.
 
     FinloopError if these are contradictory.

@@ -14,7 +14,7 @@ import numpy as np
 
 from finloop.animate import kinematics as step
 from finloop.animate.kinematics import Ahead, Target, Turning, wrap
-from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.animate.world import World
 from finloop.base.arrays import Floats, Ints
@@ -25,19 +25,19 @@ from finloop.edit.stretch import Decision, Stretch
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.modes.animator import (
     NO_LOOPS,
-    Basis,
     FilmData,
+    ModeAssets,
     PaperAnimator,
     basis_of,
     loop_film,
     make_animator,
 )
-from finloop.modes.network_settings import Settings
+from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.sprites import Sprites, TurnPlan, make_sprites, plan_turn, start_from_bend
 
 
-class Course(NamedTuple):
+class GoalApproach(NamedTuple):
     """A fish, its goal, and the point that it heads for now.
 
     start: x, y, heading; error: of the heading against the aim, degrees, + = the aim is to the
@@ -58,7 +58,7 @@ class Network:
     """Moves sprites as Fig. 18 says. sprites: in their sequences; phases: of the film."""
 
     def __init__(
-        self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: Settings
+        self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
     ) -> None:
         self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
         motion = world.motion
@@ -101,17 +101,17 @@ class Network:
             or self.brake(course)
         )
 
-    def _course(self, fish: Fish, goal: Target) -> Course:
+    def _course(self, fish: Fish, goal: Target) -> GoalApproach:
         near_px = self.p.arrived * self.world.touch_px
         aim = step.aim_in(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > self.p.near * self._px
-        return Course(
+        return GoalApproach(
             fish, goal, aim, np.array([fish.x, fish.y, fish.heading]), error, distance, far
         )
 
-    def will_turn(self, course: Course) -> bool:
+    def will_turn(self, course: GoalApproach) -> bool:
         """Fig. 18, first box: return whether the heading is too far off to swim straight.
 
         It turns where its heading is off, and where it would pass a near goal.
@@ -133,7 +133,7 @@ class Network:
         most = self.p.hold * self.world.motion.delta
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
 
-    def swim_straight(self, course: Course, rng: np.random.Generator) -> Stretch | None:
+    def swim_straight(self, course: GoalApproach, rng: np.random.Generator) -> Stretch | None:
         """Slide, accelerate, decelerate or swim straight like a phase of the film.
 
         None where a wall is ahead.
@@ -183,7 +183,7 @@ class Network:
             phase += 1.0 - (phase[0] - begins)  # the first frame is the one chosen
         return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, new
 
-    def turn(self, course: Course, rng: np.random.Generator) -> Stretch:
+    def turn(self, course: GoalApproach, rng: np.random.Generator) -> Stretch:
         """Turn by sprites: in, hold, out; less far where there is no room, else on the spot."""
         fish, sprites, turns = course.fish, self.sprites, self.world.motion.turns
         side, angle = (LEFT if course.error > 0 else RIGHT), abs(course.error)
@@ -202,7 +202,9 @@ class Network:
             TURN, way[:n], plan.frames[:n], new, course.aim, touched < n, decision, area=area
         )
 
-    def _fit_turn(self, course: Course, plan: TurnPlan, chosen: int) -> tuple[Floats, int, float]:
+    def _fit_turn(
+        self, course: GoalApproach, plan: TurnPlan, chosen: int
+    ) -> tuple[Floats, int, float]:
         """Fit a filmed turn into the tank: with less of its displacement, or stopped sooner.
 
         The way, the tick at which the goal is touched, and the share of the displacement. A turn
@@ -234,7 +236,7 @@ class Network:
                 break
         return way, touched, share
 
-    def brake(self, course: Course) -> Stretch:
+    def brake(self, course: GoalApproach) -> Stretch:
         """Slow down before a wall; stay where there is no room at all."""
         motion, phases, fish = self.world.motion, self.phases, course.fish
         ticks = motion.delta
@@ -278,7 +280,7 @@ class Network:
 
 
 def network_animator(
-    made: FilmData, model: MotionModel, p: CommonSettings, q: Settings
+    made: FilmData, model: MotionModel, p: CommonSettings, q: NetworkSettings
 ) -> PaperAnimator:
     """Bring together mode `network` (Fig. 18)."""
     basis = basis_of(made, p)
@@ -287,7 +289,7 @@ def network_animator(
 
 
 def make_network(
-    made: FilmData, basis: Basis, model: MotionModel, q: Settings
+    made: FilmData, basis: ModeAssets, model: MotionModel, q: NetworkSettings
 ) -> tuple[Network, Sprites]:
     """Return what moves sprites, and the sprites."""
     pictures, motion = basis.pictures, basis.world.motion

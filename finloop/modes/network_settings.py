@@ -13,7 +13,7 @@ Join = Literal["fade", "inertial", "cut"]
 
 
 @dataclass(frozen=True)
-class Settings:
+class NetworkSettings:
     """How the film's swimming is learnt, and how sprites swim."""
 
     # how one picture follows another: cross-faded as they are (the paper's), the pose going on and

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.motion import TYPE_STRAIGHT, Course, Run, courses, runs_of, too_little
+from finloop.animate.motion import TYPE_STRAIGHT, Run, TrackKinematics, courses, runs_of, too_little
 from finloop.base.arrays import Floats
 from finloop.edit.schema import ACCELERATE, DECELERATE, FILM, SLIDE, STATES, STRAIGHT, TURN
-from finloop.modes.network_settings import Settings
+from finloop.modes.network_settings import NetworkSettings
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Phases:
     high: float
 
 
-def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: Settings) -> Phases:
+def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkSettings) -> Phases:
     """Return the phases of a feature table; delta: Δ in frames. FinloopError if it shows none."""
     every = courses(features, rate_hz, delta)
     beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in every])
@@ -52,7 +52,7 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: Settings
 
 
 def _phases(
-    runs: Sequence[Run], still: float, delta: int, p: Settings, speeds: tuple[float, float]
+    runs: Sequence[Run], still: float, delta: int, p: NetworkSettings, speeds: tuple[float, float]
 ) -> Phases:
     """still: sway below which a tail is still; speeds: the range of the film's."""
     limits = still, p.steady, max(1, round(p.phase_least * delta))
@@ -77,7 +77,7 @@ def _phases(
 
 
 def _labels(
-    c: Course, first: int, last: int, limits: tuple[float, float, int]
+    c: TrackKinematics, first: int, last: int, limits: tuple[float, float, int]
 ) -> list[tuple[int, int, int]]:
     """(state, first, one past the last) of the phases of a straight run.
 

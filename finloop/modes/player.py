@@ -16,7 +16,7 @@ from finloop.animate.state import Fish, State
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.edit.build import Sources
+from finloop.edit.build import EditInputs
 from finloop.edit.joins import Joins
 from finloop.edit.schema import FRAME, TURN, Goal
 from finloop.edit.stretch import Stretch
@@ -58,7 +58,7 @@ class PaperPlayer:
     most_fish = 1
 
     @cached_property
-    def sources(self) -> Sources:
+    def sources(self) -> EditInputs:
         """What its edit lists can show."""
         film, motion, sprites = self.film, self.world.motion, self.sprites
         own = slice(0, film.filmed)
@@ -66,7 +66,7 @@ class PaperPlayer:
         if sprites is not None:
             scale, after = self.cast.sprite_scale, sprites.following
             count = sprites.orientations
-        return Sources(
+        return EditInputs(
             motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
             film.has_next[own], scale, after, count, self.joins, ("loops", "network"),
         )  # fmt: skip

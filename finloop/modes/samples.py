@@ -7,7 +7,7 @@ from itertools import count
 import numpy as np
 import pandas as pd
 
-from finloop.animate.settings import Settings
+from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import NoRoom
 from finloop.edit.schema import by_fish
 from finloop.modes.animator import Animator
@@ -15,7 +15,7 @@ from finloop.modes.animator import Animator
 _SEEDS = 100  # that are tried for one animation: in a nearly full tank few have room for all fish
 
 
-def sample_animations(animator: Animator, seconds: float, p: Settings) -> pd.DataFrame:
+def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) -> pd.DataFrame:
     """Return animations of so many seconds in all, as one edit list whose fish are numbered on.
 
     Each is `animate.seconds` long at most: to random goals first, then the fish wanders. A seed

@@ -9,7 +9,7 @@ from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import ACCELERATE, DECELERATE, SLIDE, STRAIGHT
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import orientations_of
-from finloop.modes.network_settings import Settings
+from finloop.modes.network_settings import NetworkSettings
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class TurnPlan:
 
 
 def plan_turn(
-    frames: TurnFrames, angle_deg: float, area: float, most: int, settings: Settings
+    frames: TurnFrames, angle_deg: float, area: float, most: int, settings: NetworkSettings
 ) -> TurnPlan:
     """The turn by `angle_deg` > 0 whose strongest frame comes nearest to the relative motion area.
 

@@ -24,7 +24,7 @@ _ROUNDING = 64 * 2.0**-52  # of a Bernstein coefficient, halved DEPTH times: twi
 DEPTH = 14  # halvings of the time between two poses before giving up
 
 
-class Motion(NamedTuple):
+class EdgePolynomials(NamedTuple):
     """Bernstein coefficients of a cross and of a dot product, and the margin for rounding."""
 
     cross_0: float
@@ -154,7 +154,7 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
 
 
 @kernel
-def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> Motion:
+def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> EdgePolynomials:
     """Bernstein coefficients of u × w and u · w, with the margin for their rounding.
 
     u and w go from vertex v to vertices i and j, from the pose `before` to the pose `after`.
@@ -169,11 +169,11 @@ def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> Motion:
     dot_1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
     u = max(abs(ax), abs(ay), abs(bx), abs(by))
     w = max(abs(cx), abs(cy), abs(dx), abs(dy))
-    return Motion(cross_0, cross_1, cross_2, dot_0, dot_1, dot_2, _ROUNDING * u * w)
+    return EdgePolynomials(cross_0, cross_1, cross_2, dot_0, dot_1, dot_2, _ROUNDING * u * w)
 
 
 @kernel
-def _passes(motion: Motion) -> bool:
+def _passes(motion: EdgePolynomials) -> bool:
     """Whether at every moment the cross product is not 0 or the dot product is positive."""
     c0, c1, c2, d0, d1, d2, room = motion
     waiting = np.empty((DEPTH + 2, 7))

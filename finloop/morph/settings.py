@@ -9,7 +9,7 @@ from finloop.base.settings import NotNegative, Positive
 
 
 @dataclass(frozen=True)
-class Settings:
+class MorphSettings:
     """Which drawings, how one becomes the other, and how that is filmed."""
 
     a: str  # path of an SVG, the first drawing

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.motion import Motion
+from finloop.animate.motion import MotionStatistics
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.distance.picture import BODY, typical_length
@@ -113,7 +113,7 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
 
 
 def motion_graph(
-    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask,
+    features: pd.DataFrame, jumps: Jumps, motion: MotionStatistics, pose: str, barred: Mask,
     rarity_sum: Floats,
 ) -> MotionGraph:  # fmt: skip
     """Arrange a feature table (n rows) and where it can go on.

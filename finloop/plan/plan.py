@@ -16,7 +16,7 @@ from finloop.plan.search import Candidates, Outcomes
 
 
 @dataclass(frozen=True)
-class Options:
+class CandidateVerdicts:
     """Rows (k,) that could be shown next, and the verdict on each.
 
     rots: by how much they would be turned; seams: distances in median steps; terms (k, t): seconds
@@ -74,11 +74,11 @@ class Plan(NamedTuple):
         """What it costs, in ticks, but for what is left to chance; infinite where it ends."""
         return float(self.found.value[self.taken] - self.found.terms[self.taken, CHANCE])
 
-    def options(self, rate_hz: float) -> Options:
+    def options(self, rate_hz: float) -> CandidateVerdicts:
         """Return what was weighed."""
         made, found = self.candidates, self.found
         value = (found.value - found.terms[:, CHANCE]) / rate_hz
-        return Options(
+        return CandidateVerdicts(
             made.rows, made.rots, made.seams, found.terms / rate_hz, value, found.ticks,
             found.verdicts, self.taken,
         )  # fmt: skip
@@ -116,7 +116,7 @@ def option_table(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataF
     return table
 
 
-def _option_rows(tick: int, options: Options, filmed: int) -> pd.DataFrame:
+def _option_rows(tick: int, options: CandidateVerdicts, filmed: int) -> pd.DataFrame:
     """Return what was weighed at a tick, a row each."""
     ends = np.isinf(options.value)
     terms = {

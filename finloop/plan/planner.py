@@ -20,7 +20,7 @@ from finloop.animate.rule import Rule
 from finloop.animate.shoal import NoRoom
 from finloop.animate.state import Fish, Progress, State
 from finloop.base.arrays import Floats, Ints
-from finloop.edit.build import Sources
+from finloop.edit.build import EditInputs
 from finloop.edit.joins import Joins
 from finloop.edit.schema import (
     FILM,
@@ -43,7 +43,7 @@ from finloop.plan.fallback import Fallback
 from finloop.plan.objectives import ANYWHERE, Objective, along_path, rule_target, to_goal
 from finloop.plan.plan import Plan
 from finloop.plan.search import Candidates, SearchStart, search
-from finloop.plan.sources import Source
+from finloop.plan.sources import MotionSource
 from finloop.plan.walls import fits
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import Shoaling
@@ -64,8 +64,8 @@ class Planner:
     """
 
     world: FilmWorld
-    film: Source | None
-    prediction: Source | None
+    film: MotionSource | None
+    prediction: MotionSource | None
     cast: Cast
     joins: Joins
     shoaling: Shoaling | None
@@ -74,11 +74,11 @@ class Planner:
     most_fish = None
 
     @cached_property
-    def sources(self) -> Sources:
+    def sources(self) -> EditInputs:
         """What its edit lists can show."""
         film, motion = self.world.film, self.world.motion
         own = slice(0, film.filmed)
-        return Sources(
+        return EditInputs(
             motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
             film.has_next[own], np.ones(1), np.zeros(1, np.int64), 1, self.joins,
             ("matching", "matching"),
@@ -143,7 +143,7 @@ class Planner:
         return Fish(x, y, heading, 0.0, source.state, -1, row=row, rot=rot)
 
     @property
-    def _first_source(self) -> Source:
+    def _first_source(self) -> MotionSource:
         source = self.film or self.prediction
         assert source is not None
         return source
@@ -295,7 +295,7 @@ class Planner:
         return plan.value > price * float(plan.ticks.sum())
 
     def _weigh(
-        self, source: Source | None, fish: Fish, along: float, objective: Objective,
+        self, source: MotionSource | None, fish: Fish, along: float, objective: Objective,
         rng: np.random.Generator,
     ) -> Plan | None:  # fmt: skip
         """Return the best plan by a way to move; None where no row could be shown."""
@@ -308,7 +308,7 @@ class Planner:
         return self._search(source, made, objective)
 
     def _search(
-        self, source: Source, made: tuple[Candidates, SearchStart], objective: Objective
+        self, source: MotionSource, made: tuple[Candidates, SearchStart], objective: Objective
     ) -> Plan | None:
         """Return the plan of the cheapest of some candidates, the longest where all end."""
         (candidates, start), weights = made, self._weights
@@ -455,7 +455,7 @@ def _same(one: object, other: object) -> bool:
     return one is other or (places and one == other)
 
 
-def _lasting_rows(source: Source) -> Ints:
+def _lasting_rows(source: MotionSource) -> Ints:
     """Return the rows from which the film plays on, and need never stop."""
     rows = source.graph.film.rows
     return np.flatnonzero(rows["has_next"][:-1] & rows["recurrent"][:-1] & rows["recurrent"][1:])

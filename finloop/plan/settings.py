@@ -5,14 +5,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.base.settings import Count, NotNegative, Positive
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
 @dataclass(frozen=True)
-class Settings:
+class MatchingSettings:
     """What the planner of `matching` may use, and what it weighs."""
 
     # Motion that may be shown. film: frames and their mirror images, played on, or joined where
@@ -78,11 +78,11 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class AllSettings(Settings, CommonSettings):
+class AllSettings(MatchingSettings, CommonSettings):
     """The groups `animate` and `matching` in one."""
 
 
-def merge_settings(common: CommonSettings, own: Settings) -> AllSettings:
+def merge_settings(common: CommonSettings, own: MatchingSettings) -> AllSettings:
     """Return the parameters of both groups in one."""
     both = (common, own)
     return AllSettings(

@@ -40,7 +40,7 @@ class Passage(NamedTuple):
     past: Floats | None = None
 
 
-class Source(Protocol):
+class MotionSource(Protocol):
     """A way to move. state: of `STATES`."""
 
     state: int
@@ -78,7 +78,7 @@ class FilmSource:
     def candidates(
         self, fish: Fish, lag: float, along: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """See `Source`."""
+        """See `MotionSource`."""
         film = self.graph.film
         if fish.row < 0 or not film.has_next[fish.row]:
             return None
@@ -91,7 +91,7 @@ class FilmSource:
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
-        """See `Source`."""
+        """See `MotionSource`."""
         film, row = self.graph.film, run.row
         seam, rot = _seam_to(film, fish, row)
         begins = np.array([
@@ -129,7 +129,7 @@ class PredictionSource:
     def candidates(
         self, fish: Fish, lag: float, along: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """See `Source`."""
+        """See `MotionSource`."""
         film = self.graph.film
         fish, _ = self._with_past(fish)
         rows = ways(self.sampler, fish.row)[0].astype(np.int64)
@@ -147,7 +147,7 @@ class PredictionSource:
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
-        """See `Source`."""
+        """See `MotionSource`."""
         film, row = self.graph.film, run.row
         fish, past = self._with_past(fish)
         states = follow(self.sampler, past, row, run.ticks, self.sampler.control[row])

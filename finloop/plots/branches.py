@@ -18,7 +18,7 @@ from matplotlib.patheffects import withStroke
 
 from finloop.base.arrays import Floats, Ints
 from finloop.plots.parts import message
-from finloop.plots.thinned_fish import Branch, ThinnedFish
+from finloop.plots.thinned_fish import SkeletonBranch, ThinnedFish
 
 _KEPT, _PAPER, _BACKBONE = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
@@ -88,7 +88,7 @@ def lie_down(fish: ThinnedFish) -> ThinnedFish:
         whole=np.rot90(fish.whole),
         skeleton=np.rot90(fish.skeleton),
         half_width=np.rot90(fish.half_width),
-        branches=[Branch(turn(path), numbers) for path, numbers in fish.branches],
+        branches=[SkeletonBranch(turn(path), numbers) for path, numbers in fish.branches],
         kept=turn(fish.kept),
         backbone=None if fish.backbone is None else turn(fish.backbone),
     )

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Picture
 from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, judge
-from finloop.extract.segment import Ends, Silhouette, silhouettes
-from finloop.extract.settings import Settings
+from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
+from finloop.extract.settings import ExtractSettings
 from finloop.plots.parts import convert_to_colour, in_rows, write
 
 _COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)
@@ -28,14 +28,14 @@ def detections_picture(
     scene: Scene,
     typical: Typical,
     arena: Picture,
-    settings: Settings,
+    settings: ExtractSettings,
 ) -> NDArray[np.uint8]:
     """Frames side by side (2 in a row), each silhouette's outline in the colour of its verdict."""
     panels = []
     for frame, label in zip(frames, labels, strict=True):
         panel, scale = convert_to_colour(frame), frame.shape[1] / 900
         lit = in_light_of(scene, frame)
-        ends = Ends(settings.outline_share, settings.shadow, thin=typical.thin)
+        ends = SilhouetteEdge(settings.outline_share, settings.shadow, thin=typical.thin)
         for s in silhouettes(frame, lit, arena, settings.least_area_px, ends):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Points
 from finloop.gait.clock import clock
-from finloop.gait.film import Film, Keys
+from finloop.gait.film import GaitContours, Keys
 from finloop.gait.fit import Subcycle
 from finloop.gait.model import Gait, Layout, at_phases, four_keys
 
@@ -25,7 +25,7 @@ Pose = Mapping[str, Points]
 
 
 def figures(
-    film: Film,
+    film: GaitContours,
     gait: Gait,
     keys: Keys,
     subcycles: Mapping[tuple[str, int], Subcycle],
@@ -54,7 +54,7 @@ def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int 
     return figure
 
 
-def figure8_contours(film: Film, columns: int = 6, most: int = 18) -> Figure:
+def figure8_contours(film: GaitContours, columns: int = 6, most: int = 18) -> Figure:
     """Fig. 8 without the film's pictures: its contours over the first cycle that it shows."""
     first = np.flatnonzero(film.phase < film.phase[0] + 1)
     frames = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
@@ -64,7 +64,7 @@ def figure8_contours(film: Film, columns: int = 6, most: int = 18) -> Figure:
     return _sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
-def figure9(gait: Gait, keys: Keys, film: Film) -> Figure:
+def figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     """Fig. 9: (a) the cycle, • a limb on the ground, ○ one lifted; (b) the four key frames.
 
     Where no limbs stand on the ground: how far the contour reaches to either side.
@@ -107,7 +107,7 @@ def _support(ax: Axes, gait: Gait) -> None:
     ax.set_title("● on the ground, ○ lifted", fontsize=9, pad=18)
 
 
-def _reach(ax: Axes, gait: Gait, keys: Keys, film: Film) -> None:
+def _reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
     phases = np.linspace(0, 1, 121)
     frames = _frames(gait, keys, film, phases)
     for ink, (name, points) in zip(_inks(frames), frames.items(), strict=True):
@@ -119,7 +119,7 @@ def _reach(ax: Axes, gait: Gait, keys: Keys, film: Film) -> None:
     ax.legend(fontsize=8)
 
 
-def figure10(film: Film, keys: Keys, split: float) -> Figure:
+def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
     """Fig. 10: contours of all frames in subcycle A: key 1 dashed, key 2 solid, others dotted.
 
     Frames of subcycle C are among them, brought over by the symmetry.
@@ -183,7 +183,7 @@ def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
     return figure
 
 
-def figure12(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
+def figure12(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
     """Fig. 12: the synthesized cycle, subcycles A to D in rows."""
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(columns) / columns
@@ -193,7 +193,7 @@ def figure12(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
     return _sheet(rows, titles, list("ABCD"), "synthesized cycle")
 
 
-def figure13(gait: Gait, keys: Keys, film: Film, columns: int = 6, rows: int = 2) -> Figure:
+def figure13(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6, rows: int = 2) -> Figure:
     """Fig. 13: subcycle A alone, with more frames."""
     phases = np.linspace(0, gait.split, rows * columns)
     poses = _rows(_poses(_frames(gait, keys, film, phases)), columns)
@@ -201,7 +201,7 @@ def figure13(gait: Gait, keys: Keys, film: Film, columns: int = 6, rows: int = 2
     return _sheet(poses, titles, [""] * rows, "subcycle A")
 
 
-def figure14(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
+def figure14(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
     """Fig. 14: frames of a cycle at 4, 16 and 64 control points a contour."""
     phases = np.arange(columns) / columns
     rows = [_poses(_frames(gait, keys, film, phases, control)) for control in CONTROL]
@@ -211,7 +211,7 @@ def figure14(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
 
 
 def _frames(
-    gait: Gait, keys: Keys, film: Film, phases: Points, control: int | None = None
+    gait: Gait, keys: Keys, film: GaitContours, phases: Points, control: int | None = None
 ) -> dict[str, Points]:
     layout = Layout(offsets=film.offsets)
     return at_phases(keys.first, keys.second, gait, phases, layout, control=control)

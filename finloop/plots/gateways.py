@@ -24,7 +24,7 @@ _HEADLINES = {
 }
 
 
-class Pair(NamedTuple):
+class GatewayPictures(NamedTuple):
     """A gateway as a viewer meets it: premultiplied pictures (TILE, TILE, c), 0 … 1.
 
     before: on screen; natural: what would come next; instead: what does; above, below: words.
@@ -44,7 +44,7 @@ def spread(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
     return order.iloc[numbers.round().astype(int)]
 
 
-def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Pair]:
+def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[GatewayPictures]:
     """The pictures of gateways, in the pose in which they were compared."""
 
     @lru_cache(1)  # in the pose BODY there is but one
@@ -61,14 +61,14 @@ def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Pair]
             f"{sprite['sequence']} {sprite['step']} ({sprite['track_id']}:{sprite['frame']})",
             f"film {row['track_id']:.0f}:{row['frame']:.0f}",
         ]
-        yield Pair(
+        yield GatewayPictures(
             *((own, ahead, here) if inward else (here, after, own)),
             " > ".join(names if inward else names[::-1]),
             f"{way.distance / facts.step_median:.2f} steps",
         )
 
 
-def contact_sheet(pairs: Mapping[str, Sequence[Pair]], columns: int = 3) -> Picture:
+def contact_sheet(pairs: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
     """The pairs of each direction, under a line that says what is shown."""
     bands = []
     for direction, some in pairs.items():
@@ -76,7 +76,7 @@ def contact_sheet(pairs: Mapping[str, Sequence[Pair]], columns: int = 3) -> Pict
     return np.vstack(bands)
 
 
-def _tiles(pair: Pair) -> Picture:
+def _tiles(pair: GatewayPictures) -> Picture:
     half = ((pair.natural + pair.instead) / 2).astype(np.float32)
     stacks = (pair.before, pair.natural, pair.instead, half)
     whole = np.hstack([on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])

@@ -27,19 +27,19 @@ _NARROW = 0.02  # of the film; a group that lies over less of it has no number a
 Rows = NDArray[np.integer]
 
 
-class Stretch(NamedTuple):
+class RowRange(NamedTuple):
     """Rows start … stop − 1 of the film, of one track."""
 
     start: int
     stop: int
 
 
-def stretches(inside: Mask, track_id: Rows) -> list[Stretch]:
+def stretches(inside: Mask, track_id: Rows) -> list[RowRange]:
     """The stretches of rows that are `inside` (n,); each lies in one track."""
     number = np.where(inside, track_id, -1)
     edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
     edges = np.unique(np.r_[edges, len(number)])
-    return [Stretch(int(a), int(b)) for a, b in pairwise(edges) if inside[a]]
+    return [RowRange(int(a), int(b)) for a, b in pairwise(edges) if inside[a]]
 
 
 def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:

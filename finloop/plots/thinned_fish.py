@@ -13,15 +13,15 @@ from finloop.base.arrays import Floats, Ints, Mask, Picture
 from finloop.extract.backbone import trace, without_notches
 from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, judge
-from finloop.extract.segment import Ends, Silhouette, silhouettes
-from finloop.extract.settings import Settings
+from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.skeleton import longest_geodesic
 
 _MARGIN = 6  # px of tank around a fish
 _NEAR = np.ones((3, 3), np.uint8)
 
 
-class Branch(NamedTuple):
+class SkeletonBranch(NamedTuple):
     """A branch of a skeleton: its pixels, and their numbers.
 
     path : (m, 2) x, y px, from the joint at which it leaves an earlier branch to its end.
@@ -48,13 +48,13 @@ class ThinnedFish(NamedTuple):
     whole: Mask
     skeleton: Mask
     half_width: NDArray[np.float32]
-    branches: list[Branch]
+    branches: list[SkeletonBranch]
     kept: Ints
     backbone: Floats | None
     body_ends: int
 
     @property
-    def side_branches(self) -> list[Branch]:
+    def side_branches(self) -> list[SkeletonBranch]:
         """The branches that leave the fish: longer than the fish is wide at their joint."""
         return [
             branch
@@ -100,7 +100,7 @@ def find_ends(skeleton: Mask) -> list[tuple[int, int]]:
     return [(int(x), int(y)) for y, x in np.argwhere(skeleton & (neighbours <= 1))]
 
 
-def find_branches(skeleton: Mask) -> list[Branch]:
+def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
     """The branches of a skeleton (h, w) by the paper's rule (§2.2.1), greatest number first.
 
     The numbering starts at an end from which the greatest number is reached. The first branch, to
@@ -124,7 +124,7 @@ def find_branches(skeleton: Mask) -> list[Branch]:
             x, y = _step_back(number, x, y)
             path.append((x, y))
         xy = np.array(path[::-1])
-        branches.append(Branch(xy, number[xy[:, 1], xy[:, 0]]))
+        branches.append(SkeletonBranch(xy, number[xy[:, 1], xy[:, 0]]))
     return branches
 
 
@@ -145,11 +145,11 @@ def thin_fish(
     scene: Scene,
     typical: Typical,
     arena: Picture,
-    settings: Settings,
+    settings: ExtractSettings,
 ) -> Iterator[ThinnedFish]:
     """Thin every isolated fish of a frame (h, w) or (h, w, 3), pale pixels included."""
     lit = in_light_of(scene, frame)
-    ends = Ends(settings.outline_share, settings.shadow, "all", typical.thin)
+    ends = SilhouetteEdge(settings.outline_share, settings.shadow, "all", typical.thin)
     for silhouette in silhouettes(frame, lit, arena, settings.least_area_px, ends):
         if judge(silhouette, typical, settings) == "fish":
             yield _thin(silhouette, frame, label, settings.points, scene.threshold)

@@ -12,7 +12,7 @@ from finloop.base.schema import ANY, Column, Schema, lists_to_points
 from finloop.distance.picture import typical_length
 from finloop.features.head import tail_first
 from finloop.features.memory import memory_frames
-from finloop.pose.settings import Settings
+from finloop.pose.settings import PoseSettings
 from finloop.puppet.pose import Pose, poses_from_features
 from finloop.puppet.shapes import PoseShapes
 from finloop.puppet.tail import Tail, tail_spread, trunk
@@ -84,7 +84,7 @@ class FilmPoses:
         return features[["track_id", "frame"]].assign(codes=codes)
 
 
-def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: Settings) -> FilmPoses:
+def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) -> FilmPoses:
     """The postures of a film.
 
     tracks: columns `USED`; features: of the same rows, columns of `FEATURES`.

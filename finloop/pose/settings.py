@@ -9,7 +9,7 @@ from finloop.base.settings import NotNegative, Positive, Share
 
 
 @dataclass(frozen=True)
-class Settings:
+class PoseSettings:
     """The principal shapes of the postures, and where a body ends and a thin tail begins."""
 
     share: Share  # of the postures' variance that the principal shapes explain

@@ -9,6 +9,6 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "drawing": ["Laid", "blend", "draw"], "pose": ["Pose", "poses_from_features"],
-    "shapes": ["PoseShapes"], "strip": ["Line"],
+    "shapes": ["PoseShapes"], "strip": ["PlacedBackbone"],
     "tail": ["Tail", "tail_spread", "trunk"],
 })  # fmt: skip

@@ -9,7 +9,7 @@ from finloop.base.cutout import Cutout
 from finloop.distance.picture import blur_for_shrinking
 from finloop.puppet.lay import How, paint, plan
 from finloop.puppet.pose import Pose
-from finloop.puppet.strip import Line
+from finloop.puppet.strip import PlacedBackbone
 
 Premultiplied = NDArray[np.float32]
 
@@ -44,7 +44,12 @@ class Laid:
     """
 
     def __init__(
-        self, pixels: Picture, source: Line, target: Line, mirrored: bool, sharp: bool = True
+        self,
+        pixels: Picture,
+        source: PlacedBackbone,
+        target: PlacedBackbone,
+        mirrored: bool,
+        sharp: bool = True,
     ) -> None:
         """Take a picture (h, w, c), the line of its animal in it, and that in the new one."""
         across = source.size_px / target.size_px
@@ -69,7 +74,9 @@ def blend(first: Premultiplied, second: Premultiplied, weight: float) -> Premult
     return cv2.addWeighted(first, 1 - weight, second, weight, 0)
 
 
-def line(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> Line:
+def line(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
     """The backbone of one pose in a picture whose first pixel is at (x0_px, y0_px)."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
-    return Line(float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture)
+    return PlacedBackbone(
+        float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture
+    )

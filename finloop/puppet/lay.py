@@ -12,7 +12,7 @@ from finloop.base.sampling import keys
 from finloop.puppet.strip import (
     HIDDEN,
     LEAST,
-    Line,
+    PlacedBackbone,
     Strip,
     squeeze_offset,
     strip,
@@ -33,7 +33,7 @@ class How(NamedTuple):
     sharp: bool
 
 
-class Plan(NamedTuple):
+class StripLayout(NamedTuple):
     """The strips of a film's picture and of the new one, and how far the animal reaches.
 
     there, here: in the film and in the new picture; reach: (m - 1, 2) px beside each step of the
@@ -48,7 +48,9 @@ class Plan(NamedTuple):
 
 
 @finite_kernel
-def plan(film: NDArray[np.float32], source: Line, target: Line, how: How) -> Plan:
+def plan(
+    film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, how: How
+) -> StripLayout:
     """The plan that brings a film's picture from the backbone `source` to the backbone `target`."""
     there, here = strip(source), strip(target)
     reach = _reach(film, there) / how.across
@@ -70,9 +72,9 @@ def plan(film: NDArray[np.float32], source: Line, target: Line, how: How) -> Pla
                 low_x, high_x = min(low_x, x), max(high_x, x)
                 low_y, high_y = min(low_y, y), max(high_y, y)
     if low_x > high_x:
-        return Plan(there, here, reach, (0, 0, 0, 0))
+        return StripLayout(there, here, reach, (0, 0, 0, 0))
     box = math.floor(low_y), math.floor(low_x), math.ceil(high_y) + 1, math.ceil(high_x) + 1
-    return Plan(there, here, reach, box)
+    return StripLayout(there, here, reach, box)
 
 
 @finite_leaf
@@ -83,7 +85,7 @@ def _least(limits, i):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def paint(
-    canvas: NDArray[np.float32], film: NDArray[np.float32], to: Plan, how: How,
+    canvas: NDArray[np.float32], film: NDArray[np.float32], to: StripLayout, how: How,
     corner: tuple[int, int],
 ) -> None:  # fmt: skip
     """Draw a strip as planned in the canvas, whose first pixel is at `corner`, row and column.

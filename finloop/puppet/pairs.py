@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_kernel
 from finloop.puppet.lay import How, paint, plan
-from finloop.puppet.strip import Line
+from finloop.puppet.strip import PlacedBackbone
 
 
 class PictureSet(NamedTuple):
@@ -79,8 +79,8 @@ def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
     row, to, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
     middle, unit = (side - 1) / 2, np.float32(1 / 255)
-    here = Line(middle, middle, 0.0, size_px, postures[row])
-    there = Line(middle, middle, 0.0, size_px, postures[to])
+    here = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])
+    there = PlacedBackbone(middle, middle, 0.0, size_px, postures[to])
     picture, partner = pictures[row], pictures[to].astype(np.float32)
     how = How(1.0, mirrored, False)
     canvas[:] = 0

@@ -21,7 +21,7 @@ _EXACT = 1e-5  # of codes, which files hold as float32
 _ROUNDING = 1e-6  # of the greatest component of a shape
 
 
-class Nearest(NamedTuple):
+class NearestPostures(NamedTuple):
     """Postures (…, d) that are possible, and whether (…) they had to be changed."""
 
     posture: Floats
@@ -118,14 +118,14 @@ class PoseShapes:
     def _tree(self) -> scipy.spatial.cKDTree:
         return scipy.spatial.cKDTree(self.codes)
 
-    def nearest(self, postures: Floats) -> Nearest:
+    def nearest(self, postures: Floats) -> NearestPostures:
         """The nearest postures (…, d) that the film shows, or nearly.
 
         A posture whose codes are within `gap` of a filmed one stays as it is. Any other one is
         moved straight towards the nearest filmed one until it is within `gap`.
         """
         codes, clamped = self.nearest_codes(self.encode(postures))
-        return Nearest(np.where(clamped[..., None], self.decode(codes), postures), clamped)
+        return NearestPostures(np.where(clamped[..., None], self.decode(codes), postures), clamped)
 
     def far(self, codes: Floats) -> Mask:
         """Which codes (…, c) are as far from all filmed ones as a possible posture may be."""

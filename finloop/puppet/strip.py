@@ -26,7 +26,7 @@ LEAST = 1e-6
 _FREE = 0.5  # share of a cross-section, from the backbone on, that is not squeezed
 
 
-class Line(NamedTuple):
+class PlacedBackbone(NamedTuple):
     """One animal's backbone in a picture, px; as `puppet.pose.Pose` says."""
 
     x_px: float
@@ -49,7 +49,7 @@ class Strip(NamedTuple):
 
 
 @finite_kernel
-def strip(line: Line) -> Strip:
+def strip(line: PlacedBackbone) -> Strip:
     """The strip along a backbone, straight beyond its ends."""
     n = len(line.posture) // 2 - 1
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from finloop.base.arrays import Mask
 from finloop.realism.auc import Scores
-from finloop.realism.settings import Settings
+from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import CHANNELS, Windows, join_windows
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class Answers(NamedTuple):
     shuffled: dict[str, Scores]
 
 
-def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
+def answers(film: Windows, swum: Windows, p: RealismSettings, channels: tuple[int, ...]) -> Answers:
     """Return the held-out scores of all windows, by classifiers that see these channels alone.
 
     A block whose classifier would have only one kind to learn from gives no scores (NaN).
@@ -38,7 +38,9 @@ def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]
         return _answers(film, swum, p, channels)
 
 
-def _answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
+def _answers(
+    film: Windows, swum: Windows, p: RealismSettings, channels: tuple[int, ...]
+) -> Answers:
     both = join_windows([film, swum])
     animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
@@ -77,7 +79,9 @@ def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.flo
     return np.stack(columns, axis=1).astype(np.float32).reshape(x.shape)
 
 
-def fit(x: NDArray[np.float32], animation: Mask, p: Settings) -> "HistGradientBoostingClassifier":
+def fit(
+    x: NDArray[np.float32], animation: Mask, p: RealismSettings
+) -> "HistGradientBoostingClassifier":
     """Return a classifier of the windows x (n, steps, channels) of binned values."""
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier

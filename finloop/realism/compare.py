@@ -12,7 +12,7 @@ from finloop.features.table import delta_of
 from finloop.realism.auc import Auc, Scores, auc
 from finloop.realism.classifier import answers
 from finloop.realism.instrument import Swimming
-from finloop.realism.settings import Settings
+from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     AGAIN,
     CHANNELS,
@@ -46,7 +46,7 @@ class Sample:
     largest: float
     rate_hz: float
     delta: int
-    p: Settings
+    p: RealismSettings
 
     @property
     def cut(self) -> Cutting:
@@ -110,7 +110,7 @@ class Sample:
         }
 
 
-def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: Settings) -> Sample:
+def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings) -> Sample:
     """The film to compare animations with. features: columns of `FEATURES`, all of the film."""
     frame_s = features["frame"].to_numpy(float) / rate_hz
     return Sample(
@@ -132,7 +132,7 @@ class Verdict:
     scores: Scores
 
 
-def verdict(sides: tuple[Windows, Windows], p: Settings, alone: bool = True) -> Verdict:
+def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True) -> Verdict:
     """The verdict of classifiers on two sets of windows, by all channels and by each `alone`.
 
     FinloopError if a block has too few windows of either set to test and to learn from.
@@ -146,7 +146,7 @@ def verdict(sides: tuple[Windows, Windows], p: Settings, alone: bool = True) -> 
     return Verdict(whole, single, importance, answer.scores)
 
 
-def refuse(sides: tuple[Windows, Windows], p: Settings) -> None:
+def refuse(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
     """FinloopError if the windows are too few: each block tests film and learns from both."""
     film, beside = sides
     tested, learnt = np.bincount(film.block, minlength=p.blocks), (~film.near).sum(axis=0)

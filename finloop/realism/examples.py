@@ -48,7 +48,7 @@ WORDS_PX = 28
 _AROUND = 1.5  # body lengths that a picture shows beyond the way
 
 
-class Pair(NamedTuple):
+class WindowPair(NamedTuple):
     """Numbers of an animation window and of the film window most like it; the former's score."""
 
     animation: int
@@ -56,14 +56,16 @@ class Pair(NamedTuple):
     score: float
 
 
-def worst(film: Windows, animation: Windows, score: Floats, count: int, length: int) -> list[Pair]:
+def worst(
+    film: Windows, animation: Windows, score: Floats, count: int, length: int
+) -> list[WindowPair]:
     """The animation windows of the highest held-out scores, no two of which touch.
 
     score (n,): of the animation windows, NaN where there is none; length: rows of a window. Most
     alike: by the squared differences of the channels, in standard deviations of the film's.
     """
     spread = film.x.std(axis=(0, 1)) + 1e-9
-    pairs: list[Pair] = []
+    pairs: list[WindowPair] = []
     starts: list[int] = []
     for number in np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable"):
         if len(pairs) == count or np.isnan(score[number]):
@@ -71,13 +73,13 @@ def worst(film: Windows, animation: Windows, score: Floats, count: int, length: 
         begin = int(animation.first[number])
         if all(abs(begin - start) > length for start in starts):
             far = (((film.x - animation.x[number]) / spread) ** 2).sum(axis=(1, 2))
-            pairs.append(Pair(int(number), int(far.argmin()), float(score[number])))
+            pairs.append(WindowPair(int(number), int(far.argmin()), float(score[number])))
             starts.append(begin)
     return pairs
 
 
 @dataclass(frozen=True)
-class Show:
+class WindowPool:
     """All that the most obviously false windows are picked from: of the film and of each mode.
 
     works: edit lists; swum: what was measured of them.
@@ -127,7 +129,7 @@ class Show:
         return whole[0].reindex(columns=EXAMPLES.names), whole[1].reindex(columns=CURVES.names)
 
 
-class View(NamedTuple):
+class CameraView(NamedTuple):
     """A camera over the tank: the place and heading that it looks at, and the width that it sees.
 
     Places and width in px, heading in degrees: it points right in the picture.
@@ -149,7 +151,7 @@ class View(NamedTuple):
         return picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
 
 
-def views(example: pd.DataFrame, length_px: float) -> dict[str, View]:
+def views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
     """Cameras over the ways of both sides of an example (rows of `EXAMPLES`).
 
     They see equally many body lengths. length_px: of the fish as filmed.
@@ -161,7 +163,7 @@ def views(example: pd.DataFrame, length_px: float) -> dict[str, View]:
     width = float(far.max()) + _AROUND * length_px
     start, middle = sides["start_deg"].first(), (low + high) / 2
     return {
-        side: View(
+        side: CameraView(
             middle.at[side, "x_px"], middle.at[side, "y_px"], float(start[side]),
             width * float(drawn[side]),
         )
@@ -170,7 +172,7 @@ def views(example: pd.DataFrame, length_px: float) -> dict[str, View]:
 
 
 def pictures(
-    edit: pd.DataFrame, gallery: Gallery, painter: Painter, view: View, size: int
+    edit: pd.DataFrame, gallery: Gallery, painter: Painter, view: CameraView, size: int
 ) -> Iterator[Picture]:
     """One side of an example as a camera sees it, tick by tick, (size, size, 3)."""
     numbered = edit.assign(tick=np.arange(len(edit)))
@@ -189,7 +191,7 @@ def strip(
     tiles, width = list[Picture](), _AROUND * length_px * float(moments["scale"].median())
     for fish, start in zip(place_rows(numbered, gallery), moments["start_deg"], strict=True):
         painter.show(fish)
-        view = View(fish.x_px, fish.y_px, start, width)
+        view = CameraView(fish.x_px, fish.y_px, start, width)
         tiles.append(view.crop_frame(painter.frame, size))
     return np.hstack(tiles)
 

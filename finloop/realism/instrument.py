@@ -20,10 +20,10 @@ from finloop.edit.schema import FRAME
 from finloop.extract.background import Scene
 from finloop.extract.film import Detections, Detector, rows, tracks
 from finloop.extract.samples import Typical
-from finloop.extract.segment import Fish
-from finloop.extract.settings import Settings as ExtractSettings
+from finloop.extract.segment import SegmentedFish
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
-from finloop.features.settings import Settings as FeatureSettings
+from finloop.features.settings import FeaturesSettings as FeatureSettings
 from finloop.features.table import FEATURES, features
 from finloop.render.gallery import Gallery, place_rows
 from finloop.render.painter import Box, Painter, Placed
@@ -133,7 +133,7 @@ def _in_tank(part: Detections, box: Box) -> Detections:
     )
 
 
-def _moved_fish(fish: Fish, x: int, y: int) -> Fish:
+def _moved_fish(fish: SegmentedFish, x: int, y: int) -> SegmentedFish:
     by = np.array([x, y])
     return replace(
         fish,

@@ -9,7 +9,7 @@ from finloop.base.settings import Count, NotNegative, Positive, Seed
 
 
 @dataclass(frozen=True)
-class Settings:
+class RealismSettings:
     """How an animation is compared with its film."""
 
     # s, of animation in each mode, and of film at most; its tracks stay whole

@@ -15,7 +15,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.bodies import Bodies, Body
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientations_of
-from finloop.puppet import Line
+from finloop.puppet import PlacedBackbone
 from finloop.reel import sprite_row
 from finloop.render.painter import Bent, Picture, Placed, Turned, picture
 
@@ -110,7 +110,9 @@ class Gallery:
         assert self.bodies is not None
         row = int(body.row)
         own, film = self.bodies.poses.pose[row], self.frame(row)
-        source = Line(film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture)
+        source = PlacedBackbone(
+            film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture
+        )
         return Bent(film, source, posture, heading_rad, size_px, bool(body.mirrored))
 
 

@@ -81,7 +81,7 @@ def write(
     cv2.putText(picture, text, place, colour, _FONT, size, weight)  # a face keeps its last weight
 
 
-class Course(NamedTuple):
+class MarkedTrack(NamedTuple):
     """What is marked of a fish. places (ticks, 2): of its way, px; pens: colour and width there.
 
     goals: the name of the goal from each tick on at which that changes, "" = wandering.
@@ -92,7 +92,7 @@ class Course(NamedTuple):
     goals: dict[int, str]
 
 
-class Marks:
+class MarkPainter:
     """Draws the fish of an edit list with the marks, tick by tick, with a painter of colour."""
 
     def __init__(self, painter: Painter, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
@@ -108,7 +108,7 @@ class Marks:
         ]
         places = edit[["x_px", "y_px"]].to_numpy(float)
         self._courses = [
-            Course(
+            MarkedTrack(
                 places[rows], [pens[row] for row in rows],
                 {first: name for name, first, _ in aims(edit.iloc[rows])},
             )

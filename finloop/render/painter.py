@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.puppet import Laid, Line, blend
+from finloop.puppet import Laid, PlacedBackbone, blend
 from finloop.render.lay import lay, over
 
 Image = NDArray[np.uint8]
@@ -111,7 +111,7 @@ class Bent(NamedTuple):
     """
 
     picture: Picture
-    source: Line
+    source: PlacedBackbone
     posture: Floats
     heading_rad: float
     size_px: float
@@ -119,7 +119,7 @@ class Bent(NamedTuple):
 
     def lay_at(self, x_px: float, y_px: float) -> Laid:
         """Lay the picture with its mass centre at (x_px, y_px) of the canvas."""
-        target = Line(x_px, y_px, self.heading_rad, self.size_px, self.posture)
+        target = PlacedBackbone(x_px, y_px, self.heading_rad, self.size_px, self.posture)
         return Laid(self.picture.pixels, self.source, target, self.mirrored)
 
 

@@ -10,7 +10,7 @@ from finloop.edit.modes import Shown
 
 
 @dataclass(frozen=True)
-class Settings:
+class RenderSettings:
     """Which edit list is filmed, and how."""
 
     mode: Shown  # the edit list

@@ -11,7 +11,7 @@ from finloop.render.gallery import Gallery
 from finloop.render.painter import Box, Painter, Turned
 
 
-class Steps:
+class FrameChangeMeter:
     """How much the picture changes from one drawn frame to the next (Eq. 5 on what is shown).
 
     ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square. It
@@ -56,7 +56,7 @@ def film_steps(
     places = tracks[["x_px", "y_px"]].to_numpy(float)
     found = []
     for pair in zip(chosen, chosen + 1, strict=True):
-        steps = Steps(painter)
+        steps = FrameChangeMeter(painter)
         for row in pair:
             x, y = places[row]
             painter.wipe()

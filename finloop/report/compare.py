@@ -16,7 +16,7 @@ from finloop.report.page import render_template
 from finloop.report.tables import Table, number
 
 
-class Objective(NamedTuple):
+class ReportMetric(NamedTuple):
     """A goal of experiments: the metric `<stage>.<number>`, its words, whether more is better."""
 
     key: str
@@ -25,9 +25,9 @@ class Objective(NamedTuple):
 
 
 OBJECTIVES = (
-    Objective("animate.hybrid_seam_ratio_median", "seam ratio", more=False),
-    Objective("animate.hybrid_trials_goals_reached_pct", "goals reached (%)", more=True),
-    Objective("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
+    ReportMetric("animate.hybrid_seam_ratio_median", "seam ratio", more=False),
+    ReportMetric("animate.hybrid_trials_goals_reached_pct", "goals reached (%)", more=True),
+    ReportMetric("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
 )
 """Smooth, steerable, varied: a long exact repeat is a lack of variety."""
 _PANELS = 3  # beside one another
@@ -49,7 +49,7 @@ class Comparison:
 
     parameters: pd.DataFrame
     measures: pd.DataFrame
-    objectives: Sequence[Objective]
+    objectives: Sequence[ReportMetric]
     best: NDArray[np.bool_]
 
 
@@ -156,7 +156,7 @@ def curves(table: Comparison) -> go.Figure | None:
     return figure.update_layout(**_LAYOUT, height=80 + 230 * rows)
 
 
-def scatter(table: Comparison, x: Objective, y: Objective) -> go.Figure:
+def scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
     """Two objectives against each other, an experiment a point, the best of all coloured."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
@@ -182,7 +182,7 @@ def scatter(table: Comparison, x: Objective, y: Objective) -> go.Figure:
 _AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor": "#9aa8af"}
 
 
-def _side(objective: Objective, less: str, more: str) -> str:
+def _side(objective: ReportMetric, less: str, more: str) -> str:
     return more if objective.more else less
 
 

@@ -9,7 +9,7 @@ from finloop.base.settings import Positive, Quality
 
 
 @dataclass(frozen=True)
-class Settings:
+class ReportSettings:
     """How large the page and what it holds may be."""
 
     film_most_mb: Positive  # MB; a larger film is made smaller for the page

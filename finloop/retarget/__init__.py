@@ -8,7 +8,15 @@ it may.
 M. Gleicher, Retargetting Motion to New Characters, SIGGRAPH 1998.
 """
 
-from finloop.retarget.film import ASKED, Material, Parts, Retargeted, retarget_track
+from finloop.retarget.film import ASKED, JoinParameters, RetargetData, Retargeted, retarget_track
 from finloop.retarget.track import Track, track_of
 
-__all__ = ["ASKED", "Material", "Parts", "Retargeted", "Track", "retarget_track", "track_of"]
+__all__ = [
+    "ASKED",
+    "JoinParameters",
+    "RetargetData",
+    "Retargeted",
+    "Track",
+    "retarget_track",
+    "track_of",
+]

@@ -7,7 +7,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.edit.bodies import Bodies
-from finloop.edit.joins import Joins, Shown, cross_fades, inertialize
+from finloop.edit.joins import Joins, PictureSequence, cross_fades, inertialize
 from finloop.edit.modes import RETARGET
 from finloop.edit.schema import EDIT, FILM, FRAME, INERTIAL, JUMP, PLAY, STATES
 from finloop.features.table import wrap_deg
@@ -15,7 +15,7 @@ from finloop.puppet import Pose
 
 
 @dataclass(frozen=True)
-class Sources:
+class RowSequence:
     """Rows (T,) of the film, whether each is mirrored, and the ticks from 1 on at which the film
     does not go on as before.
     """
@@ -25,18 +25,18 @@ class Sources:
     switch: Ints
 
     @classmethod
-    def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "Sources":
+    def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
         """Of `FilmRows`: numbers (T,), what each goes on with (m,), the film's rows."""
         switch = np.flatnonzero(numbers[1:] != follows[numbers[:-1]]) + 1
         return cls(numbers % count, numbers >= count, switch)
 
-    def to_shown(self, heading_deg: Floats, bodies: Bodies) -> Shown:
+    def to_shown(self, heading_deg: Floats, bodies: Bodies) -> PictureSequence:
         """Convert to what `animate.joins` takes, with headings (T,) on screen."""
         turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
-        return Shown(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
+        return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
-def film_codes(sources: Sources, heading_deg: Floats, how: Joins) -> Floats:
+def film_codes(sources: RowSequence, heading_deg: Floats, how: Joins) -> Floats:
     """The codes (T, c) of the rows themselves, which go on over jumps as all joins do."""
     own = sources.to_shown(heading_deg, how.bodies)
     codes = how.bodies.codes(
@@ -49,7 +49,7 @@ def film_codes(sources: Sources, heading_deg: Floats, how: Joins) -> Floats:
 
 
 def edit_list(
-    sources: Sources, pose: Pose, codes: Floats, scale: Floats, how: Joins, rate_hz: float
+    sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, how: Joins, rate_hz: float
 ) -> pd.DataFrame:
     """Columns of `EDIT`. pose (T): as drawn; codes (T, c): of it; scale (n,): of rows."""
     ticks, bodies = len(sources.row), how.bodies

@@ -11,13 +11,13 @@ from finloop.edit.bodies import Bodies
 from finloop.edit.joins import Joins, JoinTimes, joins
 from finloop.edit.pictures import Pictures
 from finloop.features.table import delta_of
-from finloop.jumps.settings import Settings as Weights
+from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import slope
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 from finloop.reel import Reel
-from finloop.retarget.edit import Sources, edit_list, film_codes
-from finloop.retarget.motion import Motion, motion_of
+from finloop.retarget.edit import RowSequence, edit_list, film_codes
+from finloop.retarget.motion import RecordedMotion, motion_of
 from finloop.retarget.place import find_placement, mirror_points, outside, scale_of
 from finloop.retarget.posture import (
     align_postures,
@@ -27,7 +27,7 @@ from finloop.retarget.posture import (
     on_body,
 )
 from finloop.retarget.rows import FilmRows, cheapest
-from finloop.retarget.settings import Settings
+from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
 _STILL = 0.05  # body lengths in Δ; a point that moves less says no heading
@@ -45,7 +45,7 @@ backbone that is drawn, how far its points are from those asked for, on average;
 had to be changed to one that the film shows, and whether another row of the film begins."""
 
 
-class Material(NamedTuple):
+class RetargetData(NamedTuple):
     """Results of the stages before, of the film that is drawn.
 
     arena (h, w): where the fish can be; look: of the stage `jumps`; size: px of compared pictures.
@@ -77,7 +77,7 @@ class Retargeted(NamedTuple):
     numbers: dict[str, float]
 
 
-class Parts(NamedTuple):
+class JoinParameters(NamedTuple):
     """Parameters of `jumps` and `animate`: what rows are compared in, and how they are joined."""
 
     weights: Weights
@@ -85,7 +85,7 @@ class Parts(NamedTuple):
     join: str
 
 
-def own_track(film: Material, rows: Ints, name: str) -> Track:
+def own_track(film: RetargetData, rows: Ints, name: str) -> Track:
     """A track of this film, its postures and all."""
     poses, features = film.poses, film.reel.features
     steps = poses.pose[rows].backbone_px()
@@ -96,7 +96,9 @@ def own_track(film: Material, rows: Ints, name: str) -> Track:
     )  # fmt: skip
 
 
-def retarget_track(track: Track, film: Material, p: Settings, others: Parts) -> Retargeted:
+def retarget_track(
+    track: Track, film: RetargetData, p: RetargetSettings, others: JoinParameters
+) -> Retargeted:
     """Retarget a track to the film's fish.
 
     FinloopError if it is too short, swims tail first, says no size, or does not fit into the tank.
@@ -151,7 +153,7 @@ class _Way(NamedTuple):
         """Return whether the points say how the animal is bent."""
         return len(self.at) > 2
 
-    def offsets(self, film: Material, p: Settings) -> tuple[Points, float]:
+    def offsets(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
         """Offsets (T, 2) px that bring the backbones into the tank, and the size of the way."""
         bodies = self.pose.backbone_px()
         shift, size = find_placement(bodies, film.arena, film.reel.length_px, p)
@@ -168,7 +170,9 @@ class _Way(NamedTuple):
         )
 
 
-def _scale_track(track: Track, motion: Motion, film: Material, p: Settings) -> tuple[_Way, float]:
+def _scale_track(
+    track: Track, motion: RecordedMotion, film: RetargetData, p: RetargetSettings
+) -> tuple[_Way, float]:
     """Scale a track to the size of this film's fish; return its way and the scale.
 
     A track without postures has the mean one.
@@ -193,8 +197,8 @@ def _scale_track(track: Track, motion: Motion, film: Material, p: Settings) -> t
 
 
 def _choose_rows(
-    way: _Way, rows: FilmRows, how: Joins, film: Material, p: Settings
-) -> tuple[Sources, _Way]:
+    way: _Way, rows: FilmRows, how: Joins, film: RetargetData, p: RetargetSettings
+) -> tuple[RowSequence, _Way]:
     """Choose the rows that a way is drawn from; return them and the way as it lies in the tank.
 
     Postures of the film are known once the rows are: their backbones are brought into the tank. A
@@ -212,19 +216,19 @@ def _choose_rows(
     return sources, fish.move_by(offset, size)
 
 
-def _sources(way: _Way, rows: FilmRows, film: Material, p: Settings) -> Sources:
+def _sources(way: _Way, rows: FilmRows, film: RetargetData, p: RetargetSettings) -> RowSequence:
     """The rows that follow a way at the least cost."""
     pose = way.pose
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = way.codes if way.has_postures else None
     asked = rows.query_vectors(place, np.unwrap(pose.heading_rad), codes)
     numbers = cheapest(rows, asked, p.candidates, p.switch, delta_of(film.reel.features))
-    return Sources.from_rows(numbers, rows.follows, len(film.reel))
+    return RowSequence.from_rows(numbers, rows.follows, len(film.reel))
 
 
 def _in_film_postures(
-    way: _Way, rows: FilmRows, how: Joins, film: Material, p: Settings
-) -> tuple[Sources, _Way]:
+    way: _Way, rows: FilmRows, how: Joins, film: RetargetData, p: RetargetSettings
+) -> tuple[RowSequence, _Way]:
     """The rows that follow a way without postures, and the way in theirs."""
     sources = _sources(way, rows, film, p)
     heading = np.unwrap(way.pose.heading_rad)
@@ -245,7 +249,7 @@ def _way_rad(place: Points, span: int, still_px: float) -> Floats:
     return np.interp(np.arange(len(place)), moves, heading)
 
 
-def _table(motion: Motion, way: _Way, sources: Sources) -> pd.DataFrame:
+def _table(motion: RecordedMotion, way: _Way, sources: RowSequence) -> pd.DataFrame:
     """Columns of `ASKED`."""
     points, pose, at = way.points, way.pose, way.at
     backbone = pose.backbone_px()

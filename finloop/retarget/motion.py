@@ -8,14 +8,14 @@ from scipy.ndimage import gaussian_filter1d
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.retarget.settings import Settings
+from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
 _LEAST = 4  # ticks
 _BACKWARDS = 0.25  # of the way; an animal that swims head first for less has head and tail swapped
 
 
-class Motion(NamedTuple):
+class RecordedMotion(NamedTuple):
     """A stretch of a track at the film's rate.
 
     time_s: (T,) of the file; points: (T, m, 2) px; codes: (T, c) of postures of this film, or None;
@@ -28,7 +28,7 @@ class Motion(NamedTuple):
     numbers: dict[str, float]
 
 
-def motion_of(track: Track, rate_hz: float, p: Settings) -> Motion:
+def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMotion:
     """The longest stretch of a track without a longer gap, by splines at another rate.
 
     FinloopError if it lasts less than some ticks, or the animal swims tail first.
@@ -70,7 +70,7 @@ def motion_of(track: Track, rate_hz: float, p: Settings) -> Motion:
     first, last = track.frame[longest[[0, -1]]]
     every = int(asked.sum())
     used = int((asked & (track.frame >= first) & (track.frame <= last)).sum())
-    return Motion(at, points, codes, {
+    return RecordedMotion(at, points, codes, {
         "file_frames": every,
         "file_frames_used_pct": 100 * used / every,
         "gaps_filled_frames": int(last - first) + 1 - len(longest),

@@ -5,7 +5,7 @@ import scipy
 
 from finloop.base.arrays import Floats, Ints, Mask, Points
 from finloop.base.errors import FinloopError
-from finloop.retarget.settings import Settings
+from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
 _CELLS = 240  # a side, of the map on which places are tried first
@@ -13,7 +13,7 @@ _CLEAR = 0.5  # body lengths; a point nearer to the wall costs up to 1
 _ROUNDS = 12  # of halving, to find how much smaller a way has to be
 
 
-def scale_of(track: Track, length_px: float, p: Settings) -> float:
+def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
     """Px of the tank per px of the file; length_px: of this film's fish, of what `track` measures.
 
     FinloopError if the track says no length.
@@ -49,7 +49,7 @@ def _pixels(points: Points) -> Ints:
 
 
 def find_placement(
-    bodies: Points, arena: Mask, length_px: float, p: Settings
+    bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
     """Return the shift (2,) of a way and the size at which it is drawn.
 

@@ -12,7 +12,7 @@ import numpy as np
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.errors import FinloopError
 from finloop.features.table import delta_of
-from finloop.jumps.settings import Settings as Weights
+from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import deviation, film_motion, motion, slope
 from finloop.nearest import Nearest
 from finloop.pose.film import FilmPoses

@@ -10,7 +10,7 @@ from finloop.base.settings import Count, NotNegative, Positive
 
 
 @dataclass(frozen=True)
-class Settings:
+class RetargetSettings:
     """Which track is swum, where, and which frames of the film it is drawn from."""
 
     # null: none; a file of another program as for extract.tracks_path; the folder data/ of another

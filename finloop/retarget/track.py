@@ -12,7 +12,7 @@ from finloop.base.poses import Poses
 from finloop.extract.backbone import resample
 from finloop.extract.fit import HEADS, TAILS, keypoint
 from finloop.features.area import at_places
-from finloop.retarget.settings import Settings
+from finloop.retarget.settings import RetargetSettings
 
 _CENTRES = ("centre", "center", "centroid", "mass", "wcentroid")
 """Names of points that are at no place of the body's line."""
@@ -49,7 +49,7 @@ class Track(NamedTuple):
         return len(self.at) > 2
 
 
-def track_of(poses: Poses, rate_hz: float, steps: int, p: Settings) -> Track:
+def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
     """The track of an animal of a file; steps: of a backbone of this film.
 
     FinloopError if there is no such animal, no such point, or nothing is given of them.
@@ -85,7 +85,7 @@ def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, s
     return Track(name, rate_hz, frame, points, at, _length_px(line, np.array([0.0, 1.0])))
 
 
-def _animal(poses: Poses, p: Settings) -> tuple[str, Ints, Floats]:
+def _animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
     """Name, frames (t,) and points (t, keypoints, 2), NaN where not given, of the animal."""
     sure = ~(poses.confidence < p.least_confidence)  # NaN: not said
     points = np.where(sure[..., None], poses.places, np.nan)
@@ -116,7 +116,7 @@ def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int
     return list(names).index(animal)
 
 
-def body_points(keypoints: Sequence[str], points: Floats, p: Settings) -> Ints:
+def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -> Ints:
     """The numbers of the keypoints along the body, head first; of one that is not known, one.
 
     By themselves: head, tail, and what lies between them near their line, in the median of all

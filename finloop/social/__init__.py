@@ -8,6 +8,6 @@ bearings.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "leader": ["leaders"], "measures": ["SHOAL", "apart", "shoal_table"], "steps": ["Steps"],
+    "leader": ["leaders"], "measures": ["SHOAL", "apart", "shoal_table"], "steps": ["SocialSteps"],
     "walls": ["Walls"], "zones": ["Zones", "pull"],
 })  # fmt: skip

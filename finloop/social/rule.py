@@ -12,7 +12,7 @@ import numpy as np
 from finloop.base.arrays import Reals
 from finloop.base.errors import FinloopError
 from finloop.social.neighbours import relative_neighbours, vectors
-from finloop.social.steps import Steps, add_pull_to_moves
+from finloop.social.steps import SocialSteps, add_pull_to_moves
 from finloop.social.walls import Walls
 from finloop.social.zones import Zones, pull
 
@@ -25,7 +25,7 @@ class Shoaling:
     """
 
     zones: Zones
-    steps: Steps
+    steps: SocialSteps
     horizon: int
     alike: int
 

@@ -25,7 +25,7 @@ displacement; turn: own part of the unit vector of the heading afterwards. Vecto
 
 
 @dataclass(frozen=True)
-class Steps:
+class SocialSteps:
     """Own steps (n,) of a film, in frames of the body, and their mirror images.
 
     wall, last, move, turn: as `STEPS` has them; forward: body lengths that a pull of 1 moves a fish
@@ -73,19 +73,19 @@ class Steps:
         return move[which], turn[which]
 
 
-def add_pull_to_moves(moves: Complex, pulls: Complex, steps: Steps) -> Complex:
+def add_pull_to_moves(moves: Complex, pulls: Complex, steps: SocialSteps) -> Complex:
     """Return displacements (…), body lengths, from a fish's moves and the pulls of its group."""
     return moves + steps.forward * pulls
 
 
-def add_pull_to_turns(turns: Complex, pulls: Complex, steps: Steps) -> Complex:
+def add_pull_to_turns(turns: Complex, pulls: Complex, steps: SocialSteps) -> Complex:
     """Return unit vectors (…) of headings from a fish's turns and the pulls of its group."""
     to = turns + steps.onward * pulls
     size = np.abs(to)
     return np.where(size > 0, to / np.where(size > 0, size, 1), 1)
 
 
-def rows_of(steps: Steps) -> dict[str, Floats]:
+def rows_of(steps: SocialSteps) -> dict[str, Floats]:
     """The columns of `STEPS`."""
     parts = {"wall": steps.wall, "last": steps.last, "move": steps.move, "turn": steps.turn}
     return {
@@ -95,13 +95,13 @@ def rows_of(steps: Steps) -> dict[str, Floats]:
     }
 
 
-def steps_of(table: pd.DataFrame, forward: float, onward: float) -> Steps:
+def steps_of(table: pd.DataFrame, forward: float, onward: float) -> SocialSteps:
     """The steps whose columns `rows_of` gave."""
     wall, last, move, turn = (
         table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
         for name in ("wall", "last", "move", "turn")
     )
-    return Steps(wall, last, move, turn, forward, onward)
+    return SocialSteps(wall, last, move, turn, forward, onward)
 
 
 def last_rows(later: Ints) -> Ints:

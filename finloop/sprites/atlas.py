@@ -24,7 +24,7 @@ BLEED = 2  # px that colour reaches out under transparent pixels
 _KEY = ["sprite", "orientation"]
 
 
-class Spot(NamedTuple):
+class AtlasSlot(NamedTuple):
     """A sprite in an orientation on a page: its name, its upper left pixel, its size."""
 
     sprite: int
@@ -37,15 +37,15 @@ class Spot(NamedTuple):
     height: int
 
 
-class Page(NamedTuple):
+class AtlasPage(NamedTuple):
     """One picture of the atlas."""
 
     width: int
     height: int
-    spots: list[Spot]
+    spots: list[AtlasSlot]
 
 
-def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page]:
+def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
     """Lay out every sprite of every orientation, a sequence in an orientation never torn apart.
 
     `index` is that of sprites.arrow: of each sprite and orientation the size.
@@ -56,7 +56,7 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page
         If a page cannot hold the pictures of one sequence in one orientation.
     """
     groups = list(_groups(sprites, index))
-    atlas: list[Page] = []
+    atlas: list[AtlasPage] = []
     while groups:
         fit = _count_fitting(groups, page_px)
         if fit == 0:
@@ -72,20 +72,20 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page
     return atlas
 
 
-def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[Spot]]:
+def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[AtlasSlot]]:
     """The pictures of each sequence in each orientation, named and not yet placed."""
     sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     for sequence, rows in sprites.groupby("sequence", sort=False):
         for number in range(1, orientations_of(sprites) + 1):
             group = f"{sequence}/{number:02d}"
             yield [
-                Spot(sprite, number, f"{group}/{step:02d}", group, 0, 0, *map(int, size))
+                AtlasSlot(sprite, number, f"{group}/{step:02d}", group, 0, 0, *map(int, size))
                 for sprite, step in zip(rows["sprite"], rows["step"], strict=True)
                 for size in [sizes.loc[(sprite, number)]]
             ]
 
 
-def _count_fitting(groups: list[list[Spot]], page_px: int) -> int:
+def _count_fitting(groups: list[list[AtlasSlot]], page_px: int) -> int:
     """Return how many of the first groups fit on one page, by bisection."""
     low, high = 0, len(groups)
     while low < high:
@@ -98,7 +98,7 @@ def _count_fitting(groups: list[list[Spot]], page_px: int) -> int:
     return low
 
 
-def _smallest(spots: list[Spot], page_px: int) -> Page:
+def _smallest(spots: list[AtlasSlot], page_px: int) -> AtlasPage:
     """A page about as wide as high, no larger than `page_px`."""
     area = sum((s.width + PADDING) * (s.height + PADDING) for s in spots)
     width = min(page_px, max(int(area**0.5), max(s.width for s in spots) + 2 * PADDING))
@@ -107,9 +107,9 @@ def _smallest(spots: list[Spot], page_px: int) -> Page:
     return page
 
 
-def _shelves(spots: list[Spot], width: int, height: int) -> Page | None:
+def _shelves(spots: list[AtlasSlot], width: int, height: int) -> AtlasPage | None:
     """Pack rows of pictures, highest first; None if they do not fit. The order stays as given."""
-    places: dict[str, Spot] = {}
+    places: dict[str, AtlasSlot] = {}
     x = y = PADDING
     shelf = right = 0
     for spot in sorted(spots, key=lambda s: (-s.height, -s.width)):
@@ -120,10 +120,10 @@ def _shelves(spots: list[Spot], width: int, height: int) -> Page | None:
         places[spot.name] = spot._replace(x=x, y=y)
         x += spot.width + PADDING
         shelf, right = max(shelf, spot.height), max(right, x)
-    return Page(right, y + shelf + PADDING, [places[spot.name] for spot in spots])
+    return AtlasPage(right, y + shelf + PADDING, [places[spot.name] for spot in spots])
 
 
-def picture(page: Page, pixels: Callable[[int, int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def picture(page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
     """A page as (h, w, 4) RGBA with straight alpha; pixels(sprite, orientation): as stored."""
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for spot in page.spots:
@@ -160,7 +160,7 @@ def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def document(
-    atlas: list[Page], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
+    atlas: list[AtlasPage], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
 ) -> dict[str, Any]:
     """The JSON of page `number`: everything an engine needs, and each step's motion besides.
 
@@ -210,7 +210,7 @@ def _reach(sprites: pd.DataFrame, index: pd.DataFrame) -> int:
 
 
 def _frame(
-    spot: Spot, centre: Floats, corner: pd.Series, reach: int, duration: int
+    spot: AtlasSlot, centre: Floats, corner: pd.Series, reach: int, duration: int
 ) -> dict[str, Any]:
     (x, y), (left, top), size = centre, corner, 2 * reach + 1
     origin_x, origin_y = int(np.floor(x + 0.5)) - reach, int(np.floor(y + 0.5)) - reach

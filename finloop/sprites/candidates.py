@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Reals
 from finloop.features.swimming_type import STRAIGHT
-from finloop.sprites.settings import Settings
+from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.swimmers import smooth, spans
 
 
-def beats(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
+def beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
     """Every stretch that is one tail beat, swum straight: a row each, with its faults.
 
     Columns: start, length (rows of `table`), and one per fault. The frame after the last is in the
@@ -48,7 +48,7 @@ def beats(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
     return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
 
 
-def slides(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
+def slides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
     """Every stretch of gliding, a row each as in `beats`.
 
     Stretches shorter than `slide_least` are among them only if there are no longer ones, and
@@ -76,7 +76,7 @@ def slides(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
     return pd.DataFrame()
 
 
-def calm(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
+def calm(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
     """Glides that stand in for a tail beat where there is none: a row each as in `slides`.
 
     They are of straight swimming, else of any swimming, else of any frames, usable or not.
@@ -104,7 +104,7 @@ def _straight(
 
 
 def _common_faults(
-    track: pd.DataFrame, start: NDArray[np.intp], n: int, settings: Settings
+    track: pd.DataFrame, start: NDArray[np.intp], n: int, settings: SpritesSettings
 ) -> dict[str, Floats]:
     """Faults that beats and slides share, of windows of `n` frames that begin at `start`."""
     heading = track["heading"].to_numpy()
@@ -122,7 +122,7 @@ def _common_faults(
     }
 
 
-def _crowding(alone: Reals, settings: Settings) -> Floats:
+def _crowding(alone: Reals, settings: SpritesSettings) -> Floats:
     """Return 1 where another fish is just far enough away, 0 from twice that distance."""
     return np.clip(2 - alone / settings.alone, 0, 1)
 
@@ -142,7 +142,7 @@ class _Bends(NamedTuple):
     strongest: float
 
 
-def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
+def turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
     """The strongest whole turns to one side, a row each as in `beats`.
 
     A turn is whole if all its frames are usable, it has frames before and after the largest bend,
@@ -199,7 +199,7 @@ def _peaks(bend: Reals, turning: Mask) -> NDArray[np.intp]:
 
 
 def _turn(
-    table: pd.DataFrame, of_side: _Bends, span: slice, peak: int, settings: Settings
+    table: pd.DataFrame, of_side: _Bends, span: slice, peak: int, settings: SpritesSettings
 ) -> dict[str, float] | None:
     """The turn around `peak`, the row of its largest bend; None if it is not whole."""
     side, bend, strongest = of_side
@@ -239,7 +239,7 @@ def _turn(
     }
 
 
-def _downhill(bend: Reals, peak: int, end: int, way: int, settings: Settings) -> int:
+def _downhill(bend: Reals, peak: int, end: int, way: int, settings: SpritesSettings) -> int:
     """The row between `peak` and `end` where the fish is straightest before it bends again.
 
     `way`: 1 = later, −1 = earlier. Small rises do not end the search; a straight fish does.

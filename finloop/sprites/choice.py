@@ -18,8 +18,8 @@ from finloop.base.errors import FinloopError
 from finloop.distance.picture import apart, steps
 from finloop.features.swimming_type import STRAIGHT
 from finloop.sprites.candidates import beats, bends, calm, slides, turns
-from finloop.sprites.settings import Settings
-from finloop.sprites.stretch import SIDES, WORDS, Stretch, cycle_heading, from_text
+from finloop.sprites.settings import SpritesSettings
+from finloop.sprites.stretch import SIDES, WORDS, FrameRun, cycle_heading, from_text
 
 _SAMPLE = 200  # frames whose median sharpness is the clip's; more do not change it
 
@@ -35,12 +35,14 @@ class Choice:
     stands_in: the film has no tail beat, or no whole turn, and this is the best substitute.
     """
 
-    stretch: Stretch
+    stretch: FrameRun
     mirrored: bool = False
     stands_in: bool = False
 
 
-def choose(table: pd.DataFrame, look: Look, delta: int, settings: Settings) -> dict[str, Choice]:
+def choose(
+    table: pd.DataFrame, look: Look, delta: int, settings: SpritesSettings
+) -> dict[str, Choice]:
     """The film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
     `table` is of `swimmers`; delta: Δ in frames. A side without a turn gets the opposite one
@@ -48,10 +50,10 @@ def choose(table: pd.DataFrame, look: Look, delta: int, settings: Settings) -> d
     the settings name frames that do not exist, or the fish never bends.
     """
     sharp = _typical_sharpness(table, look, settings)
-    stretches: dict[str, Sequence[Stretch]] = {}
+    stretches: dict[str, Sequence[FrameRun]] = {}
     stands_in: set[str] = set()
 
-    def best(word: str, candidates: pd.DataFrame) -> list[Stretch]:
+    def best(word: str, candidates: pd.DataFrame) -> list[FrameRun]:
         return best_of_tracks(table, candidates, look, sharp, settings, loops=word not in SIDES)
 
     for word in WORDS:
@@ -84,7 +86,7 @@ def choose(table: pd.DataFrame, look: Look, delta: int, settings: Settings) -> d
     return {word: choices[word] for word in WORDS}
 
 
-def _typical_sharpness(table: pd.DataFrame, look: Look, settings: Settings) -> float:
+def _typical_sharpness(table: pd.DataFrame, look: Look, settings: SpritesSettings) -> float:
     """Median `sharpness` of usable frames spread over the film, of all where none is usable."""
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))
@@ -92,7 +94,7 @@ def _typical_sharpness(table: pd.DataFrame, look: Look, settings: Settings) -> f
     return float(np.median(sharpness(look(rows, table["heading"].to_numpy()[rows]))))
 
 
-def _check(stretches: dict[str, Sequence[Stretch]]) -> None:
+def _check(stretches: dict[str, Sequence[FrameRun]]) -> None:
     """FinloopError where the film has no substitute for a tail beat, or for a turn."""
     lacks = [] if stretches["straight"] else ["four frames of one track, one after the other"]
     if not (stretches["left"] or stretches["right"]):
@@ -106,9 +108,9 @@ def _check(stretches: dict[str, Sequence[Stretch]]) -> None:
 
 
 def best_of_tracks(
-    table: pd.DataFrame, candidates: pd.DataFrame, look: Look, sharp: float, settings: Settings,
-    *, loops: bool,
-) -> list[Stretch]:  # fmt: skip
+    table: pd.DataFrame, candidates: pd.DataFrame, look: Look, sharp: float,
+    settings: SpritesSettings, *, loops: bool,
+) -> list[FrameRun]:  # fmt: skip
     """The best candidate of each track, with the faults of its pictures; the best track first.
 
     `sharp`: the clip's median of `sharpness`. With `loops` the frame after the last should be like
@@ -121,7 +123,7 @@ def best_of_tracks(
     number = table["track_id"].to_numpy()[candidates["start"]]
     order = cost.sort_values(kind="stable").index
     rank = cost[order].groupby(pd.Series(number, candidates.index)[order]).cumcount()
-    best: dict[int, Stretch] = {}
+    best: dict[int, FrameRun] = {}
     for at in order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]:
         start, n = int(candidates.at[at, "start"]), int(candidates.at[at, "length"])
         more = {}
@@ -133,7 +135,7 @@ def best_of_tracks(
             more["does not close"] = closure(pictures)
         more["soft"] = max(0.0, 1 - float(np.median(sharpness(pictures))) / sharp) / settings.soft
         track = int(table["track_id"].iat[start])
-        stretch = Stretch(
+        stretch = FrameRun(
             track, int(table["frame"].iat[start]), int(table["frame"].iat[start + n - 1]),
             slice(start, start + n), candidates.loc[at, faults].to_dict() | more,
         )  # fmt: skip
@@ -157,8 +159,8 @@ def sharpness(pictures: Reals) -> Floats:
 
 
 def combination(
-    table: pd.DataFrame, stretches: dict[str, Sequence[Stretch]], settings: Settings
-) -> dict[str, Stretch]:
+    table: pd.DataFrame, stretches: dict[str, Sequence[FrameRun]], settings: SpritesSettings
+) -> dict[str, FrameRun]:
     """One stretch of each sequence, with the least sum of faults and changes of animal.
 
     Another track than that of the first sequence costs `other_track`, and 1 for a relative
@@ -180,7 +182,7 @@ def combination(
         difference = float(np.abs(like.loc[a] - like.loc[b]).mean())
         return settings.other_track + difference / settings.size_off
 
-    best: tuple[float, dict[str, Stretch]] = (np.inf, {})
+    best: tuple[float, dict[str, FrameRun]] = (np.inf, {})
     for first in stretches[words[0]]:
         choice = {words[0]: first}
         total = settings.cycle_weight * first.cost

@@ -8,7 +8,7 @@ from finloop.features.metrics import table1
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import orientations_of
 from finloop.sprites.choice import Choice, Look, closure
-from finloop.sprites.settings import Settings
+from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.stretch import SIDES, cycle_heading
 
 TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
@@ -86,7 +86,7 @@ def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> 
     return result
 
 
-def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: Settings) -> bool:
+def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: SpritesSettings) -> bool:
     """Whether a slide is one: long enough, and with a still tail."""
     tail = table["tail"].to_numpy()[choice.stretch.rows]
     long = len(tail) >= round(settings.slide_least * delta)

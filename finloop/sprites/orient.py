@@ -11,8 +11,8 @@ from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema, columns
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.sprites.choice import Choice
-from finloop.sprites.settings import Settings
-from finloop.sprites.stretch import SIDES, Stretch, cycle_heading, phases
+from finloop.sprites.settings import SpritesSettings
+from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
 from finloop.sprites.swimmers import smooth
 from finloop.sprites.turn import turn_cutout
 
@@ -34,7 +34,7 @@ SPRITES = Schema(
 
 
 def sprite_table(
-    table: pd.DataFrame, choices: dict[str, Choice], settings: Settings
+    table: pd.DataFrame, choices: dict[str, Choice], settings: SpritesSettings
 ) -> pd.DataFrame:
     """The rows of `SPRITES`: every frame of the choice, its heading and its motion."""
     rows = pd.concat([_sequence(table, word, choice, settings) for word, choice in choices.items()])
@@ -42,7 +42,9 @@ def sprite_table(
     return rows.reset_index(drop=True)[SPRITES.names]
 
 
-def _sequence(table: pd.DataFrame, word: str, choice: Choice, settings: Settings) -> pd.DataFrame:
+def _sequence(
+    table: pd.DataFrame, word: str, choice: Choice, settings: SpritesSettings
+) -> pd.DataFrame:
     """The rows of `SPRITES` of one sequence, without their numbers."""
     stretch, sign = choice.stretch, -1 if choice.mirrored else 1
     here = table.iloc[stretch.rows]
@@ -81,7 +83,7 @@ def _sequence(table: pd.DataFrame, word: str, choice: Choice, settings: Settings
     )
 
 
-def _line(table: pd.DataFrame, stretch: Stretch) -> Floats:
+def _line(table: pd.DataFrame, stretch: FrameRun) -> Floats:
     """Heading (n + 1,) of a straight stretch and of the next frame, on a line."""
     rows = _with_next(table, stretch)
     n = len(stretch)
@@ -91,7 +93,9 @@ def _line(table: pd.DataFrame, stretch: Stretch) -> Floats:
     return np.r_[line, 2 * line[-1] - line[-2]]
 
 
-def _turn_heading(table: pd.DataFrame, stretch: Stretch, side: int, turn_back_deg: float) -> Floats:
+def _turn_heading(
+    table: pd.DataFrame, stretch: FrameRun, side: int, turn_back_deg: float
+) -> Floats:
     """Heading (n + 1,) of a turn and of the next frame, smoothed; at the ends as measured.
 
     Where it turns back by no more than `turn_back_deg` in all, it is made not to.
@@ -105,7 +109,7 @@ def _turn_heading(table: pd.DataFrame, stretch: Stretch, side: int, turn_back_de
     return heading
 
 
-def _with_next(table: pd.DataFrame, stretch: Stretch) -> slice:
+def _with_next(table: pd.DataFrame, stretch: FrameRun) -> slice:
     """Rows of a stretch and of the film's next frame, where the track has one."""
     track, after = table["track_id"].to_numpy(), stretch.rows.stop
     more = after < len(table) and track[after] == stretch.track_id

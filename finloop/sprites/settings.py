@@ -9,7 +9,7 @@ from finloop.base.settings import Count, NotNegative, Positive, Share
 
 
 @dataclass(frozen=True)
-class Settings:
+class SpritesSettings:
     """Which stretches of the film become sprites, and how large an atlas picture may be.
 
     Of all candidates the one with the smallest sum of faults is taken. Each fault is measured in

@@ -16,7 +16,7 @@ WORDS = ("straight", "slide", *SIDES)
 
 
 @dataclass(frozen=True)
-class Stretch:
+class FrameRun:
     """Successive frames of one track, the `rows` of the table of `swimmers`, and their faults."""
 
     track_id: int
@@ -34,7 +34,7 @@ class Stretch:
         return sum(self.faults.values())
 
 
-def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> Stretch:
+def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
     """The stretch of a sequence that `sprites.<word>` gives as "track:first-last".
 
     FinloopError if it is written otherwise, if there are no such frames, or if a turn among them
@@ -68,7 +68,7 @@ def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> Stretch
             f"frames within {frames[0]}-{frames[-1]}, where track {number} is",
             "list frames of that range, or another track",
         )
-    stretch = Stretch(number, first, last, slice(int(rows[0]), int(rows[-1]) + 1))
+    stretch = FrameRun(number, first, last, slice(int(rows[0]), int(rows[-1]) + 1))
     if word in SIDES and "hold" not in phases(table, stretch, SIDES[word], hold):
         raise FinloopError(
             f"{name}: the fish does not bend to the {word} between its first and last frame",
@@ -78,7 +78,7 @@ def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> Stretch
     return stretch
 
 
-def phases(table: pd.DataFrame, stretch: Stretch, side: int, hold: float) -> list[str]:
+def phases(table: pd.DataFrame, stretch: FrameRun, side: int, hold: float) -> list[str]:
     """The phase of each frame of a turn: in, hold or out; ["none"] where no bend lies within it.
 
     The phase is hold where the bend is at least the share `hold` of its largest.

@@ -9,10 +9,12 @@ import scipy
 
 from finloop.base.arrays import Floats, Reals
 from finloop.features.current import through_water
-from finloop.sprites.settings import Settings
+from finloop.sprites.settings import SpritesSettings
 
 
-def swimmers(features: pd.DataFrame, tracks: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+def swimmers(
+    features: pd.DataFrame, tracks: pd.DataFrame, settings: SpritesSettings
+) -> pd.DataFrame:
     """Measures of every fish in every frame, by which frames are picked; rows as in both tables.
 
     tail: the tail tip's offset from the head's axis, body lengths, + = left. heading: degrees,

@@ -18,7 +18,7 @@ import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.stimulus.parts import Animals as Settings
-from finloop.stimulus.rules import MOST_DELAY_S, Aim, Tank
+from finloop.stimulus.rules import MOST_DELAY_S, Aim, TankGeometry
 from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, calibration, parse_sightings
 
 Verdict = Literal[
@@ -48,7 +48,7 @@ class Heard(NamedTuple):
     id: str | None = None
 
     @property
-    def taken(self) -> bool:
+    def is_present(self) -> bool:
         """Whether the animal is there now."""
         return self.verdict in _TAKEN
 
@@ -67,17 +67,19 @@ class Animal(NamedTuple):
     heard_s: float
 
 
-class Animals:
+class LiveAnimals:
     """All live animals. FinloopError if the tracker's calibration does not hold.
 
     settings: None where the protocol has no animals; mm_per_px: mm of the real world per px of the
     tank's picture, if known.
     """
 
-    def __init__(self, settings: Settings | None, tank: Tank, mm_per_px: float | None) -> None:
+    def __init__(
+        self, settings: Settings | None, tank: TankGeometry, mm_per_px: float | None
+    ) -> None:
         self._tank, self._settings = tank, settings
         self.calibration = None if settings is None else calibration(settings, mm_per_px)
-        self._tracks: dict[str, _Track] = {}
+        self._tracks: dict[str, _AnimalTrack] = {}
 
     @property
     def gap_s(self) -> float:
@@ -120,7 +122,7 @@ class Animals:
         if track is None:
             if not self._room(arrived_s):
                 return Heard("crowd", name)
-            track = self._tracks[name] = _Track(source, self._tank.length_px)
+            track = self._tracks[name] = _AnimalTrack(source, self._tank.length_px)
         silence = arrived_s - track.heard_s
         if track.source != source and silence <= self.gap_s:
             return Heard("rival", name)
@@ -159,7 +161,7 @@ class Animals:
         return *near, heading, True
 
 
-class _Track:
+class _AnimalTrack:
     """What was heard of an animal."""
 
     def __init__(self, source: str, length_px: float) -> None:

@@ -13,13 +13,13 @@ from finloop.stimulus.desk import attend as attend_desk
 from finloop.stimulus.page import display_page, experimenter_page
 from finloop.stimulus.serve import MOST_PAGES, MOST_TRACKERS, app, attend
 from finloop.stimulus.session import Session
-from finloop.stimulus.show import Calibration, Replay, Show
+from finloop.stimulus.show import CalibrationHub, Replay, SessionHub
 
 Tasks = list[Coroutine[Any, Any, None]]
 
 
 def session_app(
-    door: Door, room: Show, inputs: Callable[[], Tasks], fail: Callable[[Any], None]
+    door: Door, room: SessionHub, inputs: Callable[[], Tasks], fail: Callable[[Any], None]
 ) -> Starlette:
     """Of a session. inputs: what brings trackers' messages; fail: called with a task's error."""
     session = room.session
@@ -47,7 +47,7 @@ def replay_app(
     )
 
 
-def calibration_app(door: Door, room: Calibration, fail: Callable[[Any], None]) -> Starlette:
+def calibration_app(door: Door, room: CalibrationHub, fail: Callable[[Any], None]) -> Starlette:
     """Of a calibration, of one display."""
     sockets = {"/display": (lambda one: attend(room, one), 1, False)}
     return app(door, {"/": display_page()}, sockets, list, fail)

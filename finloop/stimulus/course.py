@@ -22,12 +22,12 @@ from finloop.edit.bodies import Bodies
 from finloop.io.line import load_line
 from finloop.live.fish import LiveFish
 from finloop.live.tank import LiveTank
-from finloop.stimulus.animals import Animals
+from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.controls import apply_change, fade_states, planned_ticks, ramp, with_look
 from finloop.stimulus.drawn import ALPHA, FIELDS, LOOK, PARTNER, PICTURE, drawn_of
 from finloop.stimulus.order import Trial
 from finloop.stimulus.protocol import Condition, Protocol
-from finloop.stimulus.rules import Aim, Tank, aim
+from finloop.stimulus.rules import Aim, TankGeometry, aim
 
 States = NDArray[np.float32]
 
@@ -36,7 +36,7 @@ MODE = "matching"
 
 
 @dataclass(frozen=True)
-class Scene:
+class TrialContext:
     """What is the same in every trial of a session.
 
     player: of mode `matching`; mm_per_px: mm of the display per px of the tank's picture, if known.
@@ -72,10 +72,10 @@ class Scene:
         return int(self.bodies.poses.shapes.mean.size)
 
     @cached_property
-    def tank(self) -> Tank:
+    def tank(self) -> TankGeometry:
         """The tank, as rules know it."""
         height, width = self.world.tank.arena.shape
-        return Tank(width, height, self.length_px, self.world.tank.into)
+        return TankGeometry(width, height, self.length_px, self.world.tank.into)
 
     def ticks(self, seconds: float) -> int:
         """So many ticks, at least one."""
@@ -94,12 +94,12 @@ class Cue:
     look: int = 0
     fade_s: float = 0.0
 
-    def apply_look_and_fade(self, states: States, scene: Scene) -> States:
+    def apply_look_and_fade(self, states: States, scene: TrialContext) -> States:
         """Return the states (ticks, fish, F) with the look of the cue, fading in and out."""
         return fade_states(with_look(states, self.look), round(self.fade_s * scene.rate_hz))
 
 
-def tank_of(scene: Scene, cue: Cue, seed: int) -> LiveTank:
+def tank_of(scene: TrialContext, cue: Cue, seed: int) -> LiveTank:
     """The live tank of a trial, at its first tick.
 
     FinloopError where there is no room for so many fish.
@@ -114,7 +114,7 @@ def tank_of(scene: Scene, cue: Cue, seed: int) -> LiveTank:
     return tank
 
 
-def rehearse(scene: Scene) -> None:
+def rehearse(scene: TrialContext) -> None:
     """Send a fish to and fro, so that what is compiled or kept at first use costs no trial time."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
@@ -125,13 +125,13 @@ def rehearse(scene: Scene) -> None:
         states_of(tank, scene)
 
 
-def states_of(tank: LiveTank, scene: Scene) -> States:
+def states_of(tank: LiveTank, scene: TrialContext) -> States:
     """The states (fish, F) at the present tick."""
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_of(rows, scene.bodies)
 
 
-def plan_motion(scene: Scene, cue: Cue, seed: int) -> States:
+def plan_motion(scene: TrialContext, cue: Cue, seed: int) -> States:
     """Plan the states (ticks, fish, F) of a motion known beforehand, with its change.
 
     That is before its look and its fading. FinloopError if a path cannot be swum.
@@ -155,7 +155,7 @@ def plan_motion(scene: Scene, cue: Cue, seed: int) -> States:
     return apply_change(np.stack(states), condition.change, ticks)
 
 
-def repeat_motion(scene: Scene, cue: Cue, motion: States) -> States:
+def repeat_motion(scene: TrialContext, cue: Cue, motion: States) -> States:
     """Repeat the motion (ticks, fish, F) of another trial, with the condition's change.
 
     One that was broken off stays as it ended.
@@ -166,7 +166,7 @@ def repeat_motion(scene: Scene, cue: Cue, motion: States) -> States:
     return np.concatenate([states, rest])[:ticks]
 
 
-def whole_motion(scene: Scene, plan: Protocol, order: Sequence[Trial]) -> States:
+def whole_motion(scene: TrialContext, plan: Protocol, order: Sequence[Trial]) -> States:
     """All trials one after the other, with their pauses, (ticks, fish, F), for a page that plays.
 
     FinloopError if a motion is not known beforehand.
@@ -199,7 +199,7 @@ def cue_of(plan: Protocol, trial: Trial) -> Cue:
     return Cue(condition, plan.fish, plan.looks.index(condition.look), plan.fade_s)
 
 
-def route_of(scene: Scene, path: Path) -> Route:
+def route_of(scene: TrialContext, path: Path) -> Route:
     """A path from a file, laid out in the tank; its times are left out."""
     line, waters = load_line(path, TANK), scene.world
     return lay(line._replace(time_s=None), waters.tank, waters.motion, scene.mm_per_px).route
@@ -232,7 +232,7 @@ class Goals:
 class Reaction:
     """A trial whose fish react to live animals, tick by tick."""
 
-    def __init__(self, scene: Scene, cue: Cue, seed: int, animals: Animals) -> None:
+    def __init__(self, scene: TrialContext, cue: Cue, seed: int, animals: LiveAnimals) -> None:
         rule = cue.condition.motion.rule
         assert rule is not None
         self._scene, self._cue, self._animals, self._rule = scene, cue, animals, rule

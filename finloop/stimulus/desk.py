@@ -32,14 +32,16 @@ class Note(Message):
     text: Annotated[str, Field(min_length=1, max_length=2000)]
 
 
-class Key(Message):
+class DeskKeyPress(Message):
     """A key was pressed."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-_ASKED: TypeAdapter[Any] = TypeAdapter(Annotated[Button | Note | Key, Field(discriminator="do")])
+_ASKED: TypeAdapter[Any] = TypeAdapter(
+    Annotated[Button | Note | DeskKeyPress, Field(discriminator="do")]
+)
 
 
 def ask(session: Session, text: str | None) -> bool:
@@ -53,7 +55,7 @@ def ask(session: Session, text: str | None) -> bool:
             getattr(session, asked.do)()
         case Note():
             session.note(asked.text)
-        case Key():
+        case DeskKeyPress():
             session.key(asked.key)
     return True
 

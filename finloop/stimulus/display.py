@@ -27,18 +27,18 @@ Place = tuple[
 Corner = Literal["top left", "top right", "bottom right", "bottom left"]
 
 
-class _Part(BaseModel):
+class _StrictModel(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Square(_Part):
+class Square(_StrictModel):
     """A square for a photodiode, black on even frames and white on odd ones."""
 
     corner: Corner
     size_px: Pixels
 
 
-class Display(_Part):
+class DisplayCalibration(_StrictModel):
     """A display, calibrated.
 
     px_per_mm: None = not measured. ratio: device px per CSS px. background: the film's empty tank,
@@ -76,7 +76,7 @@ def _turn(corners: tuple[Place, ...], number: int) -> float:
     return (bx - ax) * (cy - by) - (by - ay) * (cx - bx)
 
 
-def load_display(path: Path) -> Display:
+def load_display(path: Path) -> DisplayCalibration:
     """Read a display. FinloopError if there is none, or it is broken, or of another version."""
     try:
         with path.open("rb") as file:
@@ -90,7 +90,7 @@ def load_display(path: Path) -> Display:
     if len(content) > _LARGEST:
         raise FinloopError(f"{path} is larger than {_LARGEST} bytes", "a calibrated display", _DO)
     try:
-        return Display.model_validate_json(content)
+        return DisplayCalibration.model_validate_json(content)
     except (ValidationError, UnicodeError) as error:
         raise _display_error(path, error) from error
 
@@ -112,6 +112,6 @@ def _display_error(path: Path, error: ValidationError | UnicodeError) -> Finloop
     return FinloopError(f"the display {path} is broken:{lines}", "a calibrated display", _DO)
 
 
-def save_display(path: Path, display: Display) -> None:
+def save_display(path: Path, display: DisplayCalibration) -> None:
     """Write a display, whole or not at all. FinloopError if the disk is full."""
     save_bytes(path, (display.model_dump_json(indent=1) + "\n").encode())

@@ -30,7 +30,7 @@ EARLY_S = 0.5
 """How long before they are due ticks are sent, where they are known."""
 
 
-class Tank(NamedTuple):
+class TankCanvas(NamedTuple):
     """The empty tank (h, w) or (h, w, 3), and the largest picture of a fish, px."""
 
     floor: NDArray[np.uint8]
@@ -65,7 +65,7 @@ class Feed:
     """
 
     def __init__(
-        self, tank: Tank, facts: dict[str, Any], picture: Callable[[int], PagePicture]
+        self, tank: TankCanvas, facts: dict[str, Any], picture: Callable[[int], PagePicture]
     ) -> None:
         self.tank, self.facts = tank, facts
         self.slots = tank.slots(facts["fish"], facts["rate"])

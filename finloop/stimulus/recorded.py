@@ -13,7 +13,7 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, TANK, Line
-from finloop.stimulus.rules import Tank
+from finloop.stimulus.rules import TankGeometry
 from finloop.stimulus.tracker import PX, Calibration
 
 NAME = "recorded"
@@ -36,7 +36,7 @@ class Spoiled(NamedTuple):
 
 
 def messages(
-    line: Line, rate_hz: float | None, tank: Tank, spoiled: Spoiled | None = None,
+    line: Line, rate_hz: float | None, tank: TankGeometry, spoiled: Spoiled | None = None,
     calibration: Calibration = PX, mm_per_px: float | None = None,
 ) -> Iterator[tuple[float, str]]:  # fmt: skip
     """When each message arrives, s from the beginning of the track, and its text; in their order.
@@ -65,7 +65,7 @@ def _text(t: float, place: Floats, calibration: Calibration) -> str:
     return json.dumps({name: fact for name, fact in facts.items() if fact == fact})
 
 
-def _px_of(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[float, float]:
+def _px_of(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
     """Px of one unit of a line, along x and along y."""
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1

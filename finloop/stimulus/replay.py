@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
 from finloop.io.journal import header_of
-from finloop.stimulus.animals import Animals
+from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.course import (
     Reaction,
-    Scene,
     States,
+    TrialContext,
     collect_motion,
     cue_of,
     plan_motion,
@@ -125,7 +125,7 @@ class Planned(NamedTuple):
     different: int
 
 
-def plan_again(record: Record, scene: Scene, plan: Protocol) -> Planned:
+def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> Planned:
     """Plan a session once more, from the log of what came in, and compare every tick.
 
     scene: of the same film and parameters; plan: the protocol in the session's header.
@@ -139,10 +139,10 @@ def plan_again(record: Record, scene: Scene, plan: Protocol) -> Planned:
 class _Again:
     """Takes the log's rows one after the other, and plans as the session did."""
 
-    def __init__(self, scene: Scene, plan: Protocol) -> None:
+    def __init__(self, scene: TrialContext, plan: Protocol) -> None:
         self.ticks = self.different = 0
         self._scene, self._plan = scene, plan
-        self._animals = Animals(plan.animals, scene.tank, scene.mm_per_px)
+        self._animals = LiveAnimals(plan.animals, scene.tank, scene.mm_per_px)
         self._reaction: Reaction | None = None
         self._motions: dict[str, States] = {}
         self._states: States | None = None  # of a motion that is known beforehand
@@ -159,7 +159,7 @@ class _Again:
         elif row["kind"] == "input":
             if row["verdict"] != "malformed":
                 heard = self._animals.hear(row["text"], row["source"], row["time_s"])
-                if self._reaction is not None and any(one.taken for one in heard):
+                if self._reaction is not None and any(one.is_present for one in heard):
                     self._anew = self._reaction.react(row["time_s"])
         else:
             self._compare(row)

@@ -67,7 +67,7 @@ class RuleSpec(BaseModel):
         return self
 
 
-class Tank(NamedTuple):
+class TankGeometry(NamedTuple):
     """The tank as rules know it, px. length_px: of a fish; into: the place nearest to another one
     where the centre of a fish can be.
     """
@@ -103,7 +103,7 @@ class Present(Protocol):
 
 
 class Known(Protocol):
-    """What is known of animals: `finloop.stimulus.animals.Animals`, or that of a test."""
+    """What is known of animals: `finloop.stimulus.animals.LiveAnimals`, or that of a test."""
 
     def present_animals(self, now_s: float) -> Sequence[Present]:
         """Return the animals that are present at a time."""
@@ -114,7 +114,7 @@ class Known(Protocol):
         ...
 
 
-def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: Tank) -> Aim | None:
+def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: TankGeometry) -> Aim | None:
     """The place that a fish swims to; None: it wanders, as no animal is there, or far enough away.
 
     own: x, y, heading_rad of the fish; now_s: the session's time.
@@ -137,7 +137,7 @@ def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: Tank) -> A
     return tank.into(*_point_along(place, way, rule.distance * tank.length_px))
 
 
-def mirror_place(place: Aim, axis: str, tank: Tank) -> Aim:
+def mirror_place(place: Aim, axis: str, tank: TankGeometry) -> Aim:
     """Mirror a place about the tank's middle: see `RuleSpec.axis`."""
     x, y = place
     return tank.width - 1 - x if axis != "y" else x, tank.height - 1 - y if axis != "x" else y
@@ -173,7 +173,7 @@ def _point_along(start: Aim, way: Way, far: float) -> Aim:
     return start[0] + far * way[0], start[1] + far * way[1]
 
 
-def _escape(own: Own, animal: Aim, distance_px: float, tank: Tank) -> Aim | None:
+def _escape(own: Own, animal: Aim, distance_px: float, tank: TankGeometry) -> Aim | None:
     """Where the fish gets away to; None while the animal is farther than that.
 
     Of several ways out, brought into the tank, the one is best that gets farthest from the animal
@@ -185,7 +185,9 @@ def _escape(own: Own, animal: Aim, distance_px: float, tank: Tank) -> Aim | None
     return max(_ways_out(own, animal, _REACH * distance_px, tank))[1]
 
 
-def _ways_out(own: Own, animal: Aim, reach_px: float, tank: Tank) -> Iterator[tuple[float, Aim]]:
+def _ways_out(
+    own: Own, animal: Aim, reach_px: float, tank: TankGeometry
+) -> Iterator[tuple[float, Aim]]:
     """Places in the tank to flee to, and before each how good it is, px."""
     away, far = _direction_to_fish(animal, own), math.dist(own[:2], animal)
     for angle in _TURNS:

@@ -25,7 +25,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from finloop.live.door import BUSY, MALFORMED, Door
 from finloop.live.message import Message
-from finloop.stimulus.display import Display
+from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.feed import Feed, message
 
 MOST_PAGES, MOST_TRACKERS = 8, 64
@@ -55,7 +55,7 @@ class Ping(Message):
     sent: Number
 
 
-class Key(Message):
+class DisplayKeyPress(Message):
     """A key was pressed before the display."""
 
     do: Literal["key"]
@@ -66,7 +66,7 @@ class Calibrated(Message):
     """The display's calibration, to be stored."""
 
     do: Literal["display"]
-    display: Display
+    display: DisplayCalibration
 
 
 class Hidden(Message):
@@ -77,7 +77,7 @@ class Hidden(Message):
 
 
 _SAID: TypeAdapter[Any] = TypeAdapter(
-    Annotated[Ready | Ping | Key | Calibrated | Hidden, Field(discriminator="do")]
+    Annotated[Ready | Ping | DisplayKeyPress | Calibrated | Hidden, Field(discriminator="do")]
 )
 
 
@@ -106,7 +106,7 @@ class Screen:
                     await self.connection.send_bytes(content)
 
 
-class Stage:
+class DisplayHub:
     """What the display pages say goes here; the session, or a replay, overrides what it needs.
 
     The page that came first is the display; records of others' frames are not taken.
@@ -145,7 +145,7 @@ class Stage:
                 self.came(wish)
             case Ping():
                 screen.send(message("pong", sent=wish.sent, now=self.session_time()))
-            case Key():
+            case DisplayKeyPress():
                 self.key(wish.key)
             case Calibrated():
                 self.store_calibration(wish.display)
@@ -161,7 +161,7 @@ class Stage:
     def key(self, key: str) -> None:
         """A key was pressed."""
 
-    def store_calibration(self, display: Display) -> None:
+    def store_calibration(self, display: DisplayCalibration) -> None:
         """Store a calibration of the display."""
 
     def set_hidden(self, on: bool) -> None:
@@ -174,7 +174,7 @@ class Stage:
         """A message that was none."""
 
 
-async def attend(stage: Stage, connection: WebSocket) -> None:
+async def attend(stage: DisplayHub, connection: WebSocket) -> None:
     """A display page, until it goes."""
     screen = Screen(connection)
     stage.screens.append(screen)

@@ -13,11 +13,11 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import Any, Protocol
 
-from finloop.stimulus.animals import Animals, Heard
+from finloop.stimulus.animals import Heard, LiveAnimals
 from finloop.stimulus.course import (
     Reaction,
-    Scene,
     States,
+    TrialContext,
     collect_motion,
     cue_of,
     plan_motion,
@@ -51,12 +51,12 @@ class Session:
     """Runs a protocol."""
 
     def __init__(
-        self, scene: Scene, plan: Plan, trials: tuple[Trial, ...], feed: Feed, log: Log,
+        self, scene: TrialContext, plan: Plan, trials: tuple[Trial, ...], feed: Feed, log: Log,
         clock: Clock,
     ) -> None:  # fmt: skip
         self.scene, self.plan, self.trials = scene, plan, trials
         self.feed, self.log, self.clock = feed, log, clock
-        self.animals = Animals(plan.animals, scene.tank, scene.mm_per_px)
+        self.animals = LiveAnimals(plan.animals, scene.tank, scene.mm_per_px)
         self.numbers = Numbers()
         self._send: Callable[[bytes], None] = lambda content: None
         self._out: Callable[[str, str], str | None] = lambda to, text: None
@@ -148,7 +148,7 @@ class Session:
         kept = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
         self.log.input(arrived, source, kept, _verdicts(heard))
         reaction = self._reaction
-        if reaction is None or not any(one.taken for one in heard):
+        if reaction is None or not any(one.is_present for one in heard):
             return
         states = reaction.react(arrived)
         if states is not None:

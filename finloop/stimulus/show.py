@@ -10,12 +10,12 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from finloop.stimulus.display import Display, save_display
+from finloop.stimulus.display import DisplayCalibration, save_display
 from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import Feed
 from finloop.stimulus.log import FRAME_FIELDS, frames_of
 from finloop.stimulus.replay import Frame
-from finloop.stimulus.serve import Ready, Stage
+from finloop.stimulus.serve import DisplayHub, Ready
 from finloop.stimulus.session import Session
 
 _AHEAD = 8  # frames of a replay that travel before the page has drawn them
@@ -38,7 +38,7 @@ class RealClock:
             await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
 
 
-class Show(Stage):
+class SessionHub(DisplayHub):
     """A session before its displays. store: where calibrations go."""
 
     def __init__(self, session: Session, name: str, store: Path) -> None:
@@ -67,7 +67,7 @@ class Show(Stage):
         """A key was pressed."""
         self.session.key(key)
 
-    def store_calibration(self, display: Display) -> None:
+    def store_calibration(self, display: DisplayCalibration) -> None:
         """Store and apply a calibration, but refuse it while a session is waiting or running."""
         if self.session.phase in ("running", "waiting"):
             self.session.trouble("a calibration in the middle of a session is refused")
@@ -114,21 +114,21 @@ async def _say(connection: WebSocket, text: str) -> None:
         await connection.send_text(text)
 
 
-class Calibration(Stage):
+class CalibrationHub(DisplayHub):
     """A display that is calibrated, with no session. done: is called when it is stored."""
 
     def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
         super().__init__()
         self.feed, self._store, self._done = feed, store, done
 
-    def store_calibration(self, display: Display) -> None:
+    def store_calibration(self, display: DisplayCalibration) -> None:
         """Store a calibration of the display, and report that it is done."""
         save_display(self._store, display)
         self.feed.facts["display"] = display.model_dump(mode="json")
         self._done()
 
 
-class Replay(Stage):
+class Replay(DisplayHub):
     """A session shown again. quick: as fast as the page draws, not at the pace of the session.
 
     different: numbers of frames whose pixels were others than in the session, where it knows them.

@@ -127,12 +127,12 @@ def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
     share = np.clip(into / _BLEND_S, 0, 1)
     share = np.where(time < ends[0], 1.0, share * share * (3 - 2 * share))[:, None]
 
-    def mixed(every: list[Floats]) -> Floats:
+    def mix_scenes(every: list[Floats]) -> Floats:
         stack, ticks = np.stack(every), np.arange(len(head))
         now, before = stack[number, ticks], stack[number - 1, ticks]
         return before + share * (now - before)
 
     return Views(
-        mixed([scenes[name].place for name, _ in _SCENES]),
-        mixed([scenes[name].aim for name, _ in _SCENES]),
+        mix_scenes([scenes[name].place for name, _ in _SCENES]),
+        mix_scenes([scenes[name].aim for name, _ in _SCENES]),
     )

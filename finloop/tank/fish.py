@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from finloop.tank.body import lengths, surface
 from finloop.tank.skin import Skins
-from finloop.tank.swim import Poses
+from finloop.tank.swim import TankPoses
 
 Floats = NDArray[np.floating]
 Picture = NDArray[np.uint8]
@@ -17,10 +17,10 @@ _BATCH = 16  # ticks whose surfaces are made at once: a sixth of the time of one
 
 
 @dataclass(frozen=True)
-class Fish:
+class FishSurface:
     """poses; place (ticks, 3): its mass centre in the tank; typical, length_px: of the animal."""
 
-    poses: Poses
+    poses: TankPoses
     place: Floats
     skins: Skins
     typical: Floats

@@ -34,7 +34,7 @@ _COLOURS = "colours"
 _RIM = 1.08  # the glass stands out of the water
 
 
-class Scene:
+class TankScene:
     """A window off screen that draws picture after picture; `close` it, or use a `with` block.
 
     background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px;
@@ -61,7 +61,7 @@ class Scene:
         self._pixels = vtkUnsignedCharArray()
         self._plotter.show(auto_close=False)
 
-    def __enter__(self) -> "Scene":
+    def __enter__(self) -> "TankScene":
         return self
 
     def __exit__(self, *error: object) -> None:

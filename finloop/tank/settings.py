@@ -10,7 +10,7 @@ from finloop.edit.modes import Shown
 
 
 @dataclass(frozen=True)
-class Settings:
+class TankSettings:
     """Which edit list is filmed in three dimensions, from where, and how large."""
 
     mode: Shown  # the edit list

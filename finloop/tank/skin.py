@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
 from finloop.tank.body import hang, limit_half_width, plan
-from finloop.tank.swim import Film
+from finloop.tank.swim import FilmBodies
 
 Picture = NDArray[np.uint8]
 LENGTHWISE, AROUND = 128, 64  # pixels of a skin: from head to tail, from below over left and right
@@ -34,7 +34,7 @@ class Skins:
 
     def __init__(
         self,
-        film: Film,
+        film: FilmBodies,
         typical: NDArray[np.floating],
         centres_px: NDArray[np.floating],
         cutout: Callable[[int], Cutout],

@@ -32,7 +32,7 @@ USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
 
 
 @dataclass(frozen=True)
-class Film:
+class FilmBodies:
     """The bodies of the film, a row per cut-out: backbone (n, p, 2), half_width (n, p), px.
 
     heading_deg: (n,).
@@ -43,7 +43,7 @@ class Film:
     heading_deg: Floats
 
 
-class Cast(NamedTuple):
+class BodyPlacement(NamedTuple):
     """The body of the film at every tick, how it is turned, and whether it is mirrored first.
 
     Mirrored is about the line of direction `axis_deg` through the mass centre. All are (ticks,).
@@ -57,7 +57,7 @@ class Cast(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Poses:
+class TankPoses:
     """The fish at every tick, in coordinates of the tank.
 
     centre (ticks, 2): mass centre; backbone (ticks, p, 2) relative to it; half_width (ticks, p);
@@ -68,15 +68,15 @@ class Poses:
     backbone: Floats
     half_width: Floats
     heading: Floats
-    first: Cast
-    second: Cast
+    first: BodyPlacement
+    second: BodyPlacement
     weight: Floats
 
     def __len__(self) -> int:
         return len(self.centre)
 
 
-def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
+def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
     """The film's backbones, head first, relative to the mass centre, y up.
 
     tracks: columns `USED`; features: head and heading of each of its rows.
@@ -86,12 +86,12 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
     backwards = tail_first(line, features)
     line[backwards], half_width[backwards] = line[backwards, ::-1], half_width[backwards, ::-1]
     local = line - tracks[["x_px", "y_px"]].to_numpy(float)[:, None]
-    return Film(local * (1, -1), half_width, features["heading_deg"].to_numpy(float))
+    return FilmBodies(local * (1, -1), half_width, features["heading_deg"].to_numpy(float))
 
 
 def poses(
-    edit: pd.DataFrame, film: Film, sprites: pd.DataFrame, bodies: Bodies | None = None
-) -> Poses:
+    edit: pd.DataFrame, film: FilmBodies, sprites: pd.DataFrame, bodies: Bodies | None = None
+) -> TankPoses:
     """The fish at every tick of an edit list (schema EDIT).
 
     sprites: schema SPRITES, may be empty if the list has none; bodies: None if it has no poses.
@@ -99,7 +99,7 @@ def poses(
     first = _cast(edit, "", "source", film, sprites)
     weight = edit["weight"].to_numpy(float)
     fades = weight > 0
-    second = Cast(*(np.where(fades, b, a) for a, b in zip(
+    second = BodyPlacement(*(np.where(fades, b, a) for a, b in zip(
         first, _cast(edit, "partner_", "partner", film, sprites), strict=True,
     )))  # fmt: skip
     (line, width), (partner, partner_width) = (_bodies(film, cast) for cast in (first, second))
@@ -108,7 +108,7 @@ def poses(
     if bodies is not None:
         for tick in np.flatnonzero(edit["pose"].notna()):
             line[tick] = _posed_backbone(edit.iloc[tick], film, bodies)
-    return Poses(
+    return TankPoses(
         edit[["x_px", "y_px"]].to_numpy(float) * (1, -1),
         line,
         width + share * (partner_width - width),
@@ -119,7 +119,7 @@ def poses(
     )
 
 
-def _posed_backbone(row: Any, film: Film, bodies: Bodies) -> Floats:
+def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     """The backbone (p, 2) of a row of an edit list that says a pose.
 
     Where the pose's backbone differs from that of the row's own posture, the film's differs, too,
@@ -145,7 +145,9 @@ def _posed_backbone(row: Any, film: Film, bodies: Bodies) -> Floats:
     return row.scale * (line + np.stack(offsets, -1)) @ ahead.T
 
 
-def _cast(edit: pd.DataFrame, prefix: str, number: str, film: Film, sprites: pd.DataFrame) -> Cast:
+def _cast(
+    edit: pd.DataFrame, prefix: str, number: str, film: FilmBodies, sprites: pd.DataFrame
+) -> BodyPlacement:
     """Every tick's picture as a body of the film; where there is none, any."""
     source = edit[number].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
@@ -160,10 +162,10 @@ def _cast(edit: pd.DataFrame, prefix: str, number: str, film: Film, sprites: pd.
         axis[is_sprite], mirrored[is_sprite] = which["heading_deg"], which["mirrored"]
         orientation = edit[f"{prefix}orientation"][is_sprite].to_numpy(int)
         turn[is_sprite] += direction_deg(orientation, orientations_of(sprites)) - axis[is_sprite]
-    return Cast(row.astype(np.intp), turn, scale, mirrored, axis)
+    return BodyPlacement(row.astype(np.intp), turn, scale, mirrored, axis)
 
 
-def _bodies(film: Film, cast: Cast) -> tuple[Floats, Floats]:
+def _bodies(film: FilmBodies, cast: BodyPlacement) -> tuple[Floats, Floats]:
     """Backbones (ticks, p, 2) and half widths (ticks, p), mirrored, turned and scaled."""
     line = film.backbone[cast.row]
     twice = 2 * np.radians(cast.axis_deg)

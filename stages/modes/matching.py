@@ -14,7 +14,7 @@ from finloop.edit.schema import CONSIDERED
 from finloop.edit.stretch import Swim
 from finloop.given_path import load_lines
 from finloop.io.table import save_table
-from finloop.modes.matching import NO_SPRITES, MatchingAnimator, Material, matching_animator
+from finloop.modes.matching import NO_SPRITES, MatchingAnimator, MatchingData, matching_animator
 from finloop.plan import path_measures
 from finloop.plan.plan import option_table
 from finloop.plan.settings import merge_settings
@@ -28,7 +28,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
     sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
     """
     common, own = project.settings("animate"), project.settings("matching")
-    made = Material(
+    made = MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.steps, project.jumps, project.poses, project.forecast,
         load_lines(own, project.features), project.facts.mm_per_px, project.rule,
@@ -37,7 +37,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
     return matching_animator(made, merge_settings(common, own))
 
 
-class Followed(NamedTuple):
+class PathFollowing(NamedTuple):
     """How a path was followed: tables of `path_measures`, and numbers."""
 
     swum: pd.DataFrame
@@ -45,9 +45,9 @@ class Followed(NamedTuple):
     numbers: dict[str, float]
 
 
-def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[Followed]:
+def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowing]:
     """Return how the path of each fish that has one was followed."""
-    waters, every = plans.world, list[Followed]()
+    waters, every = plans.world, list[PathFollowing]()
     if not any(plans.paths):
         return every
     most = path_measures.limits(waters.film, waters)
@@ -56,7 +56,7 @@ def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[Followed]:
             table = path_measures.swum_path("matching", swim, path, waters.duration, waters)
             left = path_measures.where_left(table, path, waters, most)
             numbers = path_measures.path_metrics(table, left, path, waters)
-            every.append(Followed(table.assign(fish=fish), left.assign(fish=fish), numbers))
+            every.append(PathFollowing(table.assign(fish=fish), left.assign(fish=fish), numbers))
     return every
 
 

@@ -5,7 +5,7 @@ from stages.run import run  # isort: skip  (before numpy)
 from pathlib import Path
 
 from finloop.distance.map import about_mean, alike, full, kinds
-from finloop.distance.settings import Settings
+from finloop.distance.settings import DistanceSettings
 from finloop.io.picture import save_figure
 from finloop.plots.distance import figure9, picture_rows
 from finloop.project import Project
@@ -14,7 +14,7 @@ from stages.settings import load
 
 def main() -> None:
     """Draw fig9.png."""
-    p: Settings = load("distance")
+    p: DistanceSettings = load("distance")
     with Project() as project:
         facts, features = project.map_facts, project.features
         rows = picture_rows(features, p.picture_frames)

@@ -12,7 +12,7 @@ from finloop.base.arrays import Picture
 from finloop.extract.background import Polarity, Scene
 from finloop.extract.fins import Fins
 from finloop.extract.samples import Typical
-from finloop.extract.settings import Settings
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record
@@ -37,7 +37,7 @@ FRAMES = 4
 THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
 
 
-class Film(NamedTuple):
+class ExtractedFilm(NamedTuple):
     """One film as `extract` has seen it."""
 
     name: str
@@ -58,7 +58,7 @@ class Film(NamedTuple):
 
 def main() -> None:
     """Draw detections.png and fig3_4.png."""
-    settings: Settings = load("extract")
+    settings: ExtractSettings = load("extract")
     films = [load_film(name, home) for name, home in folders(CLIP) if (EXTRACT / home).is_dir()]
     count = max(1, FRAMES // len(films))
     pictures = [draw_detections(film, settings, count) for film in films]
@@ -67,7 +67,7 @@ def main() -> None:
     save_figure(REPORT / "fig3_4.png", figure3_4(fish, words))
 
 
-def load_film(name: str, home: Path) -> Film:
+def load_film(name: str, home: Path) -> ExtractedFilm:
     """Load what `clip` and `extract` say of one film."""
     clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
@@ -84,16 +84,16 @@ def load_film(name: str, home: Path) -> Film:
         record.thin,
     )
     arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
-    return Film(name, clip, facts, scene, typical, arena)
+    return ExtractedFilm(name, clip, facts, scene, typical, arena)
 
 
-def draw_detections(film: Film, settings: Settings, count: int) -> Picture:
+def draw_detections(film: ExtractedFilm, settings: ExtractSettings, count: int) -> Picture:
     """Draw the silhouettes in this many frames of a film."""
     labels, frames = zip(*film.read(count), strict=True)
     return detections_picture(frames, labels, film.scene, film.typical, film.arena, settings)
 
 
-def thin_films(films: list[Film], settings: Settings) -> Iterator[ThinnedFish]:
+def thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterator[ThinnedFish]:
     """Thin the fish of frames spread over the films."""
     count = max(1, THINNED // len(films))
     for film in films:

@@ -12,7 +12,7 @@ from finloop.io.picture import save_figure
 from finloop.loops.graph import loop_graph
 from finloop.loops.positions import position_table, table_ends
 from finloop.loops.search import as_map, candidates, least_frames
-from finloop.loops.settings import Settings
+from finloop.loops.settings import LoopsSettings
 from finloop.plots import loops as draw
 from finloop.plots.improper_loop import figure13, most_improper
 from finloop.plots.loop_groups import over_time
@@ -28,7 +28,7 @@ BEST = 6  # loops drawn, and as many of the worst
 
 def main() -> None:
     """Draw over_time.png, over_tank.png, fig10.png, fig11.png, fig13.png, best_and_worst.png."""
-    p: Settings = load("loops")
+    p: LoopsSettings = load("loops")
     with Project() as project:
         figures = draw_message(project) if project.loops.empty else draw_loops(project, p)
         save_figure(REPORT / "fig13.png", draw_improper(project, p))
@@ -43,7 +43,7 @@ def draw_message(project: Project) -> Iterator[tuple[str, Figure]]:
         yield name, message(why)
 
 
-def draw_loops(project: Project, p: Settings) -> Iterator[tuple[str, Figure]]:
+def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure]]:
     """Draw the figures of a film that has loops, each with its name."""
     loops, features, reel = project.loops, project.features, project.film_reel
     facts, rate_hz = project.map_facts, project.rate_hz
@@ -67,7 +67,7 @@ def draw_loops(project: Project, p: Settings) -> Iterator[tuple[str, Figure]]:
     yield "best_and_worst", draw.best_and_worst(best, worst)
 
 
-def draw_improper(project: Project, p: Settings) -> Figure:
+def draw_improper(project: Project, p: LoopsSettings) -> Figure:
     """Draw Fig. 13, or a message that the film has no improper loop."""
     features, reel, facts = project.features, project.film_reel, project.map_facts
     pairs = as_map(project.pairs, len(features))

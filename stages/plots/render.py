@@ -11,7 +11,7 @@ from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
 from finloop.project import Project
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
-from finloop.render.settings import Settings
+from finloop.render.settings import RenderSettings
 from stages.settings import load
 
 REPORT = Path("reports/render")
@@ -19,7 +19,7 @@ REPORT = Path("reports/render")
 
 def main() -> None:
     """Draw contact_sheet.png and switches.png, and the route of every mode, <mode>.png."""
-    p: Settings = load("render")
+    p: RenderSettings = load("render")
     with Project() as project:
         background, drawn = project.background, project.edit_with_sources(p.mode, "render")
         gallery = project.gallery(drawn)

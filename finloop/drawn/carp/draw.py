@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.drawn.carp.skin import FIN_HALF, SKIN_HALF, Image, Look, half_width, width_table
+from finloop.drawn.carp.skin import FIN_HALF, SKIN_HALF, FishColours, Image, half_width, width_table
 
 OVERSAMPLE = 3
 BLUR_PX = 0.6  # of the lens
@@ -21,7 +21,7 @@ PELVIC = (0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 
 @dataclass(frozen=True)
-class Drawing:
+class CarpPicture:
     """A sharp picture of one fish; pixel (0, 0) of the arrays is (x0, y0) of the film's picture."""
 
     x0: int
@@ -100,11 +100,11 @@ def _body_coordinates(
 def draw(
     line: Floats,
     fins: tuple[float, float],
-    look: Look,
+    look: FishColours,
     light: tuple[float, float] = (-0.6, -0.8),
     oversample: int = OVERSAMPLE,
     gloss: float = GLOSS,
-) -> Drawing:
+) -> CarpPicture:
     """Draw a fish along its midline.
 
     line: (65, 2), midline, pixels, head to tail, equal arc length.
@@ -139,11 +139,16 @@ def draw(
     size = (int(x1 - x0), int(y1 - y0))
     picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
     cover = np.asarray(cv2.resize(cover, size, interpolation=cv2.INTER_AREA), np.float32)
-    return Drawing(int(x0), int(y0), picture[..., :3], picture[..., 3], cover)
+    return CarpPicture(int(x0), int(y0), picture[..., :3], picture[..., 3], cover)
 
 
 def _draw_fins(
-    picture: Image, cover: Image, line: Floats, unit: float, fins: tuple[float, float], look: Look
+    picture: Image,
+    cover: Image,
+    line: Floats,
+    unit: float,
+    fins: tuple[float, float],
+    look: FishColours,
 ) -> None:
     """Draw the paired fins; `unit` is the body length in subpixels. Changes both arrays."""
     tangent = _tangents(line)
@@ -198,7 +203,7 @@ def _on_body(
     return _Body(index[keep], s[keep], v[keep], left_x[keep], part[keep], w2[keep])
 
 
-def _shade_body(body: _Body, look: Look, light: tuple[float, float], gloss: float) -> Image:
+def _shade_body(body: _Body, look: FishColours, light: tuple[float, float], gloss: float) -> Image:
     """Return the colours of the body's subpixels in the light, (n, 4)."""
     colour = _sample(look.skin, body.s, body.v / np.float32(look.girth))
     across = body.v / np.sqrt(np.maximum(body.width2, 1e-6))
@@ -243,7 +248,7 @@ def _fin(
     cover[window] = np.maximum(cover[window], reach)
 
 
-def blur_drawing(drawing: Drawing, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
+def blur_drawing(drawing: CarpPicture, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
     """Return premultiplied colour and opacity as the lens sees them."""
     return (
         np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), sigma_px), np.float32),

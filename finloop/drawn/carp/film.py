@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats, Picture
-from finloop.drawn.carp.draw import OVERSAMPLE, Drawing, blur_drawing, draw
+from finloop.drawn.carp.draw import OVERSAMPLE, CarpPicture, blur_drawing, draw
 from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
-from finloop.drawn.carp.motion import Motion, is_crowded, room_of, simulate
+from finloop.drawn.carp.motion import CarpMotion, is_crowded, room_of, simulate
 from finloop.drawn.carp.settings import CarpFilm
-from finloop.drawn.carp.skin import Image, Look, floor, look
+from finloop.drawn.carp.skin import FishColours, Image, floor, look
 
 Row = dict[str, Any]
 
@@ -37,7 +37,7 @@ def _streams(seed: int) -> list[np.random.Generator]:
     return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
 
 
-def motion(params: CarpFilm) -> Motion:
+def motion(params: CarpFilm) -> CarpMotion:
     """Poses of all fish in all frames (small: about 80 bytes a fish and frame)."""
     room = room_of(params.width_px, params.height_px, params.body_length_px)
     return simulate(
@@ -50,7 +50,7 @@ def motion(params: CarpFilm) -> Motion:
     )
 
 
-def midline_px(params: CarpFilm, poses: Motion, frame: int, fish: int) -> Floats:
+def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Floats:
     """Midline of a fish in a frame, (65, 2) pixels, head to tail."""
     at = (frame, fish)
     return params.body_length_px * midline(
@@ -59,14 +59,14 @@ def midline_px(params: CarpFilm, poses: Motion, frame: int, fish: int) -> Floats
     )  # fmt: skip
 
 
-def looks(params: CarpFilm) -> tuple[Look, ...]:
+def looks(params: CarpFilm) -> tuple[FishColours, ...]:
     """Colours of every fish, at the resolution that the drawing needs."""
     columns = max(160, round(params.body_length_px * OVERSAMPLE * 1.5))
     return _looks(params.seed, params.fish, columns)
 
 
 @lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
-def _looks(seed: int, fish: int, columns: int) -> tuple[Look, ...]:
+def _looks(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
     *_, skins, _, lamp = _streams(seed)
     first = int(lamp.integers(4))
     return tuple(look(rng, columns, first + i) for i, rng in enumerate(skins.spawn(fish)))
@@ -88,7 +88,7 @@ def empty_tank(params: CarpFilm) -> Image:
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
 
 
-def _row(fish: int, frame: int, line: Floats, drawing: Drawing, poses: Motion) -> Row:
+def _row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpMotion) -> Row:
     x, y = drawing.centre_px()
     return {
         "fish_id": fish,
@@ -125,7 +125,7 @@ def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
     return np.asarray((grey[..., None] + tint) * params.noise, np.float32)
 
 
-def _shade(picture: Image, drawing: Drawing, params: CarpFilm) -> tuple[slice, slice]:
+def _shade(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
     """Darken the floor under a fish, and return the window of the picture that changed."""
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
@@ -147,7 +147,7 @@ def _window(
     return np.s_[top:low, left:right], np.s_[top - y0 : low - y0, left - x0 : right - x0]
 
 
-def film(params: CarpFilm, poses: Motion | None = None) -> Iterator[tuple[Picture, list[Row]]]:
+def film(params: CarpFilm, poses: CarpMotion | None = None) -> Iterator[tuple[Picture, list[Row]]]:
     """Stream the frames with their truth.
 
     poses: of the fish, where they are not those of `motion`; later fish are painted over earlier.

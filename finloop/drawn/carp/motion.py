@@ -16,7 +16,7 @@ STEP_S = 0.01  # integration steps are at most this long
 
 
 @dataclass(frozen=True)
-class Motion:
+class CarpMotion:
     """Poses of all fish in all frames; arrays are (frames, fish)."""
 
     # x, y: mass centre of the midline, body lengths from the picture's upper left pixel centre
@@ -68,7 +68,7 @@ def is_crowded(fish: int, room: Room) -> bool:
 
 def simulate(
     frames: int, fish: int, room: Room, frame_rate_hz: float, fins: float, rng: np.random.Generator
-) -> Motion:
+) -> CarpMotion:
     """Poses of `fish` fish over `frames` frames in `room`; more frames do not change the first."""
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))
     dt = 1 / (frame_rate_hz * steps)
@@ -91,4 +91,4 @@ def simulate(
             for swimmer, rest in zip(swimmers, others, strict=True):
                 swimmer.advance(rest, dt)
     x, y, axis, beat, amplitude, bend, kind = scalar
-    return Motion(x, y, axis, beat, amplitude, bend, ripple, open_, kind.astype(np.int8))
+    return CarpMotion(x, y, axis, beat, amplitude, bend, ripple, open_, kind.astype(np.int8))

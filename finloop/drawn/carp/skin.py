@@ -54,7 +54,7 @@ def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Float
 
 
 @dataclass(frozen=True)
-class Look:
+class FishColours:
     """Colours of one fish."""
 
     # (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
@@ -108,7 +108,7 @@ class _Grid(NamedTuple):
     r: Image
 
 
-def look(rng: np.random.Generator, columns: int, coat: int) -> Look:
+def look(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
     """Paint one fish; `columns` is the width of its skin picture, `coat` picks its colours."""
     back, flank, dark, _ = _COATS[coat % len(_COATS)]
     full = SKIN_PER_LENGTH
@@ -134,7 +134,7 @@ def look(rng: np.random.Generator, columns: int, coat: int) -> Look:
         interpolation=cv2.INTER_AREA if columns < full else cv2.INTER_LINEAR,
     )
     fin = _fin(rng, max(24, round(columns * 0.25)), back, flank, dark)
-    return Look(np.ascontiguousarray(small, np.float32), fin, 1.0)
+    return FishColours(np.ascontiguousarray(small, np.float32), fin, 1.0)
 
 
 def _patches(grid: _Grid, coat: int, rng: np.random.Generator) -> Image:

@@ -96,7 +96,7 @@ def time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndar
     return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
 
 
-class Survey(NamedTuple):
+class CodingSurvey(NamedTuple):
     """The coding of a film, from sample frames spread over it."""
 
     width: int
@@ -110,7 +110,7 @@ class Survey(NamedTuple):
     levels: tuple[float, float] | None
 
 
-def survey(path: Path, stamps: np.ndarray) -> Survey:
+def survey(path: Path, stamps: np.ndarray) -> CodingSurvey:
     """Decode some frames and measure how the film is coded."""
     chroma, outside, deep = [], [], []
     low, high = OUTSIDE_LEVELS
@@ -128,7 +128,7 @@ def survey(path: Path, stamps: np.ndarray) -> Survey:
         raise too_few(path, 0)
     turn, exact = turn_of(display_matrix(first))
     stated = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
-    return Survey(
+    return CodingSurvey(
         width=first.width,
         height=first.height,
         first_s=float(stamps[0] if first.time is None else first.time),

@@ -1,0 +1,67 @@
+"""Words: functions are verbs or name their result, a class name is there once, terms are few."""
+
+import ast
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+IRREGULAR = (
+    "shown|drawn|known|seen|taken|given|made|told|said|kept|laid|held|sent|swum|worn|grown|thrown|"
+    "found|built|left|lost|met|begun|broken|chosen|driven|hidden|written|sought|fed|led|lit|bent|"
+    "swept|spun|hung|wound|woven|bound|brought|caught|taught|thought"
+)
+NO_PARTICIPLES = {"embed", "exceed", "feed", "need", "proceed", "seed", "speed"}
+NO_NAMES = "of|at|now|some|one|way|own|every|before|after|between|here|there|again|most"
+"""Names that say nothing."""
+
+
+def names_nothing(name: str) -> bool:
+    """Return whether a function's name is a participle or a pronoun alone."""
+    word = name.strip("_")
+    if re.fullmatch(f"{NO_NAMES}|{IRREGULAR}", word):
+        return True
+    return bool(re.fullmatch(r"[a-z]+ed", word)) and word not in NO_PARTICIPLES
+
+
+def trees(*folders: str) -> list[tuple[Path, ast.Module]]:
+    """Return the program's files."""
+    paths = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
+    return [(path, ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
+
+
+@pytest.mark.parametrize("name", ["mapped", "_shown", "of", "way"])
+def test_a_name_that_says_nothing_is_recognised(name):
+    assert names_nothing(name) and not names_nothing("map_rows")
+    assert not names_nothing("speed") and not names_nothing("tail_spread")
+
+
+def test_no_function_is_named_by_a_participle_or_a_pronoun():
+    """But for the fields of NamedTuples, and what a library calls by its name."""
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno} {node.name}"
+        for path, tree in trees("finloop", "stages", "benchmarks", "docs")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and names_nothing(node.name)
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_no_class_name_is_there_twice():
+    where = defaultdict(list)
+    for path, tree in trees("finloop", "stages"):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                where[node.name].append(str(path.relative_to(ROOT)))
+    twice = {name: places for name, places in where.items() if len(places) > 1}
+    assert not twice
+
+
+def test_the_glossary_has_few_terms_each_once():
+    lines = (ROOT / "docs/glossary.md").read_text(encoding="utf-8").split("\n")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line[:2] == "| "]
+    terms = [row for row in rows if row[0] != "term"]
+    assert 40 <= len(terms) <= 60 and len({row[0] for row in terms}) == len(terms)
+    assert all(len(row) == 3 and all(row) for row in terms)
