@@ -123,13 +123,12 @@ def features(
         )
     every = spans(tracks)
     backbone, confidence = orient_backbones(tracks, rate_hz, given)
-    length = tracks["length_px"].to_numpy(float)
+    place, length = (tracks[name].to_numpy(float) for name in (["x_px", "y_px"], "length_px"))
     bent, direction = bend(backbone, length), heading(backbone)
     delta_s = settings.delta_s
     if delta_s == "auto":
         delta_s = measured_delta([bent[one] for one in every], rate_hz)
     delta = delta_frames(delta_s, rate_hz)
-    place = tracks[["x_px", "y_px"]].to_numpy(float)
     limits = limits_of(direction, bent, every, delta, settings)
     types = [
         swimming_type(turn(direction[one], delta), bent[one], limits, settings.release)
