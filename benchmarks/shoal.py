@@ -31,9 +31,9 @@ WARM_UP = 20  # ticks, after which everything is compiled
 
 def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
     """Return overlaps, goals, distances, speeds and planning time of animated fish, as a row."""
-    waters, player = plans.world, plans.player
-    p, rate, ticks = waters.settings, waters.motion.rate_hz, waters.duration
-    goals = random_goals(waters, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
+    world, player = plans.world, plans.player
+    p, rate, ticks = world.settings, world.motion.rate_hz, world.duration
+    goals = random_goals(world, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
     shoal(player, tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
     todo = tasks(goals, p.fish, np.random.default_rng(p.seed))
     begin = time.process_time()
@@ -41,7 +41,7 @@ def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
     planned = time.process_time()
     edit = edit_lists(swims, ticks, player.sources)
     listed = time.process_time()
-    where, length = places(edit), waters.motion.body_length_px
+    where, length = places(edit), world.motion.body_length_px
     near = np.concatenate([nearest(tick) for tick in where.transpose(1, 0, 2)]) / length
     speeds = np.hypot(*np.diff(where, axis=1).transpose(2, 1, 0)) / length * rate
     return {

@@ -48,15 +48,15 @@ class StoredFilm:
         return open_array(self.path, shape_of(self.project.film_reel, self.size), "uint8")
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """As in `Source`."""
+        """As in `RowSource`."""
         return self.project.film_reel, self.project.poses
 
     def pictures(self) -> Pictures:
-        """As in `Source`."""
+        """As in `RowSource`."""
         return self._pictures
 
     def keep(self) -> None:
-        """As in `Source`."""
+        """As in `RowSource`."""
         keep_array(self._pictures)
 
     def __reduce__(self) -> tuple[Any, ...]:

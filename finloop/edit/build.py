@@ -14,7 +14,7 @@ from finloop.edit.schema import EDIT, FRAME, SPRITE, STATES, TERMS
 from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import direction_deg, orientation, wrap_deg
 
-NO_COSTS = (np.nan,) * len(TERMS)
+_NO_COSTS = (np.nan,) * len(TERMS)
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]
     for name, values in zip(Decision._fields, zip(*decisions, strict=True), strict=True):
         if isinstance(values[0], tuple):
             costs = np.full((ticks, len(TERMS)), np.nan)
-            costs[first] = [value or NO_COSTS for value in values]
+            costs[first] = [value or _NO_COSTS for value in values]
             way = name.removesuffix("_terms")
             columns |= {f"{way}_{term}_s": costs[:, k] for k, term in enumerate(TERMS)}
         elif isinstance(values[0], str):

@@ -17,8 +17,8 @@ from finloop.edit.schema import (
 )
 from finloop.edit.stretch import Decision
 
-CHANCE = "chance"
-LEAST_S = 0.05  # a term that costs less is not named
+_CHANCE = "chance"  # the term that is left out: it tells nothing of the way
+_LEAST_S = 0.05  # a term that costs less would be shown as 0.0
 
 
 def in_words(decision: Decision, goal: str, motion_area: float) -> str:
@@ -74,15 +74,15 @@ def _costs(decision: Decision) -> str:
     parts = [
         f"{name.replace('_', ' ')} {cost:.1f}".replace("-", "−")
         for name, cost in terms.items()
-        if name != CHANCE and abs(cost) >= LEAST_S
+        if name != _CHANCE and abs(cost) >= _LEAST_S
     ]
-    told = f"; {_ways(decision)}; {decision.value_s:.1f} s" + (
-        f" ({', '.join(parts)})" if parts else ""
-    )
+    text = f"; {_ways(decision)}; {decision.value_s:.1f} s"
+    if parts:
+        text += f" ({', '.join(parts)})"
     if decision.other_terms:
         others = dict(zip(TERMS, decision.other_terms, strict=True))
-        told += f", the next best {sum(others.values()) - others[CHANCE]:.1f} s"
-    return told
+        text += f", the next best {sum(others.values()) - others[_CHANCE]:.1f} s"
+    return text
 
 
 def _ways(decision: Decision) -> str:

@@ -19,7 +19,7 @@ TAILS = ("tailtip", "tailend", "tailfin", "caudalfin", "caudal", "tail", "tailba
 """Common names of keypoints, without case and signs; the first that there is counts."""
 _MOST_NORMAL = 1.5  # px; places that are all nearer to the corner are shares of the picture
 _AT_THE_END = 12  # frames; by so many two decoders may count the end of a film differently
-_MOST_NEEDED = 0.9  # share of places, see `Fit.needed`
+_MOST_NEEDED = 0.9  # share of places, see `SilhouetteFit.least_share`
 
 
 class FilmSize(NamedTuple):

@@ -86,7 +86,7 @@ class LiveFish:
     """One fish.
 
     `born`: the tick of the tank that is its first; `name`: of its goals; `others`: the ways of the
-    other fish from a tick of the tank on, as `LiveFish.way` has them.
+    other fish from a tick of the tank on, as `LiveFish.path_from` has them.
     """
 
     def __init__(

@@ -154,7 +154,7 @@ class Tempo(NamedTuple):
 
 @kernel
 def _lag_after(step_px, keeps, lag, way, begin):  # type: ignore[no-untyped-def]
-    """See `Tempo.after`."""
+    """See `Tempo.lag_after`."""
     x, y = begin
     for t in range(len(way)):
         lag = keeps * lag + 1 - np.hypot(way[t, 0] - x, way[t, 1] - y) / step_px

@@ -316,8 +316,8 @@ class Planner:
             weights = weights._replace(beam=1 + weights.beam // _FEWER)
         horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead)
         found, rows = search(source.graph, candidates, start, objective, weights, horizon)
-        follows = len(objective.route.x) > 0
-        if follows and found.over.any() and not np.isfinite(found.value).any():
+        ends = found.over.any() and not np.isfinite(found.value).any()
+        if ends and len(objective.route.x):
             # On a path the cheapest ways are much alike, and may all run into one wall.
             wide = weights._replace(beam=_WIDER * weights.beam)
             found, rows = search(source.graph, candidates, start, objective, wide, horizon)

@@ -319,13 +319,13 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
     # to come to a goal is the same after all of them.
     same = film.body and not objective.route.x.size
     turned, to_come = direction(film.rows[way.row], way), way.terms[TO_COME]
-    so_far = way.total - to_come
+    so_far, least = way.total - to_come, to_come if same else 0.0
     for e in range(first, last):
         jump, worst = graph.jumps[e], np.inf
         if n == branches.size:
             worst = branches[n - 1].total
         total = so_far + jump.cost
-        if total + (to_come if same else 0.0) >= worst:
+        if total + least >= worst:
             found.over[way.first] = True
             break  # those that follow cost as much, or more
         if not same:

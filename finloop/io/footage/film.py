@@ -246,7 +246,7 @@ def decode_film(
 
 
 def film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
-    """Stream a film; see `Footage.numbered`."""
+    """Stream a film; see `Footage.stream_numbered`."""
     step = 1 / float(footage.frame_rate)
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded

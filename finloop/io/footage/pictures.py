@@ -180,7 +180,7 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
 
 
 def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
-    """Stream a folder or stack; see `Footage.numbered`."""
+    """Stream a folder or stack; see `Footage.stream_numbered`."""
     size = footage.width_px, footage.height_px
     with _album(footage.path) as album:
 
