@@ -101,7 +101,7 @@ def run_pipeline(folder: Path, overridden: list[str], last: list[str]) -> dict[s
         "head_tail_swaps": features.get("truth_head_tail_swaps"),
         "heading_off_travel_median_deg": features.get("heading_off_travel_median_deg"),
         "film_share_pct": swum["matching_film_pct"],
-        "video": (folder / "data/render/matching.mp4").is_file(),
+        "video": (folder / "data/render/hybrid.mp4").is_file(),
     }
     for mode in MODES:
         for name in ("trials_goals_reached_pct", "seam_ratio_p95", "steps_above_film_p995_pct",
