@@ -199,6 +199,18 @@ def test_modes_are_changed_from_each_to_each_while_it_swims():
         before = np.array([tank.fish[0].row_at(tank.tick)[:-1]], ROW)
 
 
+@pytest.mark.parametrize("mode", PAPER)
+def test_a_mode_of_the_paper_drops_the_plan_of_matching(mode):
+    """It moves the fish to where that plan does not begin, if only for a tick."""
+    players, rng = toy_players(), np.random.default_rng(3)
+    state = players["matching"].begin(rng)
+    while not state.path.runs:
+        _, state = players["matching"].plan(state, None, rng)
+    stretch, later = players[mode].plan(state, None, rng)
+    _, cut = players[mode].cut(state, stretch, 1)
+    assert later.path.runs == cut.path.runs == ()
+
+
 def test_where_a_mode_takes_over_pictures_are_joined_and_it_can_be_gone_back_to():
     tank = LiveTank(toy_players(), "loops", 1, 1)
     for mode in ("network", "loops", "network", "matching"):

@@ -123,7 +123,8 @@ class PaperPlayer:
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return a stretch that began in a state, stopped after some ticks, and the state then."""
         short = stretch.cut(ticks)
-        return short, state._replace(fish=self.mode.end_state(state.fish, short))
+        # A plan that `matching` had made is for where the fish was then.
+        return short, State(self.mode.end_state(state.fish, short), state.place, state.left)
 
     def hull(self, kind: str, source: int) -> Floats:
         """Return the outline of a frame or sprite, px ahead of and to the left of its centre."""
