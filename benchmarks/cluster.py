@@ -28,7 +28,7 @@ import psutil
 from benchmarks.pipeline import ROOT, environment, prepare, stage
 from finloop.base.parallel import Workers
 from finloop.extract import film
-from finloop.extraction import extract
+from finloop.extract.write import extract
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.cluster import workers
 from stages.extract import WORKERS_NEED

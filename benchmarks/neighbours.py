@@ -24,12 +24,12 @@ from pynndescent import NNDescent
 
 from benchmarks.pipeline import ROOT
 from finloop.base.arrays import Ints
+from finloop.base.nearest import Nearest, Vectors
 from finloop.base.parallel import Threads
 from finloop.base.settings import settings
 from finloop.base.stretches import spread
 from finloop.jumps.signature import parts, signatures
 from finloop.jumps.source import InMemory
-from finloop.nearest import Nearest, Vectors
 from finloop.project import Project
 from stages.run import THREADS
 

@@ -19,9 +19,10 @@ import scipy
 
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import film_table
-from finloop.animate.paths import lay, track_line
+from finloop.animate.paths import lay
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
+from finloop.features.line import track_line
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
 from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
 from finloop.project import Project

@@ -45,7 +45,7 @@ from finloop.extract.samples import survey
 from finloop.extract.segment import SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
-from finloop.extraction import sample_of
+from finloop.extract.write import sample_of
 from finloop.features.table import FEATURES, features
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.film_writer import film_writer

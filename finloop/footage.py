@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Mask
 from finloop.base.settings import settings
+from finloop.clip.rewrite import make_clip
+from finloop.clip.write import open_source
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, open_cutouts
 from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
-from finloop.mended import make_clip
-from finloop.normalise import open_source
 
 _OPEN = ExitStack()  # stores and temporary folders, till the program ends
 atexit.register(_OPEN.close)

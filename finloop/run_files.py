@@ -23,11 +23,11 @@ from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, loa
 if TYPE_CHECKING:  # what properties return; they import it themselves
     from finloop.bpn.model import MotionModel
     from finloop.distance.map import MapFacts
+    from finloop.distance.reel import Reel
     from finloop.extract.table import SceneFacts
     from finloop.forecast.film import FilmStates
     from finloop.forecast.sampling import Sampler
     from finloop.pose.film import FilmPoses
-    from finloop.reel import Reel
     from finloop.social.rule import Shoaling
 
 
@@ -175,14 +175,14 @@ class RunFiles:
     @cached_property
     def film_reel(self) -> Reel:
         """The film's pictures by row."""
-        from finloop.reel import Reel
+        from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts)
 
     @cached_property
     def reel(self) -> Reel:
         """The film's pictures by row, and its sprites."""
-        from finloop.reel import Reel
+        from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts, self.sprites, self.sprite_cutouts)
 

@@ -44,10 +44,11 @@ from finloop.calibrate.rule import film_rule, shortage
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS, map_rows
+from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
-from finloop.extraction import BACKGROUND_NAME, describe_lost_frames, extract
+from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
 from finloop.footage import Film, Tracks, draw_carp, make_folder, open_film, open_store
@@ -57,7 +58,6 @@ from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split as hold_out
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
-from finloop.given_path import load_lines
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
@@ -73,9 +73,9 @@ from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
 from finloop.modes.matching import MatchingData, matching_animator
 from finloop.modes.network import network_animator
+from finloop.plan.load_paths import load_lines
 from finloop.plan.settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
-from finloop.reel import Reel
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import Shoaling, rule_of

@@ -12,6 +12,7 @@ import pandas as pd
 
 from finloop.animate import encounters, measures
 from finloop.base.parallel import Workers, ordered_map
+from finloop.distance.reel import Reel
 from finloop.edit.measures import (
     average_measures,
     discontinuity_measures,
@@ -31,7 +32,6 @@ from finloop.modes.animator import Animator, FilmData
 from finloop.modes.matching import NothingToUse
 from finloop.modes.samples import sample_animations
 from finloop.project import Project
-from finloop.reel import Reel
 from stages.cluster import workers
 from stages.run import progress
 

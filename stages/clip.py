@@ -13,15 +13,15 @@ import pandas as pd
 from finloop.base.errors import FinloopError
 from finloop.clip.check import Quality
 from finloop.clip.quality import psnr_db
+from finloop.clip.rewrite import Watch, make_clip
 from finloop.clip.settings import ClipSettings, File
 from finloop.clip.verdict import REPAIRS, findings
+from finloop.clip.write import ClipSource, open_source
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import list_films, names, refuse_grown, stamps
 from finloop.io.several import FILMS, FilmPart, folders, join_clips
 from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
-from finloop.mended import Watch, make_clip
-from finloop.normalise import ClipSource, open_source
 from stages.reuse import code_digest, reuse_or_make
 from stages.settings import load
 

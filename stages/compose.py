@@ -1,5 +1,7 @@
 """Compose conf/ into params.yaml: `python -m stages.compose [--check] [key=value ...]`.
 
+`help=sprites` prints the parameters of a group instead.
+
 The composing is DVC's own, as in `dvc exp run -S`, so both give the same file. With --check nothing
 is written; the exit status is 1 where params.yaml is not the composition of conf/.
 """
@@ -9,6 +11,7 @@ from stages.run import run  # isort: skip
 import argparse
 import sys
 from pathlib import Path
+from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -24,6 +27,7 @@ from finloop.base.settings import check
 from finloop.io.atomic import whole_file
 from finloop.io.parameters import refusal
 from stages.experiment import FOLDER, Experiment
+from stages.parameters import terminal_table
 from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, all_problems
 
 
@@ -117,6 +121,9 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.check:
         compare(arguments.overrides)
+        return
+    if words := [text.removeprefix("help=") for text in arguments.overrides if text[:5] == "help="]:
+        print("\n\n".join(terminal_table(word, get_terminal_size().columns) for word in words))
         return
     text = compose_params(arguments.overrides)
     with whole_file(PARAMS) as part:

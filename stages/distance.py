@@ -11,12 +11,12 @@ import pandas as pd
 from finloop.distance.compare import blocks, compare
 from finloop.distance.map import EXACT, PAIRS, STEPS, count_pairs
 from finloop.distance.picture import apart
+from finloop.distance.reel import Reel
 from finloop.distance.settings import DistanceSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.project import Project
-from finloop.reel import Reel
 from stages.settings import load
 
 FOLDER, REPORT = Path("data/distance"), Path("reports/distance")

@@ -17,17 +17,17 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers
 from finloop.extract.alike import Likeness
 from finloop.extract.film import FollowedNoneError
+from finloop.extract.join_films import Contribution, join_extractions
+from finloop.extract.load_given import tracks_of
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
-from finloop.extraction import Extraction, describe_lost_frames, extract
-from finloop.given_tracks import tracks_of
+from finloop.extract.write import Extraction, describe_lost_frames, extract
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import Stamp, stamps
 from finloop.io.pieces import Pieces, keep_only
 from finloop.io.several import FILMS, FilmPart, all_parts, parts_of
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.several import Contribution, join_extractions
 from stages.cluster import workers
 from stages.reuse import KEY_NAME, code_digest, name_of, reuse_or_make
 from stages.settings import load

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from finloop.distance.reel import Reel
 from finloop.io.atomic import whole_folder
 from finloop.io.mapped import keep_array, new_array, open_array
 from finloop.io.record import save_record
@@ -19,7 +20,6 @@ from finloop.jumps.source import Pictures, shape_of
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
 from finloop.pose.film import FilmPoses
 from finloop.project import Project
-from finloop.reel import Reel
 from stages.cluster import workers
 from stages.settings import load
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from finloop.edit.measures import discontinuity_measures, step_measures
 from finloop.edit.pictures import drawn_steps, seams
 from finloop.edit.schema import EDIT
-from finloop.given_motion import load_track
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.project import Project
 from finloop.retarget import ASKED, JoinParameters, RetargetData, Retargeted, retarget_track
+from finloop.retarget.load import load_track
 from finloop.retarget.settings import RetargetSettings
 from stages.settings import load
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pandas as pd
 
+from finloop.distance.reel import sprite_row
 from finloop.features.table import delta_of, orientations_of
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
-from finloop.reel import sprite_row
 from finloop.sprites import atlas
 from finloop.sprites.choice import Choice, choose
 from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after

@@ -33,7 +33,7 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
     path = extract.get("tracks_path")
     if extract.get("tracks") != "file" or not path:
         return None
-    from finloop.given_tracks import tracks_of
+    from finloop.extract.load_given import tracks_of
 
     try:
         films = _films(clip)
@@ -59,7 +59,7 @@ def retarget_stamp(retarget: Mapping[str, Any]) -> str | None:
     path = retarget.get("tracks")
     if not path:
         return None
-    from finloop.given_motion import film_files, film_folder
+    from finloop.retarget.load import film_files, film_folder
 
     folder = film_folder(Path(path).expanduser())
     return _stamp_at(path) if folder is None else _stamp(film_files(folder))

@@ -21,10 +21,10 @@ from typing import Any
 
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX
-from finloop.given_path import line_of
 from finloop.io.atomic import save_bytes
 from finloop.io.journal import save_journal
 from finloop.live.door import HOST, AppServer, Door, bind_socket
+from finloop.plan.load_paths import line_of
 from finloop.project import Project
 from finloop.stimulus.apps import calibration_app, replay_app, session_app
 from finloop.stimulus.course import whole_motion

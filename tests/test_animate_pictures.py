@@ -10,6 +10,7 @@ import pytest
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
 from finloop.distance.picture import FILM, SPAN, distance, picture
+from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.pictures import (
     Pictures,
@@ -23,7 +24,6 @@ from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, film_poses
-from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
 
 ORIENTATIONS = 24  # conf/features/default.yaml

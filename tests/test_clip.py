@@ -948,7 +948,7 @@ def test_drawn_carp_with_truth(run_stage):
 
 @pytest.mark.parametrize("rows", [1, 3, 512])
 def test_the_truth_of_two_carp_is_sorted_by_frame(run_stage, monkeypatch, rows):
-    monkeypatch.setattr("finloop.normalise._ROWS", rows)
+    monkeypatch.setattr("finloop.clip.write._ROWS", rows)
     run_stage("carp", frames=4, fish=2, width_px=400, height_px=240, body_length_px=60.0)
     truth = load_table(stage.CLIP / "truth.parquet", TRUTH)
     assert truth["fish_id"].tolist() == [0, 1] * 4
@@ -965,7 +965,7 @@ def test_zebrafish_follow_one_another(run_stage, tmp_path, monkeypatch, avi):
     other = make_film(tmp_path / "b.avi", map(picture, range(5)))
     clips = {"A": avi, "B": other}
     monkeypatch.setattr(
-        "finloop.normalise.zebrafish_clips", lambda parts, _: [clips[part] for part in parts]
+        "finloop.clip.write.zebrafish_clips", lambda parts, _: [clips[part] for part in parts]
     )
     metrics = run_stage("zebrafish", parts="AB")
     facts = load_facts(stage.CLIP / "facts.json")
@@ -1010,7 +1010,7 @@ def test_a_full_disk_leaves_the_last_clip(run_stage, avi, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("finloop.normalise.save_mask", full)
+    monkeypatch.setattr("finloop.clip.write.save_mask", full)
     with pytest.raises(FinloopError, match="disk is full"):
         run_stage("file", path=str(avi), end_s=1.0)
     assert (stage.CLIP / "clip.mp4").read_bytes() == before

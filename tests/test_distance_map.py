@@ -31,12 +31,12 @@ from finloop.distance.map import (
     usual_steps,
 )
 from finloop.distance.picture import BODY, FILM
+from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.distance import figure9, picture_rows
-from finloop.reel import Reel
 
 
 def brute(pictures: np.ndarray) -> np.ndarray:

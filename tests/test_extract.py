@@ -1273,7 +1273,7 @@ def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatc
     def stop(*_):
         raise error
 
-    monkeypatch.setattr(f"finloop.extraction.{where}", stop)
+    monkeypatch.setattr(f"finloop.extract.write.{where}", stop)
     with pytest.raises((FinloopError, KeyboardInterrupt)) as caught:
         stages.extract.main()
     assert isinstance(caught.value, KeyboardInterrupt) or "disk is full" in caught.value.came

@@ -12,6 +12,7 @@ import pytest
 from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, swum, unseen
 
 from finloop.base.errors import FinloopError
+from finloop.base.nearest import parts_of
 from finloop.forecast import neighbours
 from finloop.forecast.assess import (
     autocorrelation,
@@ -37,7 +38,6 @@ from finloop.forecast.sampling import (
     step,
     ways,
 )
-from finloop.nearest import parts_of
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,7 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.distance.map import STEPS, MapFacts
 from finloop.distance.picture import BODY, FILM, picture, steps
+from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, orientation, wrap_deg
 from finloop.gateways.find import (
     GATEWAYS,
@@ -39,7 +40,6 @@ from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots import gateways as gateways_plots
 from finloop.plots.gateways import contact_sheet, pairs, spread
-from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES, sprite_cutouts
 
 ORIENTATIONS = 24  # conf/features/default.yaml

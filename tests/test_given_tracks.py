@@ -40,12 +40,12 @@ from finloop.extract.given import (
     match_silhouettes,
     no_silhouette_error,
 )
+from finloop.extract.load_given import tracks_of
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import SilhouettePlace
 from finloop.features.head import head_first, match_head_end
 from finloop.features.metrics import against_given
 from finloop.features.table import features
-from finloop.given_tracks import tracks_of
 from finloop.io.poses import load_poses
 from finloop.io.several import FilmPart, join_clips
 from finloop.io.table import load_table, save_csv_in_blocks, save_table

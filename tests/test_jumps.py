@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from toy_film import matching_of, swum, table_of, waters_of
 
+from finloop.base.nearest import parts_of
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY
 from finloop.edit.build import resolve_mirror_images
@@ -20,7 +21,6 @@ from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import SignatureParts, signatures
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
-from finloop.nearest import parts_of
 from finloop.plan.graph import motion_graph, neighbour_jumps
 
 COUNT, LEAST = 5, 8

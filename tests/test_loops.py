@@ -24,6 +24,7 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.distance.map import PAIRS, STEPS, MapFacts
 from finloop.distance.picture import BODY, steps
+from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_picture
@@ -55,7 +56,6 @@ from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
 from finloop.plots.loop_groups import film_below, over_time, stretches
 from finloop.plots.loop_routes import choose_cases, figure10, find_three_ways, jumps_of, spell
 from finloop.plots.loops import apart, sample
-from finloop.reel import Reel
 
 RATE = 20.0
 DELTA = 4

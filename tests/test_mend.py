@@ -11,14 +11,14 @@ import pytest
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
 from finloop.clip.mend import repairs
+from finloop.clip.rewrite import ClipResult, make_clip
 from finloop.clip.shake import Shift, undo_shift
 from finloop.clip.verdict import findings
+from finloop.clip.write import open_source
 from finloop.drawn.carp.film import film
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FRAMES, FRAMES_NAME, load_mask, read_frames
-from finloop.mended import ClipResult, make_clip
-from finloop.normalise import open_source
 
 RNG = np.random.default_rng(3)
 OFF = {"deinterlace": "never", "undouble": "never", "even_light": "never", "steady": "never"}

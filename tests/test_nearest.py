@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from finloop.nearest import RECALL, Nearest, parts_of
+from finloop.base.nearest import RECALL, Nearest, parts_of
 
 
 @pytest.fixture(scope="module")

@@ -17,12 +17,13 @@ from toy_film import (
     waters_of,
 )
 
-from finloop.animate.paths import lay, track_line
+from finloop.animate.paths import lay
 from finloop.animate.route import Route, asked_at, foot, place
 from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, checked_line
 from finloop.edit.schema import PATH
+from finloop.features.line import track_line
 from finloop.io.line import load_line
 from finloop.io.table import save_table
 from finloop.plan.advance import advance

@@ -9,7 +9,7 @@ import pytest
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import BODY, FILM, apart, distance
-from finloop.reel import Reel, sprite_row
+from finloop.distance.reel import Reel, sprite_row
 
 ORIENTATIONS, SIZE = 4, 24
 
@@ -96,7 +96,7 @@ def test_the_ends_of_a_step_are_a_fifth_of_delta_apart(delta, frames):
 @pytest.mark.parametrize("pose", [FILM, BODY])
 @pytest.mark.parametrize("lot", [1, 2, 100])
 def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):
-    monkeypatch.setattr("finloop.reel._LOT", lot)
+    monkeypatch.setattr("finloop.distance.reel._LOT", lot)
     one = reel()
     shown = one.frames(np.arange(5), SIZE, pose)
     wanted = np.append(distance(shown, shown).diagonal(1), np.nan)

@@ -24,12 +24,12 @@ from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.edit.schema import EDIT
 from finloop.export.keypoints import deeplabcut
-from finloop.given_motion import film_files, load_track
 from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments
 from finloop.project import Project
 from finloop.puppet import Pose
 from finloop.retarget import JoinParameters, Track, retarget_track, track_of
+from finloop.retarget.load import film_files, load_track
 from finloop.retarget.motion import forward_share, motion_of
 from finloop.retarget.place import find_placement, outside, shift_into
 from finloop.retarget.posture import align_postures, asked_postures, likely_codes, on_body

@@ -19,6 +19,7 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.extract.alike import Likeness, alike, likeness
+from finloop.extract.join_films import join_extractions
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
 from finloop.io.footage.listed import list_films, names
@@ -26,7 +27,6 @@ from finloop.io.movie import VideoWriter
 from finloop.io.several import frames_at, parts_of
 from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
-from finloop.several import join_extractions
 
 POINTS, FRAMES, BODY = 13, 24, 24.0
 SIZE = (90, 160)

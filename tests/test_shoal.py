@@ -37,7 +37,6 @@ from finloop.edit.build import edit_lists
 from finloop.edit.measures import average_measures
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT, PATH, Goal, by_fish
-from finloop.given_path import load_lines
 from finloop.io.parameters import parameters, read_parameters
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
@@ -46,6 +45,7 @@ from finloop.modes import samples
 from finloop.modes.matching import MatchingAnimator
 from finloop.modes.samples import sample_animations
 from finloop.plan import fallback
+from finloop.plan.load_paths import load_lines
 from finloop.plan.path_measures import LEFT, SWUM
 from finloop.project import Project
 

@@ -23,6 +23,7 @@ import stages.sprites
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
+from finloop.distance.reel import Reel, sprite_row
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import table1
 from finloop.features.table import FEATURES, features, wrap_deg
@@ -32,7 +33,6 @@ from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
-from finloop.reel import Reel, sprite_row
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.candidates import beats, slides, turns
 from finloop.sprites.choice import (

@@ -8,7 +8,6 @@ measured against the path as it was asked for.
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank
@@ -17,7 +16,7 @@ from finloop.animate.route import Route
 from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.base.line import MM, PX, TANK, TRACK, Line, checked_line
+from finloop.base.line import MM, TANK, Line
 
 _GRAIN = 0.05  # body lengths; what is finer is left out, and so far the centre keeps from walls
 _STEP = 0.1  # body lengths between the places that are steered for
@@ -30,26 +29,6 @@ class Path(NamedTuple):
 
     route: Route
     asked: Route
-
-
-def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
-    """A track of the film, `track:8`, with times and headings; FinloopError if there is none.
-
-    parameter: that names it.
-    """
-    numbers = features["track_id"]
-    text = name.removeprefix(TRACK).strip()
-    rows = np.flatnonzero(numbers == int(text)) if text.isdecimal() else np.zeros(0, int)
-    if not len(rows):
-        longest = numbers.value_counts().index[:8].tolist()
-        raise FinloopError(
-            f"{name} is no track of the film",
-            f"one of its {numbers.nunique()} tracks; the longest: {', '.join(map(str, longest))}",
-            f"correct {parameter} (data/features/features.parquet has all tracks)",
-        )
-    columns = ("x_px", "y_px", "time_s", "heading_deg")
-    x, y, time, heading = (features[column].to_numpy(float)[rows] for column in columns)
-    return checked_line(Line(name, x, y, PX, time, heading, rows=rows))
 
 
 def lay(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:

@@ -11,7 +11,7 @@ from finloop.animate.arena import size_for, where
 from finloop.animate.cast import FrameHulls
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.base.arrays import Floats, Mask, Picture, Reals
-from finloop.reel import Reel
+from finloop.distance.reel import Reel
 from finloop.sprites.pictures import outlines
 
 

@@ -1,10 +1,11 @@
 """Parameters: what a stage word declares, the values in conf/, and the check of both.
 
 A parameter is declared once, in the frozen dataclass `<Word>Settings` of
-`finloop/<word>/settings.py`: its type and range as an annotation, its unit and meaning as a
-comment. It has no default there; its value stands in `conf/<word>/default.yaml`. Where a word has
-several variants, it is the union of their dataclasses, each with a field `source` that names its
-file in `conf/<word>/`. `__post_init__` may raise ValueError for values that must not be together. A
+`finloop/<word>/settings.py`: its type and range as an annotation. Its value, unit and meaning stand
+in `conf/<word>/default.yaml`; the dataclass has no default. A constant beside the parameters is a
+ClassVar. `RENAMED`, a ClassVar too, has the new name of each old one. Where a word has several
+variants, it is the union of their dataclasses, each with a field `source` that names its file in
+`conf/<word>/`. `__post_init__` may raise ValueError for values that must not be together. A
 dataclass is flat.
 
 Types are strict (3.0 is no int, "3" no number, true no 1); NaN and infinity are never allowed.
@@ -171,7 +172,7 @@ def check(
     try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
         group = _adapter(option).validate_json(json.dumps(values, default=str))
     except ValidationError as error:
-        return None, [_problem(word, names, dict(detail)) for detail in error.errors()]
+        return None, [_problem(word, option, names, dict(detail)) for detail in error.errors()]
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
     return option(**{name: getattr(group, name) for name in names}), []
 
@@ -183,12 +184,12 @@ def _adapter(option: type) -> TypeAdapter[Any]:
     return TypeAdapter(checked(option, frozen=True, config=strict))
 
 
-def _problem(word: str, names: list[str], detail: dict[str, Any]) -> str:
+def _problem(word: str, option: type, names: list[str], detail: dict[str, Any]) -> str:
     name = ".".join(map(str, (word, *detail["loc"])))
     if detail["type"] == "missing":
         return f"{name}: has no value"
     if detail["type"] == "unexpected_keyword_argument":
-        return f"{name}: unknown; {_hint(word, str(detail['loc'][0]), names)}"
+        return f"{name}: unknown; {_hint(word, option, str(detail['loc'][0]), names)}"
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
     got = f", got {detail['input']!r}" if detail["loc"] else ""
     if detail["type"] == "literal_error" and (renamed := RENAMED.get(str(detail["input"]))):
@@ -196,8 +197,12 @@ def _problem(word: str, names: list[str], detail: dict[str, Any]) -> str:
     return f"{name}: {message}{got}"
 
 
-def _hint(word: str, key: str, names: list[str]) -> str:
+def _hint(word: str, option: type, key: str, names: list[str]) -> str:
     """Return where a parameter is that a group with these names lacks."""
+    if renamed := getattr(option, "RENAMED", {}).get(key):
+        return f"it is {word}.{renamed} now"
+    if key in vars(option).get("__annotations__", {}):
+        return f"it is a constant now, {option.__name__}.{key}"
     if word in OF_MODES:
         if key in GONE:
             return GONE[key]

@@ -30,7 +30,7 @@ _STRETCHES = 20  # at least, of a film that is too long to be mapped as a whole
 
 
 class PictureSource(Protocol):
-    """Pictures by row of the feature table, see `finloop.reel.Reel`."""
+    """Pictures by row of the feature table, see `finloop.distance.reel.Reel`."""
 
     @property
     def features(self) -> pd.DataFrame: ...

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints
 from finloop.distance.picture import SPAN, apart, picture
+from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.puppet import Pose, blend, draw
-from finloop.reel import Reel
 
 Picture = NDArray[np.float32]
 _HELPS = 100_000  # pairs of rows that are remembered

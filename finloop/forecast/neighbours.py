@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
+from finloop.base.nearest import MOST, Choice, Nearest, parts_of
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.settings import ForecastSettings
-from finloop.nearest import MOST, Choice, Nearest, parts_of
 
 _LOT = 512  # rows at a time
 _TURN = 4096  # rows whose neighbours are of one part of a long film

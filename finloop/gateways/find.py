@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, distance
+from finloop.distance.reel import Reel
 from finloop.features.table import delta_of, direction_deg, orientations_of, wrap_deg
 from finloop.gateways.settings import GatewaysSettings
-from finloop.reel import Reel
 
 IN, OUT = "in", "out"
 _BLOCK = 256  # rows whose pictures are held at once

@@ -13,11 +13,11 @@ from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.base.stretches import spread
 from finloop.distance.picture import BODY
+from finloop.distance.reel import Reel
 from finloop.features.head import tail_first
 from finloop.identity import appearance, motion
 from finloop.identity.joins import Chains, Pairs, TrackJoins, at_once, best, in_passes, later
 from finloop.identity.settings import IdentitySettings
-from finloop.reel import Reel
 
 IDENTITIES = Schema(
     *columns("int32", "1", "track_id", "identity"),

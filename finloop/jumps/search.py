@@ -8,8 +8,8 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
+from finloop.base.nearest import Nearest, parts_of
 from finloop.jumps.table import JUMPS
-from finloop.nearest import Nearest, parts_of
 
 _STRETCH = 8  # times `least`: rows of a stretch, which are all of one part of the film
 _SPARE = 8  # times as many nearest rows are looked at, at first, for `count` passages

@@ -12,12 +12,12 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
 from finloop.base.parallel import Workers, ordered_map
 from finloop.base.stretches import spread
+from finloop.distance.reel import Reel
 from finloop.features.current import through_water
 from finloop.features.table import delta_of
 from finloop.jumps.settings import JumpsSettings
 from finloop.jumps.source import RowSource
 from finloop.puppet import Pose, draw
-from finloop.reel import Reel
 
 _SPAN = 1.25  # lengths of a straight fish across a picture
 _LOT = 1000  # pictures at a time

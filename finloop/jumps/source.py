@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.distance.reel import Reel
 from finloop.pose.film import FilmPoses
-from finloop.reel import Reel
 
 Pictures = NDArray[np.uint8]
 

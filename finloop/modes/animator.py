@@ -18,6 +18,7 @@ from finloop.animate.size import Sized, head_ahead_px, scale_film
 from finloop.animate.world import World
 from finloop.base.arrays import Mask, Picture, Reals
 from finloop.distance.map import MapFacts
+from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import edit_list
 from finloop.edit.joins import joins
@@ -30,7 +31,6 @@ from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
 from finloop.plan.graph import Jumps, MotionGraph, loop_jumps, motion_graph
 from finloop.pose.film import FilmPoses
-from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
 
 

@@ -27,6 +27,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import Line
 from finloop.distance.map import MapFacts, map_rows
 from finloop.distance.picture import BODY
+from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import edit_lists
 from finloop.edit.joins import joins
@@ -42,7 +43,6 @@ from finloop.plan.settings import AllSettings
 from finloop.plan.sources import FilmSource, PredictionSource
 from finloop.plan.world import FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
-from finloop.reel import Reel
 from finloop.social.leader import leaders
 from finloop.social.rule import Shoaling, rule_of
 

@@ -10,9 +10,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.distance.map import MapFacts
+from finloop.distance.reel import Reel
 from finloop.gateways.find import IN, OUT, sprite_pictures
 from finloop.plots.parts import Picture, in_rows, on_grey, write
-from finloop.reel import Reel
 
 Stack = NDArray[np.float32]
 

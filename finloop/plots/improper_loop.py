@@ -10,12 +10,12 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Picture
+from finloop.distance.reel import Reel
 from finloop.features.current import through_water
 from finloop.features.table import delta_of, wrap_deg
 from finloop.loops.travel import travel_of
 from finloop.plots.loops import SIZE_PX, fish_rows, on_light
 from finloop.plots.parts import draw_arrow
-from finloop.reel import Reel
 
 _HEADING, _TRAVEL = "#009E73", "#D55E00"  # Okabe-Ito
 _HIGH = 0.45  # height of the upper picture, as a share of its width

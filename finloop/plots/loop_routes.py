@@ -12,10 +12,10 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints
+from finloop.distance.reel import Reel
 from finloop.loops.graph import JUMP, PLAY, Leg, loop_graph, routes
 from finloop.loops.positions import LETTERS, merge_legs
 from finloop.plots.loops import SIZE_PX, arc_points, fish_rows, on_light, sample
-from finloop.reel import Reel
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # Okabe-Ito, of L1 … L4
 _HALO = [withStroke(linewidth=3, foreground="white")]

@@ -12,10 +12,10 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from finloop.distance.map import MapFacts
+from finloop.distance.reel import Reel
 from finloop.loops.graph import LoopGraph
 from finloop.loops.positions import LETTERS
 from finloop.plots import parts
-from finloop.reel import Reel
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
 _QUADRANTS = ("#F0E442", "#56B4E9", "#CC79A7", "#009E73")

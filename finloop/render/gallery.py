@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutouts
 from finloop.base.errors import FinloopError
+from finloop.distance.reel import sprite_row
 from finloop.edit.bodies import Bodies, Body
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientations_of
 from finloop.puppet import PlacedBackbone
-from finloop.reel import sprite_row
 from finloop.render.painter import Bent, Picture, Placed, Turned, picture
 
 PLACE = ["x_px", "y_px"]

@@ -7,6 +7,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask, Points, Reals
 from finloop.base.schema import ANY, Column, Schema, columns
+from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.joins import Joins, JoinTimes, joins
 from finloop.edit.pictures import Pictures
@@ -15,7 +16,6 @@ from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import slope
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
-from finloop.reel import Reel
 from finloop.retarget.edit import RowSequence, edit_list, film_codes
 from finloop.retarget.motion import RecordedMotion, motion_of
 from finloop.retarget.place import find_placement, mirror_points, outside, scale_of

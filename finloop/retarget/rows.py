@@ -11,12 +11,12 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.errors import FinloopError
+from finloop.base.nearest import Nearest
+from finloop.distance.reel import Reel
 from finloop.features.table import delta_of
 from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import deviation, film_motion, motion, slope
-from finloop.nearest import Nearest
 from finloop.pose.film import FilmPoses
-from finloop.reel import Reel
 
 _BEAM = 4  # times the candidates: the sequences that go on to the next tick
 

@@ -117,7 +117,7 @@ def _with_next(table: pd.DataFrame, stretch: FrameRun) -> slice:
 
 
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
-    """Every sprite in all orientations, in the order of `finloop.reel.sprite_row`."""
+    """Every sprite in all orientations, in the order of `finloop.distance.reel.sprite_row`."""
     for row in sprites.itertuples():
         cutout = film[row.row]
         mirror = row.heading_deg if row.mirrored else None

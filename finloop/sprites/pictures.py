@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats
-from finloop.reel import Reel
+from finloop.distance.reel import Reel
 
 _SOLID = 64  # alpha from which a pixel belongs to the fish
 

@@ -12,10 +12,10 @@ from finloop.base.arrays import Ints
 from finloop.edit.measures import average_measures
 from finloop.edit.schema import CONSIDERED
 from finloop.edit.stretch import Swim
-from finloop.given_path import load_lines
 from finloop.io.table import save_table
 from finloop.modes.matching import NO_SPRITES, MatchingAnimator, MatchingData, matching_animator
 from finloop.plan import path_measures
+from finloop.plan.load_paths import load_lines
 from finloop.plan.plan import option_table
 from finloop.plan.settings import merge_settings
 from finloop.project import Project

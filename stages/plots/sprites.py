@@ -4,11 +4,11 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
+from finloop.distance.reel import sprite_row
 from finloop.features.table import orientations_of
 from finloop.io.picture import save_picture
 from finloop.plots.sprites import contact_sheet
 from finloop.project import Project
-from finloop.reel import sprite_row
 
 
 def main() -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.animate.paths import track_line
 from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK, Line
+from finloop.features.line import track_line
 from finloop.io.line import load_line
 from finloop.plan.settings import MatchingSettings
 

@@ -20,10 +20,10 @@ from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
 from finloop.extract.background import Scene
 from finloop.extract.given import GivenTrackLinker, no_silhouette_error
+from finloop.extract.load_given import check_given, load_given, place_metrics, save_given
 from finloop.extract.samples import Typical, Verdict, survey
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.given_tracks import check_given, load_given, place_metrics, save_given
 from finloop.io.cutouts import packed_size
 from finloop.io.film_writer import film_writer
 from finloop.io.picture import save_picture

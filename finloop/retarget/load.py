@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.animate.paths import track_line
 from finloop.base.arrays import Ints
 from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK
 from finloop.base.schema import lists_to_points
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.head import tail_first
+from finloop.features.line import track_line
 from finloop.features.table import FEATURES
 from finloop.io.poses import load_poses
 from finloop.io.record import load_record

@@ -19,6 +19,7 @@ from finloop.clip.doubled import Doubled, find_repeats
 from finloop.clip.mend import Calm, field_of, new_pictures, repairs
 from finloop.clip.quality import Tally
 from finloop.clip.settings import ClipSettings, File
+from finloop.clip.write import ClipSource, normalise, open_source
 from finloop.io.footage.fields import Order
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
@@ -30,7 +31,6 @@ from finloop.io.video import (
     read_frames,
     save_mask,
 )
-from finloop.normalise import ClipSource, normalise, open_source
 
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 """Reports progress: of a word and a number of frames, a block that gives `advance()`."""

@@ -17,7 +17,7 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.extract.alike import Likeness, alike, levels, likeness, measured_alike
 from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
-from finloop.extraction import BACKGROUND_NAME, SCENE_NAME
+from finloop.extract.write import BACKGROUND_NAME, SCENE_NAME
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.record import load_record

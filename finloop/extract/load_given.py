@@ -1,6 +1,6 @@
 """Tracks of another program laid over a clip, from its file to the tables of `extract`.
 
-The door from `extract.given` to files; `extraction` comes this way where tracks are from a file.
+The door from `extract.given` to files; `extract.write` comes this way where tracks are from a file.
 """
 
 from collections import Counter

@@ -1,0 +1,122 @@
+"""What each parameter means: its comment in conf/, and the range that its dataclass allows."""
+
+import re
+import types
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+from finloop.base.settings import CONF, GROUPS, values_of, variants
+
+_KEY = re.compile(r"([a-z_0-9]+):(?:\s|$)(?:[^#]*#\s*(.*))?")
+_BRACKET = re.compile(r"\s*\[([^\[\]]*)\]$")
+
+
+class ParameterHelp(NamedTuple):
+    """A parameter as `conf/` explains it. brackets: its unit and range as they stand there."""
+
+    word: str
+    option: str
+    name: str
+    value: Any
+    meaning: str
+    brackets: str
+    range: str
+
+    @property
+    def unit(self) -> str:
+        """Return its unit; empty for a count, a choice or a text."""
+        return self.brackets.removesuffix(self.range).rstrip(", ")
+
+
+def parameter_help(word: str) -> Iterator[ParameterHelp]:
+    """Yield the parameters of a group, each once, as its files in conf/ have them."""
+    told = set()
+    for option, declared in variants(word).items():
+        texts, values = comments(word, option), values_of(word, option)
+        hints = get_type_hints(declared, include_extras=True)
+        for field in fields(declared):
+            text = texts.get(field.name, "")
+            brackets = _BRACKET.search(text)
+            entry = ParameterHelp(
+                word, option, field.name, values.get(field.name, "???"),
+                _BRACKET.sub("", text), brackets[1] if brackets else "",
+                range_text(hints[field.name]),
+            )  # fmt: skip
+            if field.name not in told or option == "file":
+                told.add(field.name)
+                yield entry
+
+
+def comments(word: str, option: str) -> dict[str, str]:
+    """Return the comment of each parameter in a file of conf/: the lines above it, or beside it.
+
+    A blank line ends a comment that belongs to a section.
+    """
+    path, above, found = CONF / word / f"{option}.yaml", [], {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
+        if line.startswith("#"):
+            above.append(line[1:].strip())
+            continue
+        if key := _KEY.match(line):
+            found[key[1]] = " ".join(filter(None, [*above, key[2]]))
+        above = []
+    return found
+
+
+def range_text(hint: Any) -> str:
+    """Return the values that an annotation allows, in words."""
+    if hint is None or hint is type(None):
+        return "null"
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _limits(parts[0], parts[1:])
+    if origin in (Union, types.UnionType):
+        return " or ".join(map(range_text, parts))
+    if origin is Literal:
+        return _choices([str(part) for part in parts])
+    if origin in (tuple, list):
+        inside = [part for part in parts if part is not Ellipsis]
+        if origin is tuple and Ellipsis not in parts:
+            return "(" + ", ".join(map(range_text, inside)) + ")"
+        return f"list of {range_text(inside[0])}"
+    if origin in (dict, Mapping):
+        return "settings by name"
+    names = {bool: "true or false", str: "text", float: "any number", int: "any whole number"}
+    return names.get(hint, "any value")
+
+
+def _choices(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
+
+
+def _limits(base: Any, marks: tuple[Any, ...]) -> str:
+    """Return a range in words, such as "whole, ≥ 1"."""
+    said = ["whole"] if base is int else [] if base is float else [range_text(base)]
+    for mark in marks:
+        for limit in getattr(mark, "metadata", [mark]):
+            said += [
+                f"{sign} {getattr(limit, name):g}"
+                for sign, name in ((">", "gt"), ("≥", "ge"), ("<", "lt"), ("≤", "le"))
+                if hasattr(limit, name)
+            ]
+            if hasattr(limit, "min_length"):
+                said.append("not empty")
+    return ", ".join(said)
+
+
+def every_parameter() -> list[ParameterHelp]:
+    """Return the parameters of all groups, in the order of conf/config.yaml."""
+    return [entry for word in GROUPS for entry in parameter_help(word)]
+
+
+def problems() -> list[str]:
+    """Return what is missing in the comments of conf/: a meaning, or the range that is checked."""
+    found = []
+    for entry in every_parameter():
+        name = f"conf/{entry.word}/{entry.option}.yaml: {entry.name}"
+        if not entry.meaning:
+            found.append(f"{name} has no meaning; write a sentence above it")
+        if not entry.brackets.endswith(entry.range):
+            found.append(f"{name} should end with [unit, {entry.range}], has [{entry.brackets}]")
+    return found

@@ -1,0 +1,27 @@
+"""A track of the film as a line that can be swum again."""
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.errors import FinloopError
+from finloop.base.line import PX, TRACK, Line, checked_line
+
+
+def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
+    """A track of the film, `track:8`, with times and headings; FinloopError if there is none.
+
+    parameter: that names it.
+    """
+    numbers = features["track_id"]
+    text = name.removeprefix(TRACK).strip()
+    rows = np.flatnonzero(numbers == int(text)) if text.isdecimal() else np.zeros(0, int)
+    if not len(rows):
+        longest = numbers.value_counts().index[:8].tolist()
+        raise FinloopError(
+            f"{name} is no track of the film",
+            f"one of its {numbers.nunique()} tracks; the longest: {', '.join(map(str, longest))}",
+            f"correct {parameter} (data/features/features.parquet has all tracks)",
+        )
+    columns = ("x_px", "y_px", "time_s", "heading_deg")
+    x, y, time, heading = (features[column].to_numpy(float)[rows] for column in columns)
+    return checked_line(Line(name, x, y, PX, time, heading, rows=rows))

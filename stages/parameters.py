@@ -1,0 +1,98 @@
+"""Parameters as a table, in the terminal and as docs/parameters.md; their ranges in conf/."""
+
+from stages.run import run  # isort: skip
+
+import argparse
+import re
+import shutil
+import textwrap
+from collections.abc import Iterable
+from itertools import groupby
+from pathlib import Path
+
+import yaml
+
+from finloop.base.errors import FinloopError
+from finloop.base.parameter_help import ParameterHelp, every_parameter, parameter_help
+from finloop.base.settings import CONF, GROUPS
+from finloop.io.atomic import whole_file
+
+PAGE = Path("docs/parameters.md")
+_HEAD = """# Parameters
+
+Every parameter of the pipeline: its value, unit, range and meaning, as `conf/` has them.
+`make docs` writes this page. Set one with `make params S="sprites.page_px=2048"`;
+print a group with `make params S="help=sprites"`.
+"""
+
+
+def terminal_table(word: str, width: int) -> str:
+    """Return the parameters of a group for a terminal so many characters wide.
+
+    FinloopError if there is no such group.
+    """
+    if word not in GROUPS:
+        raise FinloopError(
+            f"no group of parameters {word}", f"one of {', '.join(GROUPS)}", "take one of these"
+        )
+    entries, lines = list(parameter_help(word)), []
+    for entry in entries:
+        lines.append(f"{word}.{entry.name}={_value(entry)}  [{entry.brackets}]")
+        lines += textwrap.wrap(
+            entry.meaning, width, initial_indent="    ", subsequent_indent="    "
+        )
+    return "\n".join(lines)
+
+
+def _value(entry: ParameterHelp) -> str:
+    """Return the value as YAML writes it."""
+    return yaml.safe_dump(entry.value, default_flow_style=True, width=200).split("\n")[0]
+
+
+def page(entries: Iterable[ParameterHelp]) -> str:
+    """Return the page of all parameters, a table for each group, as Markdown."""
+    parts = [_HEAD]
+    for word, group in groupby(entries, lambda entry: entry.word):
+        parts += [
+            f"\n## {word}\n\n| parameter | value | unit | range | meaning |\n",
+            "|---|---|---|---|---|\n",
+        ]
+        for entry in group:
+            named = f"`{entry.name}`", f"`{_value(entry)}`"
+            cells = (*named, entry.unit, entry.range, entry.meaning)
+            parts.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n")
+    return "".join(parts)
+
+
+def write_brackets() -> None:
+    """Write the range of each parameter behind its unit in the brackets of its comment in conf/."""
+    for entry in every_parameter():
+        if entry.brackets.endswith(entry.range):
+            continue
+        path = CONF / entry.word / f"{entry.option}.yaml"
+        above, key, below = re.split(
+            rf"^({entry.name}:)", path.read_text(encoding="utf-8"), maxsplit=1, flags=re.MULTILINE
+        )
+        comment = above.rstrip("\n").removesuffix(f"[{entry.brackets}]").rstrip()
+        inside = ", ".join(filter(None, [entry.brackets, entry.range]))
+        path.write_text(f"{comment} [{inside}]\n{key}{below}", encoding="utf-8")
+
+
+def main() -> None:
+    """Print, or write."""
+    parser = argparse.ArgumentParser(prog="python -m stages.parameters", description=__doc__)
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE}")
+    parser.add_argument("--brackets", action="store_true", help="write the ranges into conf/")
+    parser.add_argument("words", nargs="*", help="groups of parameters to print")
+    given = parser.parse_args()
+    if given.brackets:
+        write_brackets()
+    if given.write:
+        with whole_file(PAGE) as part:
+            part.write_text(page(every_parameter()), encoding="utf-8")
+    for word in given.words:
+        print(terminal_table(word, shutil.get_terminal_size().columns))
+
+
+if __name__ == "__main__":
+    run(main)
