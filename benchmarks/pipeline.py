@@ -1,6 +1,5 @@
 """The real stages, run in a scratch folder with some parameters overridden."""
 
-import json
 import os
 import re
 import shutil
@@ -15,6 +14,7 @@ import pandas as pd
 import yaml
 
 from finloop.base.settings import values_of
+from finloop.io.numbers import load_numbers
 
 ROOT = Path(__file__).parents[1]
 STAGES = ("clip", "extract", "features")
@@ -50,10 +50,9 @@ def prepare(folder: Path, overrides: Sequence[str]) -> None:
 
 
 def stage(folder: Path, word: str) -> dict[str, Any]:
-    """Run one stage in `folder`; return its metrics, none of a stage `modes-…`."""
+    """Run one stage in `folder`; return its numbers, none of a stage `modes-…`."""
     _python(folder, f"stages.{word.replace('-', '.')}")
-    path = folder / f"reports/{word}/metrics.json"
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return load_numbers(folder / f"reports/{word}")
 
 
 def paths(stage: dict[str, Any]) -> set[str]:

@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.pipeline import ROOT, prepare
 from benchmarks.varied import write_film
+from finloop.io.numbers import load_numbers
 
 PICTURES = (10_000, 100_000, 1_000_000)
 FORGOTTEN = {"gait", "report"}  # gait: of several thousand pictures no more than of a hundred
@@ -131,8 +132,7 @@ def quality(folder: Path) -> dict[str, float]:
         measures = pd.read_csv(report, index_col="measure").drop(columns="film")
         goals = measures.loc["trials_goals_reached_pct"].astype(float)
         numbers |= goals.add_suffix("_goals_pct").to_dict()
-    if (report := folder / "reports/jumps/metrics.json").exists():
-        numbers["recall_pct"] = json.loads(report.read_text(encoding="utf-8"))["recall_pct"]
+    numbers |= {"recall_pct": load_numbers(folder / "reports/jumps").get("recall_pct", np.nan)}
     if (planned := folder / "planning.json").exists():
         numbers |= json.loads(planned.read_text(encoding="utf-8"))
     cutouts = folder / "data/extract/cutouts.arrow"

@@ -18,6 +18,7 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
+from finloop.io.numbers import NUMBERS_NAME, parse_numbers
 from finloop.report.compare import OBJECTIVES, Comparison, comparison, html
 from stages.settings import PARAMS, STAMPS
 
@@ -67,13 +68,17 @@ def parameters(commit: str) -> dict[str, Any]:
 
 
 def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return by commit `stage.number` → value, of the stages that have metrics there."""
+    """Return by commit `stage.number` → value, of the stages that have metrics there.
+
+    Of a stage whose numbers git does not keep, only those of metrics.json.
+    """
     from dvc.repo import Repo  # not at the top: loads for half a second
 
+    commits, stages = [*commits], [*stages]
     paths = [f"reports/{stage}/metrics.json" for stage in stages]
     with Repo() as repo:
-        shown = repo.metrics.show(targets=paths, revs=[*commits], on_error="ignore")
-    return {
+        shown = repo.metrics.show(targets=paths, revs=commits, on_error="ignore")
+    values = {
         commit: {
             f"{Path(path).parent.name}.{key}": value
             for path, file in found.get("data", {}).items()
@@ -81,6 +86,13 @@ def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str
         }
         for commit, found in shown.items()
     }
+    for commit in commits:
+        kept = git("ls-tree", "--name-only", commit, *(f"reports/{one}/" for one in stages))
+        for path in filter(lambda path: Path(path).name == NUMBERS_NAME, kept.splitlines()):
+            numbers = parse_numbers(git("show", f"{commit}:{path}"))
+            stage = Path(path).parent.name
+            values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
+    return values
 
 
 def side_by_side(names: list[str], measures: list[str]) -> Comparison:

@@ -15,12 +15,20 @@ from finloop.base.settings import WORDS
 from finloop.edit.modes import MODES
 from finloop.io.atomic import whole_file
 from finloop.io.film_small import small_film
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.report.figures import CHAPTERS, Chapter, Figure
 from finloop.report.page import WebP, data_uri, render_template, webp
 from finloop.report.settings import ReportSettings
-from finloop.report.tables import Table, data_frame_table, headline, measures, metrics_table, number
+from finloop.report.tables import (
+    Table,
+    data_frame_table,
+    headline,
+    headline_table,
+    measures,
+    number,
+)
 from stages.settings import load, overrides, read
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
@@ -72,12 +80,6 @@ def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, We
         ]
         if pictures:
             yield chapter, pictures, tables
-
-
-def metrics(word: str) -> dict[str, float]:
-    """The metrics of a stage; none where it has not run."""
-    path = REPORTS / word / "metrics.json"
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 
 def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool]]]:
@@ -135,7 +137,7 @@ def main() -> None:
             "beside": data_uri("video/mp4", panels),
             "beside_poster": webp(first, p.picture_width_px, p.picture_quality),
         }
-    numbers = {word: metrics(word) for word in values if word != "report"}
+    numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
     chapters = list(sections(p))
     changes = "".join(f" -S '{change}'" for change in overrides(values))
     page = beside | {
@@ -156,7 +158,7 @@ def main() -> None:
             ".venv/bin/dvc exp run" + changes,
             "xdg-open reports/index.html",
         ],
-        "numbers": [metrics_table(part, word) for word, part in numbers.items() if part],
+        "numbers": [headline_table(part, word) for word, part in numbers.items() if part],
         "licence": SOURCES[source][1],
     }
     text = render_template("report.html.j2", page).encode()

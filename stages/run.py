@@ -204,12 +204,15 @@ def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., No
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write a stage's metrics: flat, sorted, DIGITS digits; one without a value is left out.
+    """Write a stage's headlines as metrics.json, and all its numbers as numbers.csv beside it.
 
-    None and NaN say that a number does not exist for this clip (no truth, no fish long enough);
-    JSON has no NaN, and 0 would be a lie.
+    Both are sorted, with DIGITS digits; a number without a value is left out: None and NaN say that
+    it does not exist for this clip (no truth, no fish long enough).
     """
-    from finloop.io.atomic import whole_file  # not at the top: needs the right Python
+    # Not at the top: they need the right Python.
+    from finloop.io.atomic import whole_file
+    from finloop.io.numbers import save_numbers
+    from finloop.report.headlines import HEADLINES
 
     values: dict[str, float | int] = {}
     for name, value in sorted(numbers.items()):
@@ -219,5 +222,11 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
             values[name] = significant(float(value))
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name}: a number is wanted, got {value!r}")
+    save_numbers(path.parent, values)
+    shown = [headline.name for headline in HEADLINES.get(path.parent.name, [])]
     with whole_file(path) as part:
-        part.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+        part.write_text(
+            json.dumps({name: values[name] for name in sorted(shown) if name in values}, indent=2)
+            + "\n",
+            encoding="utf-8",
+        )

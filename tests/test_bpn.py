@@ -54,6 +54,7 @@ from finloop.bpn.model import (
 )
 from finloop.bpn.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, onnx_bytes, to_onnx
 from finloop.features.table import FEATURES
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture, save_figure
 from finloop.io.record import load_record, save_json
 from finloop.io.table import save_table
@@ -631,7 +632,7 @@ def test_an_export_that_says_something_else_is_refused(monkeypatch):
 
 # -- the stage --------------------------------------------------------------------------------------
 
-MADE = {"curve.csv", "fig15.png", "held_out.png", "metrics.json"}
+MADE = {"curve.csv", "fig15.png", "held_out.png", "metrics.json", "numbers.csv"}
 SHORT = ("bpn.epochs=4", "bpn.block=4")
 
 
@@ -665,7 +666,7 @@ def here(ran, tmp_path, monkeypatch, no_drawing):
 
 
 def metrics(folder):
-    return json.loads((folder / "reports/bpn/metrics.json").read_text())
+    return load_numbers(folder / "reports/bpn")
 
 
 def test_the_stage_makes_the_model_and_its_reports(here):

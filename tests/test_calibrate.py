@@ -1,6 +1,5 @@
 """Zones fitted to films whose fish swim by known zones, and the stage."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -20,6 +19,7 @@ from finloop.calibrate.fit import Rings, cross_validate, fit_zones, regression, 
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.features.table import FEATURES
+from finloop.io.numbers import load_numbers
 from finloop.io.record import save_records
 from finloop.io.several import PARTS_NAME, FilmPart
 from finloop.io.table import load_table, save_table
@@ -274,7 +274,7 @@ def run(tmp_path, monkeypatch, table, *overrides, parts=()):
     stages.calibrate.main()
     stages.plots.calibrate.main()
     assert (tmp_path / "reports/calibrate/distributions.png").stat().st_size > 0
-    return json.loads((tmp_path / "reports/calibrate/metrics.json").read_text())
+    return load_numbers(tmp_path / "reports/calibrate")
 
 
 def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monkeypatch):

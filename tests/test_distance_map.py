@@ -1,6 +1,5 @@
 """Distance maps: Eq. 5 for all pairs, Eqs. 6-8 in bands; laws against brute force, and the stage."""
 
-import json
 import shutil
 
 import numpy as np
@@ -34,6 +33,7 @@ from finloop.distance.picture import BODY, FILM
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.io.numbers import load_numbers
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.distance import figure9, picture_rows
@@ -270,7 +270,7 @@ def made(folder, *overrides):
         load_table(at / "pairs.parquet", PAIRS),
         load_table(at / "steps.parquet", STEPS),
         load_record(at / "facts.json", MapFacts, "distance"),
-        json.loads((folder / "reports/distance/metrics.json").read_text()),
+        load_numbers(folder / "reports/distance"),
     )
 
 

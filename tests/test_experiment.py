@@ -1,6 +1,5 @@
 """Sweeps and their comparison, what params.yaml says beyond conf/; test_pipeline.py runs one."""
 
-import json
 import shutil
 from functools import cache
 from pathlib import Path
@@ -16,6 +15,7 @@ from conftest import ROOT, TINY_CARP
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check, settings
 from finloop.edit.modes import MODES
+from finloop.io.numbers import load_numbers
 from finloop.realism.windows import HALVES
 from finloop.report.compare import OBJECTIVES, comparison, curves, html, parallel, pareto
 from stages import compose
@@ -75,7 +75,7 @@ def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
         if stage == "realism":  # its numbers are not in git
             assert key.removesuffix("_auc") in (*MODES, HALVES)
         else:
-            assert key in json.loads((ROOT / f"reports/{stage}/metrics.json").read_text())
+            assert key in load_numbers(ROOT / f"reports/{stage}")
 
 
 @pytest.mark.parametrize("name", SWEEPS)

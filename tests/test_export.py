@@ -31,6 +31,7 @@ from finloop.features.table import FEATURES
 from finloop.identity.film import IDENTITIES
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.numbers import load_numbers
 from finloop.io.poses import load_poses
 from finloop.io.poses.netcdf import save_netcdf
 from finloop.io.poses.nwb import save_nwb
@@ -606,7 +607,7 @@ def test_the_stage_hands_everything_on(folder):
     ]
     assert np.allclose(tracks["head"]["x"], 40 + np.arange(FRAMES))
     assert np.allclose(tracks["body_2"]["x"], 30 + np.arange(FRAMES))
-    metrics = json.loads((folder / "reports/export/metrics.json").read_text())
+    metrics = load_numbers(folder / "reports/export")
     assert (
         metrics["track_rows_share"] == 1 and metrics["animals"] == 1 and metrics["frames"] == TICKS
     )

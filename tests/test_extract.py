@@ -4,7 +4,6 @@ Toy fish are soft ellipses, so that their area, centre, outline and colour are k
 """
 
 import gc
-import json
 import shutil
 import socket
 import subprocess
@@ -68,6 +67,7 @@ from finloop.features.metrics import against_truth
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.features.table import features
 from finloop.io.cutouts import open_cutouts
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
@@ -1074,14 +1074,14 @@ def test_the_stage_makes_its_files(extracted):
     data = extracted / "data/extract"
     assert list(content(data)) == MADE
     assert list(content(extracted / "reports/extract")) == [
-        "detections.png", "fig3_4.png", "films.csv", "metrics.json",
+        "detections.png", "fig3_4.png", "films.csv", "metrics.json", "numbers.csv",
     ]  # fmt: skip
     facts = load_record(data / "scene.json", SceneFacts, "extract")
     table = load_table(data / "tracks.parquet", tracks_schema(facts.points))
     with open_cutouts(data / "cutouts.arrow") as store:
         assert store.index[["track_id", "frame"]].equals(table[["track_id", "frame"]])
         assert set(store.index["channels"]) == {2}
-    metrics = json.loads((extracted / "reports/extract/metrics.json").read_text())
+    metrics = load_numbers(extracted / "reports/extract")
     assert metrics["fish_frames"] == metrics["silhouettes_fish"] == len(table) == 90
     assert metrics["tracks"] == metrics["tracks_of_60_frames"] == 1
     assert metrics["longest_track_frames"] == metrics["fish_frames_in_tracks_of_60_frames"] == 90
@@ -1139,7 +1139,7 @@ def test_every_background_finds_the_fish(here, background):
     prepare(here, *FILM, f"extract.background={background}")
     put_clip(here, walk(30), rate=5)
     stages.extract.main()
-    metrics = json.loads((here / "reports/extract/metrics.json").read_text())
+    metrics = load_numbers(here / "reports/extract")
     assert metrics["fish_frames"] >= 28
     assert metrics["tracks"] == 1
     assert metrics["typical_length_px"] == pytest.approx(24, rel=0.06)

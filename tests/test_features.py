@@ -5,7 +5,6 @@ known in closed form. y is down: what is anticlockwise and left is so as seen on
 """
 
 import itertools
-import json
 import shutil
 from dataclasses import replace
 
@@ -56,6 +55,7 @@ from finloop.features.table import (
     spans,
     wrap_deg,
 )
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture, save_figure
 from finloop.io.table import load_table, save_table
 from finloop.plots.features import (
@@ -993,6 +993,7 @@ def test_the_rose_adds_up_to_100(known):
 MADE = {
     "fig5.png", "fig7.csv", "fig7.png", "table1.csv", "rose.png", "trajectories.png", "contact_sheet.png",
     "metrics.json",
+    "numbers.csv",
 }  # fmt: skip
 
 
@@ -1019,7 +1020,7 @@ def test_the_stage_makes_its_table_and_reports(here):
     assert list(content(here / "data/features")) == ["features.parquet"]
     table = load_table(here / "data/features/features.parquet", FEATURES)
     assert len(table) == 100
-    metrics = json.loads((report / "metrics.json").read_text())
+    metrics = load_numbers(report)
     assert metrics["fish_frames"] == metrics["truth_found_pct"] == 100
     assert metrics["truth_head_tail_swaps"] == 0
     assert all(isinstance(number, int | float) for number in metrics.values())
@@ -1040,7 +1041,7 @@ def test_the_stage_makes_the_same_again(here):
 def test_film_without_truth_has_no_errors_against_it(here):
     (here / "data/clip/truth.parquet").unlink()
     stages.features.main()
-    metrics = json.loads((here / "reports/features/metrics.json").read_text())
+    metrics = load_numbers(here / "reports/features")
     assert metrics["fish_frames"] == 100
     assert not [name for name in metrics if name.startswith("truth")]
 

@@ -3,8 +3,6 @@
 The clips are not part of this repository; a test without its clip is skipped.
 """
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,6 +13,7 @@ import stages.clip
 import stages.extract
 import stages.features
 from finloop.features.table import wrap_deg
+from finloop.io.numbers import load_numbers
 from finloop.io.wheel import PACKAGE, cache_folder
 
 CLIPS = ROOT.parent / "shared" / "clips"
@@ -35,7 +34,7 @@ def shot(tmp_path, monkeypatch):
             stage.main()
         numbers = {}
         for word in ("clip", "extract", "features"):
-            numbers |= json.loads((tmp_path / f"reports/{word}/metrics.json").read_text())
+            numbers |= load_numbers(tmp_path / f"reports/{word}")
         return numbers, pd.read_parquet(tmp_path / "data/features/features.parquet")
 
     return run

@@ -1,6 +1,5 @@
 """The stage `gait`, end to end in a folder of its own: a drawn dog and two toy fish."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from finloop.drawn.dog.walk import DogFilm
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.gait.tool import load_gait
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.regions import save_masks
@@ -112,7 +112,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(made, folder):
     assert made_here - {"outline.json"} == drawings() | {"dog_film.mp4", "regions", "limbs.json"}
     for number in range(8, 15):
         assert load_picture(folder / f"reports/gait/limbs/fig{number}.png").std() > 5
-    numbers = json.loads((folder / "reports/gait/metrics.json").read_text())
+    numbers = load_numbers(folder / "reports/gait")
     assert numbers["dog_gamma_error_exact_pct"] < 2
     assert numbers["dog_gamma_error_film_pct"] < 20  # a quarter of the usual picture
     assert numbers["limbs_rms_gamma_pct"] < 0.8 * numbers["limbs_rms_linear_pct"]
@@ -135,7 +135,7 @@ def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch)
     assert made_here == drawings() | {"dog_film.mp4", "regions", "limbs.json", "outline.json"}
     figures_here = {path.name for path in (folder / "reports/gait/outline").iterdir()}
     assert figures_here == {f"fig{number}.png" for number in range(8, 15)}
-    numbers = json.loads((folder / "reports/gait/metrics.json").read_text())
+    numbers = load_numbers(folder / "reports/gait")
     assert (numbers["tracks"], numbers["tracks_that_repeat"]) == (2, 1)
     assert numbers["outline_frequency_hz"] == pytest.approx(BEAT_HZ, rel=0.01)
     assert numbers["outline_rms_gamma_pct"] < min(2.0, numbers["outline_rms_linear_pct"])

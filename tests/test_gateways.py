@@ -4,7 +4,6 @@ y is down; angles are degrees, anticlockwise as seen. A fish is a head that poin
 heading and a tail that bends off it; track 1 is track 0 in a mirror, track 2 resembles nothing.
 """
 
-import json
 from dataclasses import replace
 
 import cv2
@@ -35,6 +34,7 @@ from finloop.gateways.find import (
     sprite_pictures,
 )
 from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
@@ -496,7 +496,7 @@ def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, ca
     want = world.table()
     assert list(table["row"]) == list(want["row"])
     np.testing.assert_allclose(table["distance"], want["distance"], rtol=1e-5)
-    metrics = json.loads((work / "reports/gateways/metrics.json").read_text())
+    metrics = load_numbers(work / "reports/gateways")
     assert metrics["ways_in"] + metrics["ways_out"] == len(table)
     assert load_picture(work / "reports/gateways/contact_sheet.png").ndim == 3
     assert "no way" not in capsys.readouterr().err
@@ -517,7 +517,7 @@ def test_stage_says_which_threshold_would_give_some(work, world, capsys):
         told = float(line.split("gateways.threshold=")[1].split()[0])
         assert free <= told <= free + 0.1
         assert len(world.ways(direction, threshold=told, least=14))
-    assert json.loads((work / "reports/gateways/metrics.json").read_text())["ways_in"] == 0
+    assert load_numbers(work / "reports/gateways")["ways_in"] == 0
 
 
 def test_stage_says_that_no_track_is_long_enough(work, capsys):

@@ -46,6 +46,7 @@ from finloop.extract.tracks import SilhouettePlace
 from finloop.features.head import head_first, match_head_end
 from finloop.features.metrics import against_given
 from finloop.features.table import features
+from finloop.io.numbers import load_numbers
 from finloop.io.poses import load_poses
 from finloop.io.several import FilmPart, join_clips
 from finloop.io.table import load_table, save_csv_in_blocks, save_table
@@ -131,7 +132,7 @@ def table(folder, name):
 
 
 def numbers(folder, stage):
-    return json.loads((folder / f"reports/{stage}/metrics.json").read_text())
+    return load_numbers(folder / f"reports/{stage}")
 
 
 # --- a whole film --------------------------------------------------------------------------------

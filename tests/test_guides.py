@@ -1,6 +1,5 @@
 """README and guides against the program: values, files, metrics, links and pictures are real."""
 
-import json
 import re
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from scratch import prepare
 from docs.draw.flow import svg
 from finloop.base.settings import GROUPS
 from finloop.edit.schema import EDIT
+from finloop.io.numbers import load_numbers
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -122,8 +122,8 @@ def test_every_picture_is_used_and_all_are_small():
 def test_metrics_that_are_named_exist():
     """Those kept in git, of the default film, and the columns of the edit list."""
     known = set(EDIT.names)
-    for path in ROOT.glob("reports/*/metrics.json"):
-        known |= set(json.loads(path.read_text()))
+    for path in ROOT.glob("reports/*"):
+        known |= set(load_numbers(path))
     if "hybrid_seam_ratio_median" not in known:
         pytest.skip("reports/ holds no metrics of a whole run")
     ending = r"_(?:pct|frames|grey|median|fish|pale|sd|s|first|repeated|missing|hz)"

@@ -1,7 +1,6 @@
 """Whose tracks are whose: motion through gaps, looks, the best joins and how sure they are."""
 
 import itertools
-import json
 
 import numpy as np
 import pandas as pd
@@ -17,6 +16,7 @@ import stages.plots.identity
 from finloop.identity import appearance, motion
 from finloop.identity.film import IDENTITIES
 from finloop.identity.joins import Pairs, at_once, best, in_passes, later
+from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 
 
@@ -278,7 +278,7 @@ def test_fish_that_cross_keep_their_identities(tmp_path, monkeypatch):
     clear = np.abs(truth[rows["frame"], 0, 1] - truth[rows["frame"], 1, 1]) > 12
     of_truth = pd.crosstab(rows["identity"][clear], apart.argmin(1)[clear])
     assert (of_truth.to_numpy() > 0).sum() == 2  # two identities, each of one fish
-    numbers = json.loads((tmp_path / "reports/identity/metrics.json").read_text())
+    numbers = load_numbers(tmp_path / "reports/identity")
     assert numbers["identities"] == 2
     assert numbers["joins"] >= 2
     assert (tmp_path / "reports/identity/timeline.png").stat().st_size > 0

@@ -4,7 +4,6 @@ Maps are drawn here: a film is a row of numbers or of points, D the distance bet
 down in pixels; angles are degrees, anticlockwise as seen.
 """
 
-import json
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -27,6 +26,7 @@ from finloop.distance.picture import BODY, steps
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
@@ -787,7 +787,7 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     assert loops["length_s"].isna().any() and loops["length_s"].notna().any()
     reports = toy / "reports/loops"
     assert sorted(p.name for p in reports.iterdir()) == [
-        "best_and_worst.png", "fig10.png", "fig11.png", "fig13.png", "metrics.json", "over_tank.png", "over_time.png",
+        "best_and_worst.png", "fig10.png", "fig11.png", "fig13.png", "metrics.json", "numbers.csv", "over_tank.png", "over_time.png",
         "position_table.csv", "routes.csv",
     ]  # fmt: skip
     table = pd.read_csv(reports / "position_table.csv", index_col=0)
@@ -796,7 +796,7 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     )
     assert set(table.stack().dropna()) == {1}
     assert all(load_picture(picture).ndim == 3 for picture in reports.glob("*.png"))
-    metrics = json.loads((reports / "metrics.json").read_text())
+    metrics = load_numbers(reports)
     assert metrics["loops"] == len(loops) and metrics["components"] == metrics["groups"] == 1
     assert metrics["seam_median_steps"] < 0.7 and metrics["loops_per_end_max"] <= 6
     assert metrics["endless_film_pct"] > 80 and metrics["dead_ends"] == 2

@@ -13,6 +13,7 @@ from scratch import content, prepare, same_but_figures
 
 import stages.morph
 from finloop.base.errors import FinloopError
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 
 SMALL = tuple(one for one in TINY_CARP if one.startswith("morph."))
@@ -46,7 +47,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(made, folder):
     }
     for number in range(2, 8):
         assert load_picture(folder / f"reports/morph/fig{number}.png").std() > 5
-    numbers = json.loads((folder / "reports/morph/metrics.json").read_text())
+    numbers = load_numbers(folder / "reports/morph")
     assert numbers["hoop_error_runge_kutta"] < 1e-4
     assert numbers["hoop_error_decoupled"] > 0.37  # dropping off-diagonals is no small error
     assert numbers["hoop_largest_rise_of_energy_share"] <= 1e-9
@@ -61,7 +62,7 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
     monkeypatch.setattr(stages.morph, "hoop", lambda _: {})  # as above, whatever the method
     prepare(folder, *SMALL, "morph.method=linear", "morph.back=false")
     stages.morph.main()
-    numbers = json.loads((folder / "reports/morph/metrics.json").read_text())
+    numbers = load_numbers(folder / "reports/morph")
     assert (numbers["contours"], numbers["frames"]) == (11, 6)
     assert numbers["simple_contours_that_fold"] == 0
     assert 13 < numbers["off_diagonal_energy_coif2_2_levels_pct"] < 17

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from conftest import TINY_CARP
 from scratch import prepare
 from sklearn.metrics import roc_auc_score
@@ -24,6 +23,7 @@ from finloop.extract.background import Scene
 from finloop.extract.film import Detector
 from finloop.extract.table import SceneFacts
 from finloop.features.table import FEATURES
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
@@ -430,7 +430,7 @@ def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them():
 
 
 def test_the_stage_writes_numbers_curves_and_examples(carp):
-    numbers = yaml.safe_load((carp / "reports/realism/metrics.json").read_text())
+    numbers = load_numbers(carp / "reports/realism")
     assert {
         "network_auc",
         "network_auc_low",
@@ -454,7 +454,7 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
     prepare(carp, *TINY_CARP, "realism.gap=25.0")
     stages.realism.main()
     assert "no numbers for network" in capsys.readouterr().err
-    numbers = yaml.safe_load((carp / "reports/realism/metrics.json").read_text())
+    numbers = load_numbers(carp / "reports/realism")
     assert set(numbers) >= {"film_s", "network_s"} and not any("auc" in name for name in numbers)
     stages.plots.realism.main()
 

@@ -4,7 +4,6 @@ A toy fish is a soft drop of known mass centre, drawn here. What a film shows is
 or Pillow.
 """
 
-import json
 import shutil
 from fractions import Fraction
 from pathlib import Path
@@ -28,6 +27,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.schema import EDIT, WHY, Goal
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.record import load_records, save_json, save_records
 from finloop.io.table import save_table
@@ -904,7 +904,7 @@ def test_a_replay_of_the_film_is_the_film(folder):
         assert fish.sum() > 200
         error = np.abs(drawn[:241].astype(int) - real)[fish]
         assert error.mean() < 5 and error.mean() < 0.08 * np.abs(real - tank)[fish].mean()
-    metrics = json.loads(Path("reports/render/metrics.json").read_text())
+    metrics = load_numbers(Path("reports/render"))
     assert metrics["frames"] == len(shown)
     assert metrics["picture_step_ratio"] == pytest.approx(1, abs=0.01)
     assert set(content(Path("data/render"))) == {

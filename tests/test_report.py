@@ -1,6 +1,5 @@
 """The page: what it holds, that it needs nothing else, and that everybody can read it."""
 
-import json
 import re
 import shutil
 from fractions import Fraction
@@ -19,6 +18,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
 from finloop.io.film_small import small_film
 from finloop.io.movie import Mp4Writer
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_picture
 from finloop.report.figures import CHAPTERS
 from finloop.report.page import render_template, webp
@@ -47,8 +47,8 @@ def fill(folder: Path) -> None:
     for figure in FIGURES[2:]:
         save_picture(folder / "reports" / figure.path, rng.integers(0, 255, (90, 120, 3), np.uint8))
     for name in (
-        "animate/measures.csv", "animate/doubts.csv", "animate/metrics.json",
-        "features/metrics.json",
+        "animate/measures.csv", "animate/doubts.csv", "animate/numbers.csv",
+        "features/numbers.csv",
     ):  # fmt: skip
         (folder / "reports" / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "reports" / name, folder / "reports" / name)
@@ -158,7 +158,7 @@ def test_a_film_is_made_smaller_only_if_it_must(tmp_path: Path):
 def test_stage_makes_one_whole_page_the_same_each_time(folder: Path):
     stages.report.main()
     first = content(folder / "reports")
-    numbers = json.loads((folder / "reports/report/metrics.json").read_text())
+    numbers = load_numbers(folder / "reports/report")
     assert numbers["figures"] == len(FIGURES) - 2  # those that are missing are left out
     page = (folder / "reports/index.html").read_text()
     assert "-S &#39;clip=carp&#39; -S &#39;bpn.hidden=7&#39;" in page

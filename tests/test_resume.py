@@ -1,7 +1,6 @@
 """Long runs: interrupted they go on where they were; a full disk, and frames that are damaged."""
 
 import errno
-import json
 import shutil
 from collections import Counter, namedtuple
 from pathlib import Path
@@ -18,6 +17,7 @@ from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.table import tracks_schema
 from finloop.io import space
+from finloop.io.numbers import load_numbers
 from finloop.io.pieces import Pieces, keep_only
 from finloop.io.space import refuse_small
 from finloop.io.table import load_table
@@ -198,7 +198,7 @@ def test_frames_that_cannot_be_decoded_are_named_and_the_rest_goes_on(here, film
     damage(here / "data/clip/clip.mp4", 27, 28)
     stages.extract.main()
     said = capsys.readouterr().err
-    metrics = json.loads(Path("reports/extract/metrics.json").read_text())
+    metrics = load_numbers(Path("reports/extract"))
     table, whole = (
         load_table(folder / EXTRACT / "tracks.parquet", tracks_schema(33), ["frame", "x_px"])
         for folder in (here, filmed)

@@ -1,6 +1,5 @@
 """Motion of one animal, looks of another: laws, ground truth of drawn carp, bad input."""
 
-import json
 import shutil
 from dataclasses import replace
 from importlib.util import find_spec
@@ -24,6 +23,7 @@ from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.edit.schema import EDIT
 from finloop.export.keypoints import deeplabcut
+from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments
 from finloop.project import Project
@@ -487,7 +487,7 @@ def run(folder, *changes):
             "render.beside_seconds=0", *changes)  # fmt: skip
     stages.retarget.main()
     stages.plots.retarget.main()
-    return json.loads((folder / "reports/retarget/metrics.json").read_text())
+    return load_numbers(folder / "reports/retarget")
 
 
 def test_without_a_track_the_stage_writes_empty_results_and_says_nothing(

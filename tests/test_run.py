@@ -16,6 +16,9 @@ import pytest
 from conftest import alive, wait_for
 
 from finloop.base.errors import FinloopError
+from finloop.base.settings import WORDS
+from finloop.io.numbers import load_numbers
+from finloop.report.headlines import HEADLINES
 from stages import run as door
 
 ROOT = Path(__file__).parents[1]
@@ -134,8 +137,27 @@ def test_metrics_are_flat_sorted_and_short(tmp_path):
         "none": math.inf,
     }
     door.save_metrics(path, numbers)
-    assert path.read_text() == '{\n  "a_deg": 2.5,\n  "b_px": 0.3333,\n  "tracks": 8\n}\n'
-    assert json.loads(path.read_text())["tracks"] == 8
+    assert (
+        path.with_name("numbers.csv").read_text()
+        == "number,value\na_deg,2.5\nb_px,0.3333\ntracks,8\n"
+    )
+    assert load_numbers(path.parent) == {"a_deg": 2.5, "b_px": 0.3333, "tracks": 8}
+
+
+def test_metrics_hold_the_headlines_alone(tmp_path):
+    path = tmp_path / "reports/report/metrics.json"
+    door.save_metrics(path, {"figures": 3, "pictures": 4})
+    assert json.loads(path.read_text()) == {"figures": 3}
+    assert load_numbers(path.parent) == {"figures": 3, "pictures": 4}
+
+
+def test_headlines_are_few_and_in_words():
+    for word, headlines in HEADLINES.items():
+        assert 1 <= len(headlines) <= 12 and len({one.name for one in headlines}) == len(
+            headlines
+        ), word
+        assert all(one.meaning and len(one.meaning) <= 80 for one in headlines)
+    assert set(HEADLINES) | {"network", "loops", "hybrid", "matching", "cluster"} >= set(WORDS)
 
 
 def test_a_metric_is_a_number(tmp_path):

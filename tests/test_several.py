@@ -24,6 +24,7 @@ from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
 from finloop.io.footage.listed import list_films, names
 from finloop.io.movie import VideoWriter
+from finloop.io.numbers import load_numbers
 from finloop.io.several import frames_at, parts_of
 from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
@@ -232,7 +233,7 @@ def test_the_second_fish_is_as_the_first_in_size_place_and_light(joined):
 
 
 def test_a_film_that_cannot_be_read_is_named_and_the_others_go_on(joined):
-    numbers = json.loads((joined / "reports/clip/metrics.json").read_text())
+    numbers = load_numbers(joined / "reports/clip")
     assert (numbers["films"], numbers["films_left_out"]) == (2, 1)
     listed_ = json.loads((joined / "data/clip/films.json").read_text())
     assert [bool(one["error"]) for one in listed_] == [False, False, True]

@@ -37,6 +37,7 @@ from finloop.edit.build import edit_lists
 from finloop.edit.measures import average_measures
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT, PATH, Goal, by_fish
+from finloop.io.numbers import load_numbers
 from finloop.io.parameters import parameters, read_parameters
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
@@ -441,7 +442,7 @@ def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):
     assert measures["overlapping_pairs_per_1000_ticks"] == 0
     assert measures["trials_overlapping_pairs_per_1000_ticks"] == 0
     assert measures["nearest_median_body_lengths"] > 0
-    assert pd.read_json(folder / "reports/render/metrics.json", typ="series")["frames"] == ticks
+    assert load_numbers(folder / "reports/render")["frames"] == ticks
     company = pd.read_csv(folder / "reports/animate/company.csv")
     assert set(company["shoal"]) == {"first_half", "matching"}
     assert set(company["measure"]) == {"wall_distance"}  # the film has one fish
@@ -471,7 +472,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
     report = tmp_path / "report"
     report.mkdir()
     left.to_csv(report / "left.csv", index=False)
-    (report / "metrics.json").write_text((folder / "reports/animate/metrics.json").read_text())
+    (report / "numbers.csv").write_text((folder / "reports/animate/numbers.csv").read_text())
     monkeypatch.setattr(stages.plots.animate, "PATH", tmp_path / "path.parquet")
     monkeypatch.setattr(stages.plots.animate, "REPORT", report)
     stages.plots.animate.main()

@@ -29,6 +29,7 @@ from finloop.features.metrics import table1
 from finloop.features.table import FEATURES, features, wrap_deg
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
@@ -920,7 +921,7 @@ def test_stage_writes_sprites_atlas_and_reports(work, sprites, pictures, capsys)
     with open_cutouts(work / "data/sprites/sprites.arrow") as store:
         assert len(store) == len(pictures)
         np.testing.assert_array_equal(store[30].pixels, pictures[30].pixels)
-    metrics = json.loads((work / "reports/sprites/metrics.json").read_text())
+    metrics = load_numbers(work / "reports/sprites")
     assert metrics["orientations_with_all_types_after"] == ORIENTATIONS
     assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 0
     assert load_picture(work / "reports/sprites/contact_sheet.png").ndim == 3
@@ -938,7 +939,7 @@ def test_stage_says_what_stands_in(work, capsys):
     said = capsys.readouterr().err
     assert "no turn to the right; mirrored the left one" in said
     assert "no glide with a still tail" in said
-    metrics = json.loads((work / "reports/sprites/metrics.json").read_text())
+    metrics = load_numbers(work / "reports/sprites")
     assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 1
     assert metrics["orientations_with_all_types_after"] == ORIENTATIONS
 

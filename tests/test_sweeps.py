@@ -1,7 +1,6 @@
 """Every shipped sweep moves the measures that it lists: FILM's value and another, on that film."""
 
 import importlib
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from tiny_run import GIVEN, STAGES, TinyRun
 
 from benchmarks.pipeline import with_those_before
 from finloop.edit.modes import MODES
+from finloop.io.numbers import load_numbers
 
 SWEEPS = sorted((ROOT / "conf/experiment").glob("*.yaml"))
 FILM = [
@@ -79,8 +79,7 @@ def numbers(folder: Path, measures: list[str]) -> dict[str, Any]:
     """The values of measures such as `animate.hybrid_film_pct`."""
     of = {one: one.partition(".") for one in measures}
     return {
-        one: json.loads((folder / f"reports/{word}/metrics.json").read_text())[key]
-        for one, (word, _, key) in of.items()
+        one: load_numbers(folder / f"reports/{word}")[key] for one, (word, _, key) in of.items()
     }
 
 

@@ -21,6 +21,7 @@ from finloop.edit.schema import EDIT, WHY
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import save_table
@@ -272,9 +273,9 @@ def test_the_stage_and_its_page_in_a_browser_without_a_network(folder):
     stages.tank.main()
     made = content(Path("data/tank")) | content(Path("reports/tank"))
     assert {*made} == {
-        "still.png", "tank.mp4", "tank.glb", "tank.html", "metrics.json", "contact_sheet.png"
+        "still.png", "tank.mp4", "tank.glb", "tank.html", "metrics.json", "numbers.csv", "contact_sheet.png"
     }  # fmt: skip
-    metrics = json.loads(Path("reports/tank/metrics.json").read_text())
+    metrics = load_numbers(Path("reports/tank"))
     assert metrics["frames"] == 10 and metrics["gltf_error_px"] < 0.1
     frames = list(read_frames(Path("data/tank/tank.mp4"), colour=True))
     assert len(frames) == 10 and frames[0].shape == (96, 160, 3)
@@ -316,7 +317,7 @@ def test_the_stage_takes_several_fish(folder):
     assert {"fish", "fish 1", "fish 2", "shadow", "shadow 1", "shadow 2"} <= set(names)
     targets = {names[one["target"]["node"]] for one in document["animations"][0]["channels"]}
     assert len(targets) == 6
-    numbers = json.loads((folder / "reports/tank/metrics.json").read_text())
+    numbers = load_numbers(folder / "reports/tank")
     assert numbers["frames"] == 10 and numbers["gltf_error_px"] < 0.05
 
 

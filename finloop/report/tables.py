@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from finloop.edit.modes import MODES as ALL_MODES
+from finloop.report.headlines import HEADLINES
 
 MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Film"}
 
@@ -109,10 +110,14 @@ def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Tabl
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
 
-def metrics_table(numbers: Mapping[str, float], caption: str) -> Table:
-    """Return a table of a stage's metrics."""
-    rows = [[name.replace("_", " "), number(value, 4)] for name, value in numbers.items()]
-    return Table(caption, ["number", "value"], rows)
+def headline_table(numbers: Mapping[str, float], word: str) -> Table:
+    """Return the numbers of a stage to see first, with their meaning and what is good."""
+    rows = [
+        [one.name.replace("_", " "), number(numbers[one.name], 4), one.meaning, one.good]
+        for one in HEADLINES[word]
+        if one.name in numbers
+    ]
+    return Table(word, ["number", "value", "what it says", "good"], rows)
 
 
 def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:

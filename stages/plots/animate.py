@@ -2,13 +2,13 @@
 
 from stages.run import run  # isort: skip  (before numpy)
 
-import json
 from pathlib import Path
 
 import pandas as pd
 
 from finloop.animate.measures import KINEMATICS
 from finloop.io.atomic import whole_folder
+from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plan.path_measures import SWUM
@@ -23,7 +23,7 @@ PATH = DATA / "matching/path.parquet"
 def main() -> None:
     """Draw kinematics.png; of paths path/path.png, of further fish path/path-2.png …"""
     table = load_table(DATA / "beside/kinematics.parquet", KINEMATICS)
-    numbers = json.loads((REPORT / "metrics.json").read_text(encoding="utf-8"))
+    numbers = load_numbers(REPORT)
     save_figure(REPORT / "kinematics.png", kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if (PATH).exists():

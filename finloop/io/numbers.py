@@ -1,0 +1,32 @@
+"""All numbers of a stage: `numbers.csv`, a row a number, sorted by name."""
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+
+from finloop.io.atomic import whole_file
+
+NUMBERS_NAME = "numbers.csv"
+
+
+def save_numbers(folder: Path, numbers: Mapping[str, float | int]) -> None:
+    """Write the numbers of a stage into its folder of reports."""
+    with whole_file(folder / NUMBERS_NAME) as part:
+        lines = ["number,value", *(f"{name},{value!r}" for name, value in sorted(numbers.items()))]
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def load_numbers(folder: Path) -> dict[str, float]:
+    """Return the numbers of a stage by name; none where the stage has not run."""
+    path = folder / NUMBERS_NAME
+    return parse_numbers(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+
+def parse_numbers(text: str) -> dict[str, float]:
+    """Return numbers by name from the text of a file; whole ones stay whole."""
+    rows = csv.DictReader(text.splitlines())
+    return {row["number"]: _number(row["value"]) for row in rows}
+
+
+def _number(text: str) -> float:
+    return int(text) if text.lstrip("-").isdigit() else float(text)
