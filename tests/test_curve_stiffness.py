@@ -1,6 +1,7 @@
 """Connection coefficients and K: Tables 1 and 2, an independent quadrature, every block, Fig. 3.
 
-Table 2's corrected entries and the off-diagonal energies are of docs/equations.md.
+Table 2's corrected entries and the off-diagonal energies are those of
+docs/equations/curve-3-2-stiffness.md.
 """
 
 import numpy as np

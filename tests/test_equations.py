@@ -1,49 +1,63 @@
-"""docs/equations.md against the code: what its rows name exists, is tested there, and is complete."""
+"""docs/equations.md against the code: what its rows name exists, is tested there, and is complete.
+
+The pages in docs/equations/ against the table: each row's page holds the row's equations and figures.
+"""
 
 import ast
 import importlib
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
+from finloop.base.settings import GROUPS, variants
+
 ROOT = Path(__file__).parents[1]
 DOCUMENT = (ROOT / "docs/equations.md").read_text(encoding="utf-8")
-HEADER = ["in the paper", "what it is", "function", "test"]
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in ROOT.glob("docs/equations/*.md")}
+HEADER = ["paper", "where", "what it is", "page", "function", "test"]
 
 
 class Row(NamedTuple):
-    """A row of a table of equations; what stands in backquotes in its last two cells."""
+    """A row of the table of equations; what stands in backquotes in its last two cells."""
 
-    paper: str
+    paper: str  # fish, curve, or finloop
+    where: str
     what: str
+    page: str  # a name in docs/equations/
     functions: list[str]
     tests: list[str]
 
 
-def tables(text: str) -> list[list[Row]]:
-    """The rows of every table of equations; a row that is torn is refused."""
-    found: list[list[Row]] = []
+def table(text: str) -> list[Row]:
+    """Return the rows of the table of equations; a row that is torn is refused."""
+    found: list[Row] = []
     inside = False
     for number, line in enumerate(text.splitlines(), 1):
         cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
         if cells == HEADER:
-            found.append([])
             inside = True
         elif not cells:
             inside = False
         elif inside and set(line) - set("|-: "):
             assert len(cells) == len(HEADER), f"docs/equations.md:{number}: {len(cells)} cells"
-            quoted = [re.findall(r"`([^`]+)`", cell) for cell in cells[2:]]
-            found[-1].append(Row(cells[0], cells[1], *quoted))
+            page = re.fullmatch(r"\[[^]]+\]\(equations/([\w-]+\.md)\)", cells[3])
+            assert page, f"docs/equations.md:{number}: {cells[3]}"
+            quoted = [re.findall(r"`([^`]+)`", cell) for cell in cells[4:]]
+            found.append(Row(*cells[:3], page[1], *quoted))
     return found
 
 
-TABLES = tables(DOCUMENT)
-ROWS = [row for table in TABLES for row in table]
+ROWS = table(DOCUMENT)
+
+
+def wheres(paper: str) -> list[str]:
+    """Return where in a paper the rows are."""
+    return [row.where for row in ROWS if row.paper == paper]
 
 
 def homes(names: list[str]) -> Iterator[tuple[str, str | None]]:
@@ -132,53 +146,103 @@ def numbered(paper: str) -> set[tuple[int, int]]:
     return found
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.paper}: {row.what}")
+def tagged(page: str) -> set[tuple[int, int]]:
+    """Return the numbers of the curve paper's equations that a page shows."""
+    return {(int(part), int(n)) for part, n in re.findall(r"\\tag\{(\d)\.(\d+)\}", page)}
+
+
+@cache
+def parameters(group: str) -> set[str]:
+    """Return the names of a group's parameters."""
+    return {field.name for variant in variants(group).values() for field in fields(variant)}
+
+
+def anchors(text: str) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub makes them."""
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.paper} {row.where}: {row.what}")
 def test_the_functions_and_tests_of_a_row_exist_and_belong_together(row):
     assert row.functions and not list(wrong(row))
 
 
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.paper} {row.where}: {row.what}")
+def test_the_page_of_a_row_has_its_equations_and_figures(row):
+    page = PAGES[row.page]
+    if row.paper != "finloop":
+        assert all(told(page, word) >= told(row.where, word) for word in ("Eq", "Fig", "Table"))
+        assert tagged(page) >= numbered(row.where)
+
+
 def test_every_equation_figure_and_table_of_the_fish_paper_has_a_row():
-    fish = [row.paper for row in TABLES[0]]
+    fish = wheres("fish")
     assert set().union(*(told(cell, "Eq") for cell in fish)) == set(range(1, 9))
     assert set().union(*(told(cell, "Fig") for cell in fish)) == set(range(1, 20))
     assert set().union(*(told(cell, "Table") for cell in fish)) == {1, 2}
 
 
 def test_every_equation_and_figure_of_the_curve_paper_has_a_row():
-    curve = [row.paper for row in TABLES[1]]
+    curve = wheres("curve")
     counts = {2: 12, 3: 16, 4: 1}
     wanted = {(part, n) for part, count in counts.items() for n in range(1, count + 1)}
     assert set().union(*map(numbered, curve)) == wanted
-    assert set().union(*(told(cell, "Fig") for cell in curve)) >= set(range(1, 15))
+    assert set().union(*(told(cell, "Fig") for cell in curve)) == set(range(1, 15))
     assert set().union(*(told(cell, "Table") for cell in curve)) == {1, 2}
 
 
+def test_every_page_is_in_the_table_and_in_the_list():
+    listed = re.findall(r"equations/([\w-]+\.md)", DOCUMENT.partition("## Pages")[2])
+    assert sorted(listed) == sorted(PAGES) == sorted({row.page for row in ROWS})
+
+
+@pytest.mark.parametrize("name", sorted(PAGES))
+def test_what_a_page_names_is_there(name):
+    """Links, parameters with their values, modules, and functions by their dotted path."""
+    page = PAGES[name]
+    for link in re.findall(r"\]\(([^)]+)\)", page):
+        path, _, place = link.partition("#")
+        target = (ROOT / "docs/equations" / path).resolve()
+        assert target.is_file(), link
+        assert not place or place in anchors(target.read_text(encoding="utf-8")), link
+    assert "](../equations.md)" in page
+    for dotted in re.findall(r"`([a-z_]+(?:\.\w+)+)(?:=[^`]*)?`", page):
+        group, _, key = dotted.partition(".")
+        if dotted.endswith((".py", ".yaml", ".parquet")) or group == "finloop":
+            continue
+        module, inner = split(dotted)
+        is_module = (ROOT / "finloop" / dotted.replace(".", "/")).with_suffix(".py").is_file()
+        is_parameter = group in GROUPS and key in parameters(group)
+        assert is_module or is_parameter or inner in defined(module), dotted
+
+
 def test_a_row_that_is_not_true_is_found():
-    good = Row(
-        "(1)",
-        "",
-        ["bpn.model.MotionModel.predict", "bpn.back_propagation.unit_output", "train"],
-        ["test_bpn.py"],
-    )
-    assert not list(wrong(good))
-    assert not list(wrong(Row("", "", ["skimage.morphology.skeletonize", "dvc.yaml"], [])))
+    def row(functions: list[str], tests: list[str]) -> Row:
+        return Row("", "", "", "", functions, tests)
+
+    good = ["bpn.model.MotionModel.predict", "bpn.back_propagation.unit_output", "train"]
+    assert not list(wrong(row(good, ["test_bpn.py"])))
+    assert not list(wrong(row(["skimage.morphology.skeletonize", "dvc.yaml"], [])))
     for functions, tests in [
         (["bpn.model.MotionModel.fly"], ["test_bpn.py"]),
-        (["bpn.model.foretell"], ["test_bpn.py"]),
+        (["bpn.model.predict_nothing"], ["test_bpn.py"]),
         (["bpn.back_propagation.unit_output", "predict"], ["test_bpn.py"]),  # of another module
         (["bpn.model.MotionModel"], ["test_none.py"]),
         (["bpn.model.MotionModel"], ["test_tracks.py"]),  # tests something else
         (["benchmarks/none.py"], []),
         (["skimage.morphology.skeleton_of"], []),
     ]:
-        assert list(wrong(Row("", "", functions, tests))), functions
+        assert list(wrong(row(functions, tests))), functions
     with pytest.raises(AssertionError, match="of which module"):
-        list(wrong(Row("", "", ["forward"], [])))
-    head = f"| {' | '.join(HEADER)} |\n|---|---|---|---|\n"
-    assert tables(head + "| Eq. 1 | x | `a.b`, `c` | `t.py` |\n\nText\n| a | b |") == [
-        [Row("Eq. 1", "x", ["a.b", "c"], ["t.py"])]
+        list(wrong(row(["forward"], [])))
+    head = f"| {' | '.join(HEADER)} |\n{'|---' * len(HEADER)}|\n"
+    line = "| fish | Eq. 1 | x | [p](equations/p.md) | `a.b`, `c` | `t.py` |"
+    assert table(f"{head}{line}\n\nText\n| a | b |") == [
+        Row("fish", "Eq. 1", "x", "p.md", ["a.b", "c"], ["t.py"])
     ]
     with pytest.raises(AssertionError, match=r"equations.md:3: 3 cells"):
-        tables(head + "| Eq. 1 | x | `a.b` |")
+        table(head + "| Eq. 1 | x | `a.b` |")
     assert told("§3.1, Figs. 3–5, 7; Eq. 2", "Fig") == {3, 4, 5, 7}
     assert numbered("(2.7)–(2.9), (4.1)") == {(2, 7), (2, 8), (2, 9), (4, 1)}
+    assert tagged("x \\tag{3.15}") == {(3, 15)}
