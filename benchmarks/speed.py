@@ -151,7 +151,7 @@ def carp_outlines(count: int, how: ExtractSettings) -> list[tuple[np.ndarray, np
         (s.mask, s.field)
         for frame in frames
         for s in silhouettes(
-            frame, scene, arena, 200, SilhouetteEdge(how.outline_share, how.shadow, "all")
+            frame, scene, arena, 200, SilhouetteEdge(how.outline_contrast_ratio, how.shadow, "all")
         )
     ]
 

@@ -136,7 +136,7 @@ def make_sprites(
 ) -> Reel:
     """The film's pictures by row, with sprites in all orientations, which go to `folder`/sprites.
 
-    `changes`: of `finloop.sprites.settings.SpritesSettings`, for example straight="8:120-140".
+    `changes`: of `finloop.sprites.settings.SpritesSettings`, such as straight_frames="8:120-140".
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmers(features, tracks.table, p)

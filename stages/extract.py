@@ -39,7 +39,7 @@ _UNUSED = {
     "places_no_silhouette": "show no silhouette",
     "places_shared": "share a silhouette",
     "places_not_isolated": "show no isolated animal",
-    "places_in_short_runs": "are in runs shorter than extract.least_frames",
+    "places_in_short_runs": "are in runs shorter than extract.min_track_frames",
 }
 WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pieces"]
 """What the workers of a cluster import before they begin."""

@@ -41,11 +41,11 @@ def main() -> None:
         "bend_threshold_body_lengths_2": limits.bend,
         "current_body_lengths_s": float(table["current"].iloc[0]),
     }
-    if metrics["current_body_lengths_s"] and settings.current == "auto":
+    if metrics["current_body_lengths_s"] and settings.water_current_bl_s == "auto":
         print(
             "features: the animal stays in its place and beats its tail; it is taken to swim "
             f"{metrics['current_body_lengths_s']:.2g} body lengths/s against a current "
-            "(features.current; 0 = none)",
+            "(features.water_current_bl_s; 0 = none)",
             file=sys.stderr,
         )
     if facts.mm_per_px is not None:

@@ -156,7 +156,7 @@ def instrument_of(project: Project) -> Instrument:
     delta_s, current = delta_of(features) / rate, float(features["current"].iloc[0])
     return Instrument(
         project.background, project.arena.astype(np.uint8) * 255, project.scene, load("extract"),
-        replace(load("features"), delta_s=delta_s, current=current), rate,
+        replace(load("features"), delta_s=delta_s, water_current_bl_s=current), rate,
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ def say(choices: dict[str, Choice], still: bool) -> None:
         if choices[word].stands_in:
             print(
                 f"sprites: no {what} in the film; what is most like one stands in (a longer film "
-                f"may show one, or list frames, e.g. sprites.{word}=8:120-140)",
+                f"may show one, or list frames, e.g. sprites.{word}_frames=8:120-140)",
                 file=sys.stderr,
             )
     for word, opposite in zip(SIDES, reversed(SIDES), strict=True):
@@ -77,7 +77,7 @@ def main() -> None:
             pages = write_atlas(folder, sprites, settings.page_px, rate_hz)
         loops = [loop_numbers(word, choices[word], table, look) for word in ("straight", "slide")]
 
-    still = settings.slide is not None or is_still(choices["slide"], table, delta, settings)
+    still = settings.slide_frames is not None or is_still(choices["slide"], table, delta, settings)
     say(choices, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
     save_csv(REPORT / "faults.csv", faults(choices), decimals=3)

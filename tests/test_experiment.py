@@ -135,7 +135,7 @@ def test_what_is_usual_composes_from_no_override():
 
 @pytest.mark.parametrize(
     "overrides",
-    [TINY_CARP, ["clip=file", "clip.path='a: b,c.mp4'", 'sprites.straight="8:120-140"',
+    [TINY_CARP, ["clip=file", "clip.path='a: b,c.mp4'", 'sprites.straight_frames="8:120-140"',
                      "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.keep=null", "morph.back=false"]],
 )  # fmt: skip
 def test_what_was_changed_composes_to_the_same_again(overrides):

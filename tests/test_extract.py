@@ -740,7 +740,7 @@ def test_tracks_end_at_cuts(drawn):
 
 @pytest.mark.parametrize(("least", "kept"), [(45, True), (46, False)])
 def test_short_tracks_are_left_out_as_a_whole(drawn, least, kept):
-    settings = replace(SETTINGS, least_frames=least)
+    settings = replace(SETTINGS, min_track_frames=least)
     found, _ = followed(drawn("one fish")[0], settings, cuts=[45])
     assert len(found) == 90 * kept
 

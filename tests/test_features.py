@@ -73,10 +73,10 @@ ORIENTATIONS = 24  # conf/features/default.yaml
 RATE = 25.0
 SETTINGS = FeaturesSettings(
     delta_s=0.2,
-    current=0.0,
+    water_current_bl_s=0.0,
     turn_threshold_deg=16.0,
     bend_threshold=0.04,
-    release=0.5,
+    turn_end_threshold=0.5,
     orientations=24,
 )
 LENGTH = 60.0
@@ -1091,7 +1091,7 @@ def held(current=0.0, heading_deg=30.0):
     lines = swim(100, speed=0.0, heading_deg=heading_deg, wag_deg=40.0)
     lines -= lines.mean(axis=1, keepdims=True) - (400, 300)
     table = tracks_table(lines)
-    return features(table, RATE, settings("features", delta_s=0.2, current=current))[0]
+    return features(table, RATE, settings("features", delta_s=0.2, water_current_bl_s=current))[0]
 
 
 def test_in_still_water_places_are_as_filmed():

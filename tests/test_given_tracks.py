@@ -41,6 +41,7 @@ from finloop.extract.given import (
     no_silhouette_error,
 )
 from finloop.extract.load_given import tracks_of
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import SilhouettePlace
 from finloop.features.head import head_first, match_head_end
@@ -118,7 +119,7 @@ def extracted(film, tmp_path_factory):
     (folder / "data").mkdir()
     (folder / "data/clip").symlink_to(source / "data/clip")
     path = trex(folder / "trex", poses)
-    prepare(folder, *CARP, "extract.tracks=file", f"extract.tracks_path={path}")
+    prepare(folder, *CARP, f"extract.tracks_path={path}")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         stages.extract.main()
@@ -199,7 +200,7 @@ def test_the_same_again_and_nothing_where_it_fails(extracted, monkeypatch):
     monkeypatch.chdir(extracted)
     first = content(extracted / "data/extract")
     assert "given.parquet" in first
-    prepare(extracted, *CARP, "extract.tracks=file", "extract.tracks_path=/nowhere")
+    prepare(extracted, *CARP, "extract.tracks_path=/nowhere")
     with pytest.raises(FinloopError, match="nothing at"):
         stages.extract.main()
     assert content(extracted / "data/extract") == first
@@ -213,7 +214,7 @@ def test_the_verbs_take_tracks_of_centres_alone(film, tmp_path):
     clip = film[0] / "data/clip"
     facts = load_facts(clip / "facts.json")
     shown = Film(clip, facts, load_mask(clip / "arena.png", facts.width_px, facts.height_px))
-    tracks = finloop.track(shown, tmp_path, tracks="file", tracks_path=str(tmp_path / "a.npy"))
+    tracks = finloop.track(shown, tmp_path, tracks_path=str(tmp_path / "a.npy"))
     assert set(tracks.given["animal"]) == {"1", "2", "3"}
     assert tracks.given[["head_x_px", "tail_x_px"]].isna().all(axis=None)
     led, plain = finloop.measure(tracks), features(tracks.table, 25.0, settings("features"))[0]
@@ -256,7 +257,7 @@ def test_several_films_of_another_programs_tracks_become_one(
         if name < "c":
             shutil.copytree(extracted / "trex", tmp_path / name)
     join_clips(clip, [FilmPart(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])
-    prepare(tmp_path, *CARP, "extract.tracks=file", f"extract.tracks_path='{code}'")
+    prepare(tmp_path, *CARP, f"extract.tracks_path='{code}'")
     monkeypatch.chdir(tmp_path)
     stages.extract.main()
     tracks, given, alone = (
@@ -336,7 +337,7 @@ def poses_at(places, frames=None, names=None):
 
 
 def file_settings(**changes):
-    return settings("extract", tracks="file", tracks_path="somewhere", **changes)
+    return settings("extract", tracks_path="somewhere", **changes)
 
 
 def given(poses, shown=None, size=(200, 150), frames=None, **changes):
@@ -397,7 +398,7 @@ def test_places_without_gaps_are_not_told_to_fill_them():
     rows, followed = run(told, [[spot(50, 50, isolated=False)]] * 30)
     error = no_silhouette_error(told, followed, 3)
     assert not rows and longest_run(told) == 30
-    assert "30 not isolated" in error.came and "extract.tracks=own" in error.do
+    assert "30 not isolated" in error.came and "extract.tracks_path=null" in error.do
     assert "fill" not in error.do
 
 
@@ -413,8 +414,8 @@ def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypat
     np.save(tmp_path / "a.npy", places)
     (tmp_path / "data").mkdir()
     (tmp_path / "data/clip").symlink_to(film[0] / "data/clip")
-    prepare(tmp_path, *CARP, "extract.tracks=file", f"extract.tracks_path={tmp_path}/a.npy",
-            "extract.least_frames=8")  # fmt: skip
+    prepare(tmp_path, *CARP, f"extract.tracks_path={tmp_path}/a.npy",
+            "extract.min_track_frames=8")  # fmt: skip
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FinloopError, match=r"6 frames at most(?s:.*)fill the gaps"):
         stages.extract.main()
@@ -430,19 +431,17 @@ def test_frames_of_the_film_are_found_in_a_clip_that_begins_late_repeats_and_dro
     assert told.points[rows, 0, 0].tolist() == [45, 50, 50, 60, 65]
 
 
-def test_points_of_little_confidence_count_as_not_given():
+def test_points_of_little_confidence_count_as_not_given(monkeypatch):
     poses = poses_at(np.full((4, 1, 2), 50.0))
     doubtful = Poses(**vars(poses) | {"confidence": np.array([[0.1], [0.9], [np.nan], [0.2]])})
     assert np.diff(given(doubtful).stop).sum() == 3 and len(given(doubtful).points) == 3
+    monkeypatch.setattr(ExtractSettings, "tracks_least_confidence", 0.95)
     with pytest.raises(FinloopError, match=r"confidence of 0\.95"):
-        given(
-            Poses(**vars(doubtful) | {"confidence": np.full((4, 1), 0.5)}),
-            tracks_least_confidence=0.95,
-        )
+        given(Poses(**vars(doubtful) | {"confidence": np.full((4, 1), 0.5)}))
 
 
 def test_places_are_scaled():
-    told = given(poses_at(np.full((4, 1, 2), 50.0)), tracks_scale=2.0)
+    told = given(poses_at(np.full((4, 1, 2), 50.0)), tracks_px_per_unit=2.0)
     assert (told.points == 100).all()
 
 
@@ -468,10 +467,10 @@ def test_common_names_of_head_and_tail_are_known(names, expected):
 
 def test_a_named_keypoint_is_taken_or_missed():
     poses = poses_of(("x",), ("a", "b"), np.arange(3), np.full((3, 1, 2, 2), 50.0))
-    assert keypoint(poses.keypoints, "b", (), "tracks_head") == "b"
-    assert keypoint(poses.keypoints, "none", ("a",), "tracks_head") is None
+    assert keypoint(poses.keypoints, "b", (), "tracks_head_keypoint") == "b"
+    assert keypoint(poses.keypoints, "none", ("a",), "tracks_head_keypoint") is None
     with pytest.raises(FinloopError, match="no keypoint 'nose'"):
-        keypoint(poses.keypoints, "nose", (), "tracks_head")
+        keypoint(poses.keypoints, "nose", (), "tracks_head_keypoint")
 
 
 def test_which_end_is_told_to_be_the_head():
@@ -545,7 +544,7 @@ def test_more_animals_than_there_are_is_said():
     [
         (np.random.default_rng(0).random((9, 2, 2)), {}, "shares of the picture"),
         (np.full((9, 2, 2), 400.0), {}, "100% of the places lie outside"),
-        (np.full((9, 2, 2), 50.0), {"tracks_scale": 10.0}, "outside the picture"),
+        (np.full((9, 2, 2), 50.0), {"tracks_px_per_unit": 10.0}, "outside the picture"),
         (np.full((9, 2, 2), -50.0), {}, "outside the picture"),
         (np.full((60, 2, 2), 50.0), {"frames": 9, "shown": range(9)}, "film has 9 frames"),
         (np.full((9, 2, 2), 50.0), {"frames": 90, "shown": range(90)}, "at least half of the clip"),
@@ -609,7 +608,7 @@ def test_a_clip_without_its_frames_is_said(film, extracted, tmp_path, monkeypatc
     shutil.copytree(film[0] / "data/clip", tmp_path / "data/clip")
     (tmp_path / "data/clip/frames.parquet").unlink()
     path = extracted / "trex"
-    prepare(tmp_path, *CARP, "extract.tracks=file", f"extract.tracks_path={path}")
+    prepare(tmp_path, *CARP, f"extract.tracks_path={path}")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FinloopError, match=r"frames\.parquet"):
         stages.extract.main()
@@ -620,13 +619,6 @@ def test_a_clip_without_its_frames_is_said(film, extracted, tmp_path, monkeypatc
     )
     with pytest.raises(FinloopError, match="frames 100 … 123"):
         stages.extract.main()
-
-
-def test_a_path_without_need_and_a_need_without_path_are_refused():
-    with pytest.raises(FinloopError, match="needs tracks_path"):
-        settings("extract", tracks="file")
-    with pytest.raises(FinloopError, match="has no use"):
-        settings("extract", tracks_path="a.h5")
 
 
 # --- formats -------------------------------------------------------------------------------------

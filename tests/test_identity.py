@@ -265,7 +265,7 @@ WIDE = np.sqrt(np.abs(np.sin(np.pi * np.linspace(0, 1, 33) ** 0.7))) + 0.1
 
 def test_fish_that_cross_keep_their_identities(tmp_path, monkeypatch):
     frames, truth = crossing()
-    prepare(tmp_path, "extract.least_frames=5")
+    prepare(tmp_path, "extract.min_track_frames=5")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(stages.cluster, "THREADS", 1)
     put_clip(tmp_path, frames)

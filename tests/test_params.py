@@ -205,9 +205,9 @@ def test_every_option_composes_into_its_dataclass(word, option):
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_parameter_is_wanted_typed_and_finite(word, option):
     values = composed_values(word, option)
-    for key, kind in get_type_hints(VARIANTS[word][option]).items():
-        if key == "source":
-            continue
+    hints = get_type_hints(VARIANTS[word][option])
+    for key in values.keys() - {"source"}:
+        kind = hints[key]
         without = {name: value for name, value in values.items() if name != key}
         assert check(word, VARIANTS[word], without)[1] == [f"{word}.{key}: has no value"]
         for wrong in ({"a": "group"}, float("nan"), *(["text"] if kind in (int, float) else [])):
@@ -272,7 +272,7 @@ def test_a_library_gets_its_parameters_without_hydra_and_params_yaml(tmp_path, m
     carp = settings("clip", source="carp", frames=50)
     assert type(carp) is VARIANTS["clip"]["carp"] and carp.frames == 50
     for wrong, named in (({"nois_sigmas": 1.0}, "did you mean extract.noise_sigmas"),
-                         ({"points": 3.5}, "extract.points: should be a valid integer")):  # fmt: skip
+                         ({"min_track_frames": 3.5}, "extract.min_track_frames: should be a valid integer")):  # fmt: skip
         with pytest.raises(FinloopError, match=named):
             settings("extract", **wrong)
     with pytest.raises(FinloopError, match=r"clip\.source: should be"):
@@ -422,7 +422,7 @@ def test_a_film_or_tracks_that_have_changed_have_another_stamp(elsewhere):
     folder = elsewhere / "films"
     folder.mkdir()
     clip = {"source": "file", "path": str(folder)}
-    tracks = {"tracks": "file", "tracks_path": "{folder}/{name}.h5"}
+    tracks = {"tracks_path": "{folder}/{name}.h5"}
     assert film_stamp({"source": "carp"}) is None
     assert film_stamp(clip | {"path": str(folder / "none.mp4")}) is None
     seen = []
@@ -436,7 +436,7 @@ def test_a_film_or_tracks_that_have_changed_have_another_stamp(elsewhere):
     before = tracks_stamp(several, tracks)
     (folder / "b.h5").write_bytes(b"333")
     assert tracks_stamp(several, tracks) != before
-    assert tracks_stamp(several, {"tracks": "own"}) is None
+    assert tracks_stamp(several, {"tracks_path": None}) is None
 
 
 def test_a_path_that_has_changed_has_another_stamp(elsewhere):

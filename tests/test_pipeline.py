@@ -293,7 +293,7 @@ QUICK = {
     "title": "t",
     "why": "w",
     "seen": "s",
-    "params": {"features.release": "0.4, 0.5, 7.0"},
+    "params": {"features.turn_end_threshold": "0.4, 0.5, 7.0"},
     "measures": ["features.straight_pct"],
 }
 
@@ -351,7 +351,7 @@ def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(front:
     That one runs in the workspace, a sweep's in its clones show.
     """
     before = front.text("params.yaml")
-    changes = overrides("features.release=1")
+    changes = overrides("features.turn_end_threshold=1")
     text = front.dvc("exp", "run", "--temp", "--name", "shorter", *changes, "features")
     assert "Ran experiment(s): shorter" in text
     assert front.text("params.yaml") == before
@@ -359,8 +359,10 @@ def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(front:
     front.dvc("exp", "apply", "shorter")
     assert "up to date" in front.dvc("status", "features")
     changed = json.loads(front.dvc("params", "diff", "--json"))
-    assert set(changed) == {"params.yaml"} and set(changed["params.yaml"]) == {"features.release"}
-    shorter = changed["params.yaml"]["features.release"]
+    assert set(changed) == {"params.yaml"} and set(changed["params.yaml"]) == {
+        "features.turn_end_threshold"
+    }
+    shorter = changed["params.yaml"]["features.turn_end_threshold"]
     assert (shorter["old"], shorter["new"]) == (0.5, 1)
     diff = json.loads(front.dvc("metrics", "diff", "--json"))
     assert set(diff) == {"reports/features/metrics.json"}
@@ -469,7 +471,7 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     front.git("commit", "--quiet", "--message", "a sweep of my own")
     before = front.git("status", "--porcelain"), front.text("dvc.lock"), front.text("params.yaml")
     text = front.run("python", "-m", "stages.sweep", "quick", fails=True)
-    assert "quick-7.0 failed" in text and "features.release: should be" in text
+    assert "quick-7.0 failed" in text and "features.turn_end_threshold: should be" in text
     assert "reports/compare.html compares them" in text
     assert before == (
         front.git("status", "--porcelain"),
@@ -483,7 +485,7 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     assert changed <= {"reports/features/metrics.json"}
     values = [yaml.safe_load(front.git("show", f"{one}:params.yaml")) for one in ("HEAD", ref)]
     assert values[0] != values[1]
-    values[0]["features"]["release"] = 0.4
+    values[0]["features"]["turn_end_threshold"] = 0.4
     assert values[0] == values[1]  # nothing else has changed
     page = front.text("reports/compare.html")
     assert all(name in page for name in ("quick-0.4", "quick-0.5", "straight pct"))

@@ -389,7 +389,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     first = features[features["track_id"] == features["track_id"].iloc[0]]
     one = instrument_of(carp)
     drawn = one.adapt_to_animation(size)
-    assert drawn.features.current == 0.0  # it swims about, however the film was made
+    assert drawn.features.water_current_bl_s == 0.0  # it swims about, however the film was made
     filmed = first[["x_px", "y_px"]].to_numpy()
     about = (filmed - filmed.mean(0)) * size
     places = about + np.array(one.tank.shape[1::-1]) / 2

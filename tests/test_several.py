@@ -20,6 +20,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.extract.alike import Likeness, alike, likeness
 from finloop.extract.join_films import join_extractions
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
 from finloop.io.footage.listed import list_films, names
@@ -29,7 +30,8 @@ from finloop.io.several import frames_at, parts_of
 from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
 
-POINTS, FRAMES, BODY = 13, 24, 24.0
+FRAMES, BODY = 24, 24.0
+POINTS = ExtractSettings.points
 SIZE = (90, 160)
 
 
@@ -194,14 +196,14 @@ def joined(tmp_path_factory):
 
 
 def run(home, patch):
-    prepare(home, "clip=file", "clip.path=films", f"extract.points={POINTS}", *FEW)
+    prepare(home, "clip=file", "clip.path=films", *FEW)
     patch.chdir(home)
     patch.setattr(stages.cluster, "THREADS", 1)
     stages.clip.main()
     stages.extract.main()
 
 
-FEW = ["extract.least_frames=5"]
+FEW = ["extract.min_track_frames=5"]
 
 
 def table_of(home):

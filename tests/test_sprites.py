@@ -57,6 +57,7 @@ from finloop.sprites.orient import (
     sprite_cutouts,
     sprite_table,
 )
+from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
 from finloop.sprites.swimmers import smooth, swimmers
 from finloop.sprites.turn import reflection, rotation, trim_picture, turn_cutout
@@ -199,7 +200,12 @@ def pictures(toy, sprites):
 
 
 def pick(film, **values):
-    return choose(film.table, film.look, DELTA, replace(AUTOMATIC, **values))
+    return choose(
+        film.table,
+        film.look,
+        DELTA,
+        replace(AUTOMATIC, **{f"{word}_frames": text for word, text in values.items()}),
+    )
 
 
 # -- turning ----------------------------------------------------------------------------------------
@@ -415,14 +421,14 @@ def test_the_straight_cycle_is_one_beat_that_closes(toy, chosen):
     assert result["straight_closure_last_to_first"] < 1.5
 
 
-def test_a_slide_has_a_still_tail(toy, chosen):
+def test_a_slide_has_a_still_tail(toy, chosen, monkeypatch):
     slide = chosen["slide"].stretch
     assert within(slide, plan_frames(PLAN, "slide"), slack=1)
     assert 0.4 * RATE <= len(slide) <= RATE
     assert is_still(chosen["slide"], toy.table, DELTA, AUTOMATIC)
     assert not is_still(chosen["straight"], toy.table, DELTA, AUTOMATIC)
-    long = replace(AUTOMATIC, slide_least=20.0, slide_most=20.0)
-    assert not is_still(chosen["slide"], toy.table, DELTA, long)
+    monkeypatch.setattr(SpritesSettings, "slide_least", 20.0)
+    assert not is_still(chosen["slide"], toy.table, DELTA, AUTOMATIC)
 
 
 @pytest.mark.parametrize(("word", "sign"), [("left", 1), ("right", -1)])
@@ -630,7 +636,7 @@ def test_listed_frames_may_be_a_track_s_last(toy):
     ("asked", "message"),
     [
         ({"straight": "20-33"}, 'a track and its first and last frame, as "8:120-140"'),
-        ({"left": "3:a-b"}, r"sprites.left=3:a-b"),
+        ({"left": "3:a-b"}, r"sprites.left_frames=3:a-b"),
         ({"slide": "7:20-33"}, r"there is no track 7\n  wanted: one of 3\n"),
         (
             {"slide": "3:150-180"},
@@ -945,7 +951,7 @@ def test_stage_says_what_stands_in(work, capsys):
 
 
 def test_stage_that_fails_leaves_nothing_behind(work):
-    prepare(work, *TINY_CARP, "sprites.straight='5:1-9'")
+    prepare(work, *TINY_CARP, "sprites.straight_frames='5:1-9'")
     with pytest.raises(FinloopError, match="there is no track 5"):
         stages.sprites.main()
     assert not (work / "data/sprites").exists() and not (work / "reports/sprites").exists()
@@ -954,10 +960,11 @@ def test_stage_that_fails_leaves_nothing_behind(work):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ("sprites.slide_least=10.0", "slide_least is more than slide_most"),
-        ("sprites.swing_most=0.05", "swing_least is more than swing_most"),
+        ("sprites.max_tail_swing_bl=0.05", "min_tail_swing_bl is more than max_tail_swing_bl"),
         ("sprites.page_px=100", "page_px"),
-        ("sprites.slide_least=-1.0", "slide_least"),
+        ("sprites.min_turn_deg=-1.0", "min_turn_deg"),
+        ("sprites.alone=2.0", "it is sprites.min_neighbour_distance_bl now"),
+        ("sprites.soft=0.5", "it is a constant now, SpritesSettings.soft"),
     ],
 )
 def test_bad_parameters_are_refused(work, asked, message):

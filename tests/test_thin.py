@@ -1,7 +1,5 @@
 """Thin parts of an animal that are paler than its body: they belong to it in every frame, or none."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -10,6 +8,7 @@ from finloop.base.settings import settings
 from finloop.extract.backbone import trace
 from finloop.extract.samples import survey
 from finloop.extract.segment import SilhouetteEdge, silhouettes
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.thin import EDGE, with_thin_parts
 
 SIZE, TANK, BODY = (160, 240), 200, 100  # grey levels; the body differs by 100
@@ -56,15 +55,16 @@ def test_what_is_pale_and_wide_or_apart_does_not():
 
 
 @pytest.mark.parametrize("tail", [25, 35, 38, 60])
-def test_the_backbone_is_as_long_however_pale_the_tail(tail):
+def test_the_backbone_is_as_long_however_pale_the_tail(tail, monkeypatch):
     frame = TANK - animal(tail)
     how = settings("extract")
     sample = [TANK - animal(40, x) for x in range(40, 150, 5)]
-    scene, typical = survey(sample, WHOLE, replace(how, thin="keep"))
+    monkeypatch.setattr(ExtractSettings, "thin", "keep")
+    scene, typical = survey(sample, WHOLE, how)
     assert typical.thin
     lengths = {}
     for thin in (False, True):
-        ends = SilhouetteEdge(how.outline_share, how.shadow, "none", thin)
+        ends = SilhouetteEdge(how.outline_contrast_ratio, how.shadow, "none", thin)
         (one,) = silhouettes(frame, scene, WHOLE, 60, ends)
         line = trace(one.mask, one.field, 33, scene.threshold)
         assert line is not None
@@ -73,16 +73,14 @@ def test_the_backbone_is_as_long_however_pale_the_tail(tail):
     assert lengths[False] < 75 or tail == 60
 
 
-def test_thin_parts_are_looked_for_where_lengths_differ_without_them():
+def test_thin_parts_are_looked_for_where_lengths_differ_without_them(monkeypatch):
     rng = np.random.default_rng(0)
     how = settings("extract")
     places = rng.permutation(np.arange(40, 150, 4))
     flickers = [TANK - animal(float(rng.uniform(28, 52)), int(x)) for x in places]
     steady = [TANK - animal(70, int(x)) for x in places]
-    assert survey(flickers, WHOLE, how)[1].thin
-    assert not survey(steady, WHOLE, how)[1].thin
-    assert not survey(flickers, WHOLE, replace(how, thin="drop"))[1].thin
-    long, short = (
-        survey(flickers, WHOLE, replace(how, thin=thin))[1].length_px for thin in ("auto", "drop")
-    )
-    assert long > short
+    with_thin = survey(flickers, WHOLE, how)[1]
+    assert with_thin.thin and not survey(steady, WHOLE, how)[1].thin
+    monkeypatch.setattr(ExtractSettings, "thin", "drop")
+    without = survey(flickers, WHOLE, how)[1]
+    assert not without.thin and with_thin.length_px > without.length_px

@@ -2,8 +2,8 @@
 
 Three steps: `samples.survey` measures tank, noise and a typical fish on frames of the whole clip;
 `detections` streams the film once and detects the fish of each frame, on every core; `tracks`
-links them. Memory holds some stretches of detections and the fish of `least_frames` frames, however
-long the clip is.
+links them. Memory holds some stretches of detections and the fish of `min_track_frames` frames,
+however long the clip is.
 """
 
 from collections import Counter
@@ -104,7 +104,7 @@ class Detector:
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         ends = SilhouetteEdge(
-            settings.outline_share, settings.shadow, self.typical.fins, self.typical.thin
+            settings.outline_contrast_ratio, settings.shadow, self.typical.fins, self.typical.thin
         )
         patches = list(silhouettes(frame, scene, self.arena, least, ends))
         verdicts = [judge(s, self.typical, settings) for s in patches]
@@ -112,7 +112,7 @@ class Detector:
             measure(s, frame, scene, settings.points) if verdict == "fish" else None
             for s, verdict in zip(patches, verdicts, strict=True)
         ]
-        told = settings.tracks == "file"
+        told = bool(settings.tracks_path)
         spots = [_spot(s, f, told) for s, f in zip(patches, fish, strict=True)]
         return Detections(verdicts, spots, fish)
 
@@ -207,10 +207,10 @@ def tracks(
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
     """For each frame the counts of its verdicts, and the fish of tracks that are long enough.
 
-    A track is given out, with all its fish so far, as soon as it has `least_frames` frames. Tracks
-    end at `cuts`, the numbers of the first frames of further segments.
+    A track is given out, with all its fish so far, as soon as it has `min_track_frames` frames.
+    Tracks end at `cuts`, the numbers of the first frames of further segments.
     """
-    linker = Linker(settings.gate_body_lengths * typical.length_px, settings.step_area_ratio)
+    linker = Linker(settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio)
     waiting: dict[int, list[TrackedFish]] = {}
     long: set[int] = set()
     for number, (verdicts, spots, fish) in enumerate(detections):
@@ -222,7 +222,7 @@ def tracks(
             if track is None or animal is None:
                 continue
             waiting.setdefault(track, []).append(TrackedFish(track, number, animal))
-            if track in long or len(waiting[track]) >= settings.least_frames:
+            if track in long or len(waiting[track]) >= settings.min_track_frames:
                 long.add(track)
                 ready += waiting.pop(track)
         alive = {track for track in ids if track is not None}
@@ -260,10 +260,10 @@ def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> Fol
     """Return the error to raise where no track is long enough."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
     return FollowedNoneError(
-        f"no fish could be followed for {settings.least_frames} frames (silhouettes: {counts})",
+        f"no fish could be followed for {settings.min_track_frames} frames (silhouettes: {counts})",
         "fish that swim by themselves, clear of the border",
-        "allow shorter tracks (extract.least_frames), other sizes "
-        "(extract.least_area_ratio, extract.most_area_ratio), or set clip.arena",
+        "allow shorter tracks (extract.min_track_frames), other sizes "
+        "(extract.min_area_ratio, extract.max_area_ratio), or set clip.arena",
     )
 
 

@@ -39,10 +39,10 @@ def map_poses_to_clip(
     keypoint that is named is missing, the file says places beyond the film's end or none in the
     clip, or the places are not in px of the picture.
     """
-    head = keypoint(poses.keypoints, p.tracks_head, HEADS, "extract.tracks_head")
-    tail = keypoint(poses.keypoints, p.tracks_tail, TAILS, "extract.tracks_tail")
+    head = keypoint(poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint")
+    tail = keypoint(poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint")
     sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: not said
-    points = np.where(sure[..., None], poses.places * p.tracks_scale, np.nan)
+    points = np.where(sure[..., None], poses.places * p.tracks_px_per_unit, np.nan)
     there: Mask = np.all(np.isfinite(points), axis=2)
     rows = np.any(there, axis=1)
     points, frame = points[rows], poses.frame[rows]
@@ -50,7 +50,7 @@ def map_poses_to_clip(
         raise FinloopError(
             f"no point of the tracks has a confidence of {p.tracks_least_confidence:g} or more",
             "points that the program is sure of",
-            "lower extract.tracks_least_confidence",
+            "take tracks of a better trained model, or export them without confidences",
         )
     _refuse_other_length(frame, clip_frames, film)
     _refuse_other_units(points, film)
@@ -116,7 +116,7 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
             f"all places lie at x {x0:.3g} … {x1:.3g}, y {y0:.3g} … {y1:.3g}: shares of the "
             "picture, not px",
             f"places in px of a picture of {film.width_px}×{film.height_px}",
-            "export them in px; extract.tracks_scale multiplies x and y by one number",
+            "export them in px; extract.tracks_px_per_unit multiplies x and y by one number",
         )
     outside = ((place < -0.5) | (place > np.array([film.width_px, film.height_px]) - 0.5)).any(1)
     if outside.mean() > 0.5:
@@ -124,7 +124,7 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
             f"{outside.mean():.0%} of the places lie outside the picture: they are at x {x0:.4g} … "
             f"{x1:.4g}, y {y0:.4g} … {y1:.4g}",
             f"places in px of a picture of {film.width_px}×{film.height_px}, from its upper left",
-            "correct extract.tracks_scale (px per unit of the file), or give this film's tracks",
+            "correct extract.tracks_px_per_unit, or give this film's tracks",
         )
 
 
@@ -197,6 +197,6 @@ def refuse_other_film(tracks: Given, agreement: SilhouetteFit, film: FilmSize) -
         f"places lie at x {x0:.4g} … {x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of "
         f"{film.width_px}×{film.height_px}" + (f"; never at an animal: {lost}" if lost else ""),
         f"tracks of this film: at least {agreement.least_share:.0%}, midway between chance and all",
-        "give this film's tracks, in px (extract.tracks_scale), without animals that are not "
+        "give this film's tracks, in px (extract.tracks_px_per_unit), without animals that are not "
         f"there; where they are this film's, {SHOWN_ALONE}",
     )

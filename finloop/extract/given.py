@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats
 from finloop.extract.film import Detections, FollowedNoneError, TrackedFish
 from finloop.extract.samples import Verdict
+from finloop.extract.settings import ExtractSettings
 from finloop.extract.tracks import SilhouettePlace
 
 _WITHIN = 0.1  # body lengths; a place farther from a silhouette is not within it
@@ -30,7 +31,7 @@ Outcome = Literal["used", "no silhouette", "shared", "not isolated"]
 or it is none of an isolated fish (at the border, too large, too small, too pale)."""
 
 SHOWN_ALONE = (
-    "look at what is found without the file: extract.tracks=own, extract.tracks_path=null, then "
+    "look at what is found without the file: extract.tracks_path=null, then "
     "reports/extract/detections.png"
 )
 """What to do where a film and its tracks disagree: a run that fails draws no picture."""
@@ -184,14 +185,14 @@ def no_silhouette_error(
     do = SHOWN_ALONE
     if longest < least_frames:
         do = (
-            "fill the gaps (a place that is NaN, infinite or below "
-            "extract.tracks_least_confidence is none) and export the tracks again"
+            f"fill the gaps (a place that is NaN, infinite or of a confidence below "
+            f"{ExtractSettings.tracks_least_confidence:g} is none) and export the tracks again"
         )
     return FollowedNoneError(
         f"no animal of the file of tracks has a silhouette for {least_frames} frames on end "
         f"(places: {became}); {of_file}",
         f"an animal with a place in {least_frames} frames on end, and its own silhouette there",
-        f"{do}; or allow shorter tracks (extract.least_frames)",
+        f"{do}; or allow shorter tracks (extract.min_track_frames)",
     )
 
 

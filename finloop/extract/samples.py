@@ -60,13 +60,13 @@ _UNSTEADY = 0.04
 
 def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -> Verdict:
     """The verdict on a silhouette, by its place, size and contrast."""
-    if silhouette.contrast < settings.least_contrast_ratio * typical.contrast:
+    if silhouette.contrast < settings.min_contrast_ratio * typical.contrast:
         return "too pale"
     if silhouette.at_border:
         return "at border"
-    if silhouette.area_px > settings.most_area_ratio * typical.area_px:
+    if silhouette.area_px > settings.max_area_ratio * typical.area_px:
         return "too large"
-    if silhouette.area_px < settings.least_area_ratio * typical.area_px:
+    if silhouette.area_px < settings.min_area_ratio * typical.area_px:
         return "too small"
     return "fish"
 
@@ -139,7 +139,7 @@ def _survey(
         sample, background, settings.polarity, settings.noise_sigmas, settings.least_contrast, crew
     )
     fins: Fins = "darker" if settings.fins == "auto" and scene.polarity != "bright" else "none"
-    ends = SilhouetteEdge(settings.outline_share, settings.shadow, fins)
+    ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, fins)
 
     def of_frame(ends: SilhouetteEdge, frame: Picture) -> list[Silhouette]:
         lit = in_light_of(scene, frame)
@@ -210,6 +210,6 @@ def _no_fish(
         f"no fish found: {why}",
         "fish that swim clear of the edge, darker or brighter than the tank",
         f"try {'' if settings.background == 'auto' else 'extract.background=auto, '}another "
-        "extract.polarity, a lower extract.noise_sigmas or extract.least_area_px; set clip.arena; "
+        "extract.polarity, a lower extract.noise_sigmas; set clip.arena; "
         "or film the fish as it moves about",
     )

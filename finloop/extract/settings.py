@@ -1,7 +1,7 @@
-"""Parameters of `extract`: how fish are told from the tank, and linked (fish paper §2.1-2.2.1)."""
+"""Parameters of `extract`: how fish are found in the tank, and linked (fish paper §2.1-2.2.1)."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -13,54 +13,53 @@ Ratio = Annotated[float, Field(ge=1)]
 
 @dataclass(frozen=True)
 class ExtractSettings:
-    """How fish are told from the tank, and linked into tracks."""
+    """How fish are found in the tank, and linked into tracks.
 
-    # the empty tank: the median of spread-out frames; threshold, one even tone, for a fish that
-    # stays in its place; mog2, a tank that changes slowly; auto: the median, without the ghost of
-    # a fish that moves little, or an even tone
+    With `tracks_path` another program's tracks say who is where; without, finloop links them.
+    """
+
     background: Literal["auto", "median", "threshold", "mog2"]
-    polarity: Literal["auto", "dark", "bright", "both"]  # fish against the tank
-    noise_sigmas: Positive  # noise levels; what differs from the tank by more is no noise
-    least_contrast: Positive  # grey levels; the threshold is never below
-    # a silhouette ends where the difference falls to this share of the fish's contrast
-    outline_share: Share
+    polarity: Literal["auto", "dark", "bright", "both"]
+    noise_sigmas: Positive
+    outline_contrast_ratio: Share
+    fins: Literal["auto", "keep", "drop"]
+    min_area_ratio: Share
+    max_area_ratio: Ratio
+    min_contrast_ratio: Annotated[float, Field(ge=0, lt=1)]
+    max_link_distance_bl: Positive
+    min_track_frames: Count
+    tracks_path: str | None
+    tracks_software: Software | Literal["auto"]
+    tracks_px_per_unit: Positive
+    tracks_head_keypoint: str
+    tracks_tail_keypoint: str
+
+    # frames over the clip from which tank, noise and a typical fish are learnt: enough that a fish
+    # that moves is not in their median
+    samples: ClassVar[int] = 25
+    least_contrast: ClassVar[float] = 6.0  # grey levels; the threshold is never below
     # of the tank's light that a shadow takes at most; of fish that are brighter and darker than the
     # tank, what lacks more is dark skin
-    shadow: Share
-    # what is paler than a silhouette's edge: keep, drop, or keep if it is fins, no shadow or gloom
-    fins: Literal["auto", "keep", "drop"]
+    shadow: ClassVar[float] = 0.45
     # thin parts that are paler than a silhouette's edge, like the tail of a mouse or a larva: keep,
-    # drop, or keep if lengths differ far less from frame to frame with them
-    thin: Literal["auto", "keep", "drop"]
-    least_area_px: Annotated[float, Field(ge=4)]  # px²; smaller patches are never looked at
-    least_area_ratio: Share  # of a typical fish's area; a smaller silhouette is no fish
-    # of a typical fish's area; a larger silhouette is several fish that touch
-    most_area_ratio: Ratio
-    # of a typical fish's; a paler one is a reflection
-    least_contrast_ratio: Annotated[float, Field(ge=0, lt=1)]
-    # body lengths; a fish farther than this from where it was expected is another
-    gate_body_lengths: Positive
-    # from frame to frame a silhouette's area changes by less than this factor
-    step_area_ratio: Ratio
-    # frames over the clip from which tank, noise and a typical fish are learnt
-    samples: Annotated[int, Field(ge=3)]
-    least_frames: Count  # frames; shorter tracks are dropped
-    points: Annotated[int, Field(ge=13)]  # of the backbone
-    # own: fish are followed here; file: another program's tracks say who is where
-    tracks: Literal["own", "file"]
-    # of that file, or of a folder with a file for each animal; of several films a pattern in which
-    # {folder} and {name} stand for a film's, such as "{folder}/{name}*.h5"
-    tracks_path: str | None
-    tracks_software: Software | Literal["auto"]  # that made it; auto: as the file shows
-    # px of the film per unit of the file: 2 if a film of half the width was tracked
-    tracks_scale: Positive
+    # drop, or keep if lengths differ far less from frame to frame with them, which is measured
+    thin: ClassVar[Literal["auto", "keep", "drop"]] = "auto"
+    least_area_px: ClassVar[float] = 20.0  # px²; smaller patches show no backbone
+    # a silhouette's area changes by less than this factor from frame to frame; more is a touch
+    step_area_ratio: ClassVar[float] = 1.4
+    points: ClassVar[int] = 33  # of the backbone, ends included
     # a point of less confidence counts as not given; points without one are all taken
-    tracks_least_confidence: Annotated[float, Field(ge=0, lt=1)]
-    tracks_head: str  # the keypoint at the head; auto: nose, snout, head …; none: not given
-    tracks_tail: str  # the keypoint at the tail; auto: tail_tip, tail …; none: not given
+    tracks_least_confidence: ClassVar[float] = 0.2
 
-    def __post_init__(self) -> None:
-        """Refuse tracks of a file without the file, and a file that nothing reads."""
-        if (self.tracks == "file") != bool(self.tracks_path):
-            wish = "needs" if self.tracks == "file" else "has no use (tracks=file has) for"
-            raise ValueError(f"tracks={self.tracks} {wish} tracks_path")
+    RENAMED: ClassVar[dict[str, str]] = {
+        "outline_share": "outline_contrast_ratio",
+        "least_area_ratio": "min_area_ratio",
+        "most_area_ratio": "max_area_ratio",
+        "least_contrast_ratio": "min_contrast_ratio",
+        "gate_body_lengths": "max_link_distance_bl",
+        "least_frames": "min_track_frames",
+        "tracks": "tracks_path",
+        "tracks_scale": "tracks_px_per_unit",
+        "tracks_head": "tracks_head_keypoint",
+        "tracks_tail": "tracks_tail_keypoint",
+    }

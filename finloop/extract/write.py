@@ -86,7 +86,7 @@ def extract(
     followed.
     """
     facts = load_facts(clip / FACTS_NAME)
-    tracks = load_given(clip, facts, p) if p.tracks == "file" else None
+    tracks = load_given(clip, facts, p) if p.tracks_path else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     frames = sample_of(clip / CLIP_NAME, facts, p.samples)
@@ -102,7 +102,9 @@ def extract(
     lengths: Counter[int] = Counter()
     lost: list[int] = []
     agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
-    follower = GivenTrackLinker(tracks.given, typical.length_px, p.least_frames) if tracks else None
+    follower = (
+        GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames) if tracks else None
+    )
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         stream = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
@@ -120,7 +122,7 @@ def extract(
             write(film.rows(fish), film.cutouts(fish))
     if not lengths:
         if tracks and follower:
-            raise no_silhouette_error(tracks.given, follower, p.least_frames)
+            raise no_silhouette_error(tracks.given, follower, p.min_track_frames)
         raise film.no_track_error(p, verdicts)
     tank = scene_facts(scene, typical, p.points)
     save_record(folder / SCENE_NAME, tank)

@@ -131,10 +131,10 @@ def features(
     delta = delta_frames(delta_s, rate_hz)
     limits = limits_of(direction, bent, every, delta, settings)
     types = [
-        swimming_type(turn(direction[one], delta), bent[one], limits, settings.release)
+        swimming_type(turn(direction[one], delta), bent[one], limits, settings.turn_end_threshold)
         for one in every
     ]
-    current = settings.current
+    current = settings.water_current_bl_s
     if current == "auto":
         tail = _tail(backbone, direction, length)
         current = measured_current(place / length[:, None], direction, tail, bent, every, rate_hz)

@@ -177,7 +177,7 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
         len(parts),
         scores,
         p.sure,
-        partial(best, strangers=p.strangers, least=p.least_probability, rng=rng),
+        partial(best, strangers=p.new_animal_probability, least=p.min_join_probability, rng=rng),
     )
 
 

@@ -35,7 +35,7 @@ def detections_picture(
     for frame, label in zip(frames, labels, strict=True):
         panel, scale = convert_to_colour(frame), frame.shape[1] / 900
         lit = in_light_of(scene, frame)
-        ends = SilhouetteEdge(settings.outline_share, settings.shadow, thin=typical.thin)
+        ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
         for s in silhouettes(frame, lit, arena, settings.least_area_px, ends):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))

@@ -149,7 +149,7 @@ def thin_fish(
 ) -> Iterator[ThinnedFish]:
     """Thin every isolated fish of a frame (h, w) or (h, w, 3), pale pixels included."""
     lit = in_light_of(scene, frame)
-    ends = SilhouetteEdge(settings.outline_share, settings.shadow, "all", typical.thin)
+    ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
     for silhouette in silhouettes(frame, lit, arena, settings.least_area_px, ends):
         if judge(silhouette, typical, settings) == "fish":
             yield _thin(silhouette, frame, label, settings.points, scene.threshold)

@@ -52,7 +52,7 @@ class Instrument:
 
         It looks at them through a lens, which makes them as large as filmed, and their tank, too.
         """
-        still = replace(self, features=replace(self.features, current=0.0), size=size)
+        still = replace(self, features=replace(self.features, water_current_bl_s=0.0), size=size)
         if size == 1:
             return still
         width, height = (max(1, round(side / size)) for side in self.arena.shape[::-1])

@@ -42,7 +42,7 @@ def beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.Data
     waves = _concat(parts)
     if waves.empty:
         return waves
-    beat = waves["swing"].between(settings.swing_least, settings.swing_most)
+    beat = waves["swing"].between(settings.min_tail_swing_bl, settings.max_tail_swing_bl)
     waves = waves[beat & (waves["several waves"] <= 1)]
     untypical = np.abs(np.log2(waves["swing"] / waves["swing"].median()))
     return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
@@ -124,7 +124,7 @@ def _common_faults(
 
 def _crowding(alone: Reals, settings: SpritesSettings) -> Floats:
     """Return 1 where another fish is just far enough away, 0 from twice that distance."""
-    return np.clip(2 - alone / settings.alone, 0, 1)
+    return np.clip(2 - alone / settings.min_neighbour_distance_bl, 0, 1)
 
 
 def _concat(parts: list[pd.DataFrame]) -> pd.DataFrame:
@@ -218,7 +218,7 @@ def _turn(
         return None
     heading = table["heading"].to_numpy()[first : last + 2]
     step = side * np.diff(smooth(heading))
-    if step.sum() < settings.turn_least_deg:
+    if step.sum() < settings.min_turn_deg:
         return None
     area = table["area_px"].to_numpy()[inside]
     ends = np.abs(bend[[first, last]])

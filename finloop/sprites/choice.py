@@ -57,7 +57,7 @@ def choose(
         return best_of_tracks(table, candidates, look, sharp, settings, loops=word not in SIDES)
 
     for word in WORDS:
-        text = getattr(settings, word)
+        text = getattr(settings, f"{word}_frames")
         if text is not None:
             stretches[word] = [from_text(table, word, text, settings.hold)]
             continue
@@ -163,7 +163,7 @@ def combination(
 ) -> dict[str, FrameRun]:
     """One stretch of each sequence, with the least sum of faults and changes of animal.
 
-    Another track than that of the first sequence costs `other_track`, and 1 for a relative
+    Another track than that of the first sequence costs `track_change_cost`, and 1 for a relative
     difference of `size_off` in length, contrast and area, on average.
     """
     words = [word for word in stretches if stretches[word]]
@@ -180,7 +180,7 @@ def combination(
         if a == b:
             return 0.0
         difference = float(np.abs(like.loc[a] - like.loc[b]).mean())
-        return settings.other_track + difference / settings.size_off
+        return settings.track_change_cost + difference / settings.size_off
 
     best: tuple[float, dict[str, FrameRun]] = (np.inf, {})
     for first in stretches[words[0]]:

@@ -1,11 +1,11 @@
 """Parameters of `sprites`: which frames become sprites, and their atlas (fish paper §3.3)."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from finloop.base.settings import Count, NotNegative, Positive, Share
+from finloop.base.settings import NotNegative, Positive, Share
 
 
 @dataclass(frozen=True)
@@ -16,59 +16,73 @@ class SpritesSettings:
     units of what is just acceptable.
     """
 
-    # "track:first-last" for each sequence, or null = picked automatically
-    straight: str | None  # one full tail beat, swum straight: the cycle
-    slide: str | None  # gliding with a still tail
-    left: str | None  # a turn, from straight through the bend back to straight
-    right: str | None  # the same to the other side
+    straight_frames: str | None
+    slide_frames: str | None
+    left_frames: str | None
+    right_frames: str | None
+    min_head_confidence: Share
+    min_neighbour_distance_bl: Positive
+    min_tail_swing_bl: Positive
+    max_tail_swing_bl: Positive
+    min_turn_deg: Positive
+    track_change_cost: NotNegative
+    page_px: Annotated[int, Field(ge=256, le=16384)]
 
-    # Frames that may be used.
-    head_confidence: Share  # the least
-    length_off: Positive  # of the track's median length: the most that a frame's may differ by
-    alone: Positive  # body lengths: the least to the nearest mass centre of another fish
+    # of the track's median length: how far a usable frame's may be from it; 98 % of the zebrafish's
+    # frames are within
+    length_off: ClassVar[float] = 0.08
 
     # What counts as a slide, as a tail beat, as a turn.
-    slide_least: Positive  # Δ: the shortest slide
-    slide_most: Positive  # Δ: the longest slide
-    beat_least: Positive  # Δ: the shortest tail beat; shorter ones may be flicker
-    beat_most: Positive  # Δ: the longest tail beat; longer ones may be drift
-    beat_frames: Annotated[int, Field(ge=3)]  # frames: the fewest of a beat; five show a wave
-    swing_least: Positive  # body lengths from side to side: the smallest tail beat
-    swing_most: Positive  # body lengths from side to side: the largest tail beat
-    one_wave: Share  # of the tail's variance: the least that the fundamental has in one beat
-    turn_least_deg: Positive  # degrees: the smallest turn
-    turn_back_deg: NotNegative  # degrees; a turn that goes back by less in all is made not to
-    straight_bend: Share  # of the largest bend; a fish bent less is straight: a turn starts or ends
-    hold: Share  # of the largest bend; a fish bent more holds its turn
-    # of the strongest turn's bend: turns below the first share count only if there are none above
-    # it, and so on
-    strong: Annotated[tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=1)]
+    slide_least: ClassVar[float] = 2.0  # Δ; shorter slides repeat too soon
+    slide_most: ClassVar[float] = 5.0  # Δ; longer slides drift
+    beat_least: ClassVar[float] = 0.75  # Δ; shorter tail beats may be flicker
+    beat_most: ClassVar[float] = 7.5  # Δ; longer tail beats may be drift
+    beat_frames: ClassVar[int] = 5  # frames; fewer show no wave
+    # of the tail's variance that the fundamental has in one beat; with less it is several waves
+    one_wave: ClassVar[float] = 0.75
+    # degrees; a turn that goes back by less in all is made not to: half a sector of 24, as small as
+    # the head's own motion and noise
+    turn_back_deg: ClassVar[float] = 8.0
+    # of the largest bend; a fish that bends less is straight, and a turn starts or ends there
+    straight_bend: ClassVar[float] = 0.2
+    hold: ClassVar[float] = 0.9  # of the largest bend; a fish that bends more holds its turn
+    # of the strongest turn's bend; turns below a share count only if there are none above it
+    strong: ClassVar[tuple[float, ...]] = (0.9, 0.75, 0.5, 0.25, 0.0)
 
     # Faults: a candidate with this value is just acceptable.
-    drift_deg: Positive  # degrees: change of heading along a straight stretch
-    speed_change: Positive  # of the mean speed: second half against first
-    area_change: Positive  # of the mean area: changes of the silhouette, such as fins that open
-    size_off: Positive  # of the clip's median length: an animal of another size
-    flicker_frames: Positive  # frames of a beat or a turn; fewer flicker
-    lopsided: Positive  # of the tail's range: its mean, off the axis
-    still: Positive  # body lengths: range of a still tail; about its width
-    weaker: Positive  # of the strongest turn's bend: what a turn lacks of it
-    bent: Positive  # of the largest bend: bend at a turn's ends, and bends besides the largest
-    jump_deg: Positive  # degrees: largest change of heading between two frames of a turn
-    soft: Positive  # of the clip's median sharpness: what the pictures lack of it
+    drift_deg: ClassVar[float] = 6.0  # degrees along a straight stretch; less than half a sector
+    speed_change: ClassVar[float] = 0.4  # of the mean speed: second half against first
+    area_change: ClassVar[float] = 0.1  # of the mean area: a silhouette whose fins open
+    size_off: ClassVar[float] = 0.1  # of the film's median length: an animal of another size
+    flicker_frames: ClassVar[float] = 10.0  # frames; with 4 one sees the extremes, nothing between
+    lopsided: ClassVar[float] = 0.25  # of the tail's range: its mean, off the axis
+    still: ClassVar[float] = 0.05  # body lengths: range of a still tail; about its width
+    weaker: ClassVar[float] = 0.1  # of the strongest turn's bend: what a turn lacks of it
+    # of the largest bend: the bend at a turn's ends, and bends besides the largest
+    bent: ClassVar[float] = 0.25
+    jump_deg: ClassVar[float] = 25.0  # degrees between two frames of a turn; more looks like a jump
+    soft: ClassVar[float] = 0.25  # of the film's median sharpness: what the pictures lack of it
 
     # The choice.
-    candidates: Count  # of a sequence, compared as pictures: the best by their other faults
-    candidates_per_track: Count  # the most of these from one track
-    picture_px: Annotated[int, Field(ge=16, le=1024)]  # pixels: side of the pictures compared
-    other_track: NotNegative  # faults: the cost of a sequence from another track than the cycle's
-    cycle_weight: Positive  # of the straight cycle's faults: it is on screen most
+    candidates: ClassVar[int] = 120  # of a sequence, compared as pictures: the best without them
+    candidates_per_track: ClassVar[int] = 4  # so that one long track leaves room for the others
+    picture_px: ClassVar[int] = 64  # px, side of the pictures compared: shape, no details
+    cycle_weight: ClassVar[float] = 2.0  # of the tail beat's faults: it is on screen most
 
-    page_px: Annotated[int, Field(ge=256, le=16384)]  # pixels: largest side of an atlas picture
+    RENAMED: ClassVar[dict[str, str]] = {
+        "straight": "straight_frames",
+        "slide": "slide_frames",
+        "left": "left_frames",
+        "right": "right_frames",
+        "head_confidence": "min_head_confidence",
+        "alone": "min_neighbour_distance_bl",
+        "swing_least": "min_tail_swing_bl",
+        "swing_most": "max_tail_swing_bl",
+        "turn_least_deg": "min_turn_deg",
+        "other_track": "track_change_cost",
+    }
 
     def __post_init__(self) -> None:
         """Refuse an empty range."""
-        for name in ("slide_{}", "beat_{}", "swing_{}"):
-            least, most = name.format("least"), name.format("most")
-            if getattr(self, least) > getattr(self, most):
-                raise ValueError(f"{least} is more than {most}")
+        if self.min_tail_swing_bl > self.max_tail_swing_bl:
+            raise ValueError("min_tail_swing_bl is more than max_tail_swing_bl")

@@ -35,12 +35,12 @@ class FrameRun:
 
 
 def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
-    """The stretch of a sequence that `sprites.<word>` gives as "track:first-last".
+    """The stretch of a sequence that `sprites.<word>_frames` gives as "track:first-last".
 
     FinloopError if it is written otherwise, if there are no such frames, or if a turn among them
     has no `phases`.
     """
-    name = f"sprites.{word}={text}"
+    name = f"sprites.{word}_frames={text}"
     form = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
     if form is None:
         raise FinloopError(

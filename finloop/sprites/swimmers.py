@@ -59,9 +59,9 @@ def swimmers(
     result["animal_off"] = np.abs(length / clip - 1) / settings.size_off
     off = np.abs(table["body_length_px"].to_numpy() / length - 1)
     result["usable"] = (
-        (table["head_confidence"].to_numpy() >= settings.head_confidence)
+        (table["head_confidence"].to_numpy() >= settings.min_head_confidence)
         & (off <= settings.length_off)
-        & (result["alone"] > settings.alone)
+        & (result["alone"] > settings.min_neighbour_distance_bl)
     )
     return result
 
