@@ -109,7 +109,7 @@ play: setup ## send the fish by hand, on a local page:  make play S="--fish 4"
 stimulus: setup ## a stimulus for animals, see docs/stimulus.md:  make stimulus S="show examples/protocol.yaml"
 	@python -m stages.stimulus $(S)
 
-sweep: setup ## make sweep experiment=learning_rate (conf/experiment/), or S="bpn.hidden=10,20 bpn.momentum=0.3,0.5"
+sweep: setup ## make sweep experiment=learning_rate (conf/experiment/), or S="bpn.hidden_units=10,20 bpn.momentum=0.3,0.5"
 	@test -n "$(experiment)$(S)" || { echo 'finloop: nothing to sweep; wanted: make sweep experiment=learning_rate, or S="group.key=1,2,3 other.key=4,5"'; exit 1; }
 ifdef experiment
 	@python -m stages.sweep $(experiment) $(S)

@@ -13,9 +13,8 @@ from benchmarks.pipeline import ROOT, STAGES, prepare, stage
 
 FILMS = {
     **{f"seed {seed}": [f"clip.seed={seed}"] for seed in range(1, 11)},
-    "fins always open": ["clip.fins=1.0"],
-    "light drift 15 %": ["clip.light_drift=0.15"],
-    "doubled noise": ["clip.noise=5.0"],
+    "fins always open": ["clip.fins_open_ratio=1.0"],
+    "doubled noise": ["clip.noise_grey=5.0"],
     "grey film": ["clip.colour=false"],
     "three fish": ["clip.fish=3"],
     "60 px long": ["clip.body_length_px=60"],

@@ -37,7 +37,7 @@ def ours(how: BpnSettings) -> None:
 def autograd(how: BpnSettings) -> None:
     """The same network and rule by torch.autograd and torch.optim.SGD."""
     rng = np.random.default_rng(0)
-    weights = torch.from_numpy(new_weights(how.hidden, rng)).requires_grad_()
+    weights = torch.from_numpy(new_weights(how.hidden_units, rng)).requires_grad_()
     first, second = layers(weights)
     rule = torch.optim.SGD([weights], lr=how.learning_rate, momentum=how.momentum)
     inputs, outputs = rows(ROWS)

@@ -101,7 +101,9 @@ def crossing(p: Carp) -> CarpMotion:
     """Poses of carp of which each swims as if it were alone."""
     room = room_of(p.width_px, p.height_px, p.body_length_px)
     streams = np.random.default_rng(p.seed).spawn(p.fish)
-    alone = [simulate(p.frames, 1, room, p.frame_rate_hz, p.fins, rng) for rng in streams]
+    alone = [
+        simulate(p.frames, 1, room, p.frame_rate_hz, p.fins_open_ratio, rng) for rng in streams
+    ]
     names = [field.name for field in fields(CarpMotion)]
     return CarpMotion(*(np.concatenate([getattr(one, n) for one in alone], axis=1) for n in names))
 

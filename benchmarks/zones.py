@@ -3,11 +3,11 @@
 `python -m benchmarks.zones FOLDER …` takes working copies in which the pipeline was run, of a film
 of several fish each (none: the one that it is called in), and writes benchmarks/zones.csv. As many
 fish as the film shows at once swim for a minute by the zones of the stage `calibrate`
-(`matching.rule=zones`), and without a rule; points do for `calibrate.steps` steps, by these zones,
-by those of Couzin et al. 2002, and without. Beside them, if it is installed, couzinswarm 0.0.3 with
-its own values, in a box of the tank's size, a body length deep. Numbers are Wasserstein distances
-to the film and to its second half, to which the zones were not fitted; `first_half` is the film's
-own.
+(`matching.rule=zones`), and without a rule. Points do for `CalibrateSettings.steps` steps, by these
+zones, by those of Couzin et al. 2002, and without. Beside them, if it is installed, couzinswarm
+0.0.3 with its own values, in a box of the tank's size, a body length deep. Numbers are Wasserstein
+distances to the film and to its second half, to which the zones were not fitted; `first_half` is
+the film's own.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)

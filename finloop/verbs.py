@@ -223,7 +223,8 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
     """How the fish of a film act on each other: zones (Couzin et al. 2002), and own steps.
 
     Where it shows too little company, a warning says so, and the zones are those of the paper.
-    `changes`: of `finloop.calibrate.settings.CalibrateSettings`, for example attraction=8.0.
+    `changes`: of `finloop.calibrate.settings.CalibrateSettings`, for example
+    attraction_radius_bl=8.0.
     FinloopError also if no track is long enough for a step.
     """
     p = settings("calibrate", **changes)

@@ -91,7 +91,7 @@ def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
                 (
                     described.title,
                     "never shows the film: too few gateways lead there and back; "
-                    "raise gateways.threshold",
+                    "raise gateways.distance_threshold",
                 )
             )
     return pd.DataFrame(rows, columns=["mode", "doubt"])

@@ -36,7 +36,7 @@ def main() -> None:
               "held out, so the error on other film is not known", file=sys.stderr)  # fmt: skip
     # The other way to split says how far the skill reaches: to other times, to other fish.
     with suppress(FinloopError):  # one track, or too short
-        sides.append(split(rows, "tracks" if p.split == "blocks" else "blocks", p))
+        sides.append(split(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p))
 
     # Its curve is not kept, so that no rows need be held out for it.
     masks = [sides[0], *((train, np.zeros_like(train)) for train, _ in sides[1:])]

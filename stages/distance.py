@@ -44,7 +44,7 @@ def main() -> None:
         todo = blocks(features, p)
         with progress("distance", len(todo), "blocks") as advance:
             pairs, steps, facts = compare(reel, p, advance)
-        pairs_inexact = inexact(pairs, reel, p.size, p.pose)
+        pairs_inexact = inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)
 
     with whole_folder(FOLDER) as folder:
         save_table(folder / "pairs.parquet", pairs, PAIRS)
@@ -71,7 +71,7 @@ def main() -> None:
     if frames < len(features):
         print(
             f"distance: {frames:,} of the film's {len(features):,} pictures are compared, in "
-            "stretches spread over it (distance.most_pictures); loops and gateways are of these",
+            "stretches spread over it (distance.max_pictures); loops and gateways are of these",
             file=sys.stderr,
         )
     if not len(pairs):

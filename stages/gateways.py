@@ -27,10 +27,10 @@ def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> N
             continue
         near = every.loc[every["direction"] == direction, "distance"]
         if near.empty:
-            why = f"no track lasts gateways.least={least:g} Δ and a frame more"
+            why = f"no track lasts {least:g} Δ and a frame more"
         else:
             most = np.ceil(10 * near.min() / step + 1e-6) / 10
-            why = f"gateways.threshold={most:.1f} would give some"
+            why = f"gateways.distance_threshold={most:.1f} would give some"
         print(f"gateways: no way {word} the film; {why}", file=sys.stderr)
 
 

@@ -88,7 +88,7 @@ def all_problems(values: Mapping[str, Any]) -> list[str]:
 
 
 def overrides(values: Mapping[str, Any]) -> list[str]:
-    """The Hydra overrides, `clip=carp`, `bpn.hidden=30`, with which conf/ composes to `values`.
+    """The Hydra overrides, as `clip=carp`, with which conf/ composes to `values`.
 
     Groups come in the order of `values`, a variant before the keys that differ from it.
     """

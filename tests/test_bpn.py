@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 import scipy
 import torch
+from constants import with_constants
 from scratch import content, prepare, same_but_figures
 
 import finloop.bpn.back_propagation
@@ -223,8 +224,8 @@ def test_the_seed_decides_the_split():
 @pytest.mark.parametrize(
     ("lengths", "split", "message"),
     [
-        ([200], lambda r: split_by_tracks(r, 0.2, rng()), r"1 track(.|\n)*bpn.split=blocks"),
-        ([200], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"1 block(.|\n)*bpn.block"),
+        ([200], lambda r: split_by_tracks(r, 0.2, rng()), r"1 track(.|\n)*bpn.held_out_by=blocks"),
+        ([200], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"1 block(.|\n)*bpn.held_out_block"),
         ([3], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"0 block(.|\n)*longer film"),
         ([3], lambda r: split_by_tracks(r, 0.2, rng()), "0 track"),
         ([20, 6], lambda r: split_by_tracks(r, 0.2, rng()), r"15 rows to learn from and 1 held out"),
@@ -382,7 +383,7 @@ def test_the_model_is_the_network_that_was_learnt(hidden):
     def step_law(inputs):  # the sigmoids overshoot the ends of the range, and are clipped
         return np.column_stack([inputs[:, 0] > 0.5, np.sign(inputs[:, 3])]).astype(float)
 
-    how = replace(HOW, hidden=hidden, epochs=60)
+    how = replace(HOW, hidden_units=hidden, epochs=60)
     model, curve = train(
         inputs, step_law(inputs), (held, step_law(held)), how, 0.2, rng()
     )  # fmt: skip
@@ -633,7 +634,7 @@ def test_an_export_that_says_something_else_is_refused(monkeypatch):
 # -- the stage --------------------------------------------------------------------------------------
 
 MADE = {"curve.csv", "fig15.png", "held_out.png", "metrics.json", "numbers.csv"}
-SHORT = ("bpn.epochs=4", "bpn.block=4")
+SHORT = ("bpn.epochs=4", "bpn.held_out_block_deltas=4")
 
 
 def put(folder, features, *overrides):
@@ -695,8 +696,8 @@ def test_the_stage_makes_the_same_again(here):
 
 
 @pytest.mark.parametrize(
-    "override", ["bpn.seed=1", "bpn.split=tracks", "bpn.hidden=5", "bpn.batch_size=3",
-                 "bpn.momentum=0", "bpn.learning_rate=0.2", "bpn.held_out=0.4"]
+    "override", ["bpn.seed=1", "bpn.held_out_by=tracks", "bpn.hidden_units=5", "bpn.batch_size=3",
+                 "bpn.momentum=0", "bpn.learning_rate=0.2", "bpn.held_out_ratio=0.4"]
 )  # fmt: skip
 def test_every_parameter_changes_the_model(here, override):
     once = content(here / "data/bpn")
@@ -718,7 +719,7 @@ def test_the_seed_decides_the_split_and_the_first_weights(here):
 
 def test_both_splits_are_told_from_either_side(here):
     by_blocks = metrics(here)
-    prepare(here, *SHORT, "bpn.split=tracks")
+    prepare(here, *SHORT, "bpn.held_out_by=tracks")
     stages.bpn.main()
     by_tracks = metrics(here)
     for name in ("held_out_area_rmse", "type_rmse_skill_against_linear"):
@@ -743,9 +744,9 @@ def test_a_type_that_never_occurs_leaves_its_metrics_out(here):
 @pytest.mark.parametrize(
     ("lengths", "overrides", "message"),
     [
-        ([200], ["bpn.split=tracks"], "1 track"),
+        ([200], ["bpn.held_out_by=tracks"], "1 track"),
         ([4, 5, 3], [], "0 block"),
-        ([200], ["bpn.block=0.5"], "at least as long as Δ"),
+        ([200], ["bpn.held_out_block_deltas=0.5"], "at least as long as Δ"),
         ([200], ["bpn.learning_rate=1e308"], "without bound"),
     ],
 )
@@ -770,7 +771,7 @@ def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(her
 
 
 def test_a_film_shorter_than_its_blocks_has_shorter_blocks(here):
-    put(here, table([200]), "bpn.block=5000")
+    put(here, table([200]), "bpn.held_out_block_deltas=5000")
     stages.bpn.main()
     assert 0.1 < metrics(here)["held_out_rows"] / 200 < 0.3
 
@@ -780,7 +781,7 @@ def test_of_a_long_film_so_many_rows_are_learnt_from(by):
     rows = motion_rows(table([300, 200, 150, 120, 90]), DELTA)
     every, held = split(rows, by, settings("bpn"))
     most = int(every.sum()) // 2
-    some, same = split(rows, by, settings("bpn", most_rows=most))
+    some, same = split(rows, by, with_constants(settings("bpn"), most_rows=most))
     np.testing.assert_array_equal(held, same)
     assert some.sum() == most and not (some & ~every).any()
     assert len(np.unique(rows.frame[some] // 20)) > 0.9 * len(np.unique(rows.frame[every] // 20))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from constants import with_constants
 from scratch import prepare, put_clip
 
 import finloop
@@ -18,6 +19,7 @@ from finloop.calibrate.film import film_shoal, horizon_frames
 from finloop.calibrate.fit import Rings, cross_validate, fit_zones, regression, without_company
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.calibrate.rule import film_rule, shortage
+from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import FEATURES
 from finloop.io.numbers import load_numbers
 from finloop.io.record import save_records
@@ -33,9 +35,8 @@ PX, OWN, STEP = 20.0, 0.6, 0.3
 ARENA = np.ones((300, 300), bool)
 TRUE = Zones(0.5, 2.0, 8.0, 90.0, 1.2, 0.5, 0.8)
 TRIED = {
-    "radii": [0.0, 0.5, 1.0, 2.0, 4.0, 8.0],
-    "blind_angles_deg": [0.0, 90.0, 180.0],
-    "horizon": 1.0,
+    "radii": (0.0, 0.5, 1.0, 2.0, 4.0, 8.0),
+    "blind_angles_deg": (0.0, 90.0, 180.0),
 }
 
 
@@ -74,6 +75,11 @@ def features(places, headings):
     return table.astype(FEATURES.kinds)[FEATURES.names]
 
 
+def tried(**changes):
+    """Parameters with which a fit is quick."""
+    return with_constants(settings("calibrate"), **TRIED | changes)
+
+
 def shoal(zones=TRUE, **by):
     return film_shoal(swim(zones, **by), ARENA, 1, 1.0)
 
@@ -85,7 +91,7 @@ FILM = shoal()
 
 
 def test_zones_that_fish_swim_by_are_found_again():
-    found = fit_zones(FILM, settings("calibrate", **TRIED))
+    found = fit_zones(FILM, tried())
     assert found.zones.radii == TRUE.radii
     assert found.zones.blind_deg == TRUE.blind_deg
     assert found.zones.weights == pytest.approx(TRUE.weights, rel=0.25)
@@ -94,13 +100,13 @@ def test_zones_that_fish_swim_by_are_found_again():
 
 
 def test_fish_that_pay_no_attention_have_no_zones_that_foretell():
-    found = fit_zones(shoal(NO_ZONES), settings("calibrate", **TRIED))
+    found = fit_zones(shoal(NO_ZONES), tried())
     assert found.explained_held_out < 0.005
     assert max(found.zones.weights) < 0.1
 
 
 def test_what_is_given_is_kept_and_the_rest_is_fitted():
-    p = settings("calibrate", **TRIED, attraction=7.0, attraction_weight=0.8, blind_deg=90.0)
+    p = tried(attraction_radius_bl=7.0, attraction_weight=0.8, blind_angle_deg=90.0)
     found = fit_zones(FILM, p).zones
     assert (found.attraction, found.attraction_weight, found.blind_deg) == (7.0, 0.8, 90.0)
     assert found.repulsion_weight == pytest.approx(1.2, rel=0.3)
@@ -109,24 +115,23 @@ def test_what_is_given_is_kept_and_the_rest_is_fitted():
 @pytest.mark.parametrize(
     "asked",
     [
-        {"repulsion": 20.0},
-        {"alignment": 20.0},
-        {"radii": [1.0, 2.0, 4.0], "attraction": 0.5},
-        {"attraction": 0.0},
+        {"repulsion_radius_bl": 20.0},
+        {"alignment_radius_bl": 20.0},
+        {"radii": (1.0, 2.0, 4.0), "attraction_radius_bl": 0.5},
+        {"attraction_radius_bl": 0.0},
     ],
 )
 def test_zones_beyond_the_list_are_fitted_round_what_is_given(asked):
-    few = TRIED | {"blind_angles_deg": [0.0]} | asked
-    zones = fit_zones(FILM, settings("calibrate", **few)).zones
+    zones = fit_zones(FILM, tried(**{"blind_angles_deg": (0.0,)} | asked)).zones
     for name in {*asked} - {"radii"}:
-        assert getattr(zones, name) == asked[name]
+        assert getattr(zones, name.removesuffix("_radius_bl")) == asked[name]
     assert list(zones.radii) == sorted(zones.radii)
 
 
 def test_the_mirror_image_of_a_film_has_the_same_zones():
     table = swim(TRUE)
     mirrored = table.assign(x_px=299 - table["x_px"], heading_deg=180 - table["heading_deg"])
-    p = settings("calibrate", **TRIED)
+    p = tried()
     here, there = (fit_zones(film_shoal(one, ARENA, 1, 1.0), p) for one in (table, mirrored))
     assert there.zones.radii == here.zones.radii
     assert there.zones.weights == pytest.approx(here.zones.weights, rel=1e-3)
@@ -227,7 +232,7 @@ def test_tracks_too_short_for_a_step_teach_no_rule():
 
 
 def test_fish_that_are_points_shoal_as_the_film_does():
-    p = settings("calibrate", steps=1500)
+    p = with_constants(settings("calibrate"), steps=1500)
     half, other = FILM.half(True), FILM.half(False)
     rows, far = FILM.whole_steps(p.rows), {}
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
@@ -253,19 +258,21 @@ def test_own_steps_leave_nothing_to_the_company():
 
 def test_zones_that_do_not_lie_round_each_other_are_refused():
     with pytest.raises(FinloopError, match="repulsion ≤ alignment ≤ attraction"):
-        settings("calibrate", repulsion=3.0, attraction=2.0)
+        settings("calibrate", repulsion_radius_bl=3.0, attraction_radius_bl=2.0)
 
 
 def test_a_film_without_company_has_the_papers_zones():
     assert without_company(settings("calibrate")) == COUZIN
-    given = without_company(settings("calibrate", repulsion=2.0, attraction_weight=0.0))
+    given = without_company(settings("calibrate", repulsion_radius_bl=2.0, attraction_weight=0.0))
     assert given == replace(COUZIN, repulsion=2.0, attraction_weight=0.0)
 
 
-def run(tmp_path, monkeypatch, table, *overrides, parts=()):
+def run(tmp_path, monkeypatch, table, *overrides, parts=(), steps=50):
     """The stage on a feature table; the numbers that it reports."""
     tmp_path.mkdir(exist_ok=True)
-    prepare(tmp_path, "calibrate.horizon=1.0", "calibrate.steps=50", *overrides)
+    prepare(tmp_path, *overrides)
+    monkeypatch.setattr(CalibrateSettings, "horizon", 1.0)
+    monkeypatch.setattr(CalibrateSettings, "steps", steps)
     monkeypatch.chdir(tmp_path)
     put_clip(tmp_path, [np.zeros(ARENA.shape, np.uint8)])
     if parts:
@@ -301,7 +308,7 @@ def test_rounding_changes_no_number_of_the_film_and_how_points_swim(tmp_path, mo
 
         monkeypatch.setattr(finloop.calibrate.film, "vectors", shifted)
         to = tmp_path / str(shift)
-        numbers.append(run(to, monkeypatch, swim(TRUE, frames=400), "calibrate.steps=500"))
+        numbers.append(run(to, monkeypatch, swim(TRUE, frames=400), steps=500))
         tables.append(pd.read_csv(to / "data/calibrate/company.csv").set_index("shoal"))
     assert numbers[0] == numbers[1]
     assert tables[0].loc["first_half"].equals(tables[1].loc["first_half"])
@@ -310,7 +317,10 @@ def test_rounding_changes_no_number_of_the_film_and_how_points_swim(tmp_path, mo
 
 def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypatch, capsys):
     numbers = run(
-        tmp_path, monkeypatch, swim(NO_ZONES, fish=1, frames=200), "calibrate.repulsion=2.0"
+        tmp_path,
+        monkeypatch,
+        swim(NO_ZONES, fish=1, frames=200),
+        "calibrate.repulsion_radius_bl=2.0",
     )
     assert "show 0 and 0 times a fish in company" in capsys.readouterr().err
     assert numbers["fitted"] == 0 and numbers["fish"] == 1
@@ -335,11 +345,12 @@ def test_the_verb_returns_the_rule_of_the_stage(tmp_path, monkeypatch):
     table = swim(TRUE, frames=400)
     run(tmp_path, monkeypatch, table)
     film = SimpleNamespace(arena=ARENA)
-    rule, stored = finloop.find_zones(table, film, horizon=1.0), Project().rule
+    rule, stored = finloop.find_zones(table, film), Project().rule
     assert (rule.zones, rule.horizon, rule.alike) == (stored.zones, stored.horizon, stored.alike)
     assert rule.steps.move.tolist() == stored.steps.move.tolist()
     assert (rule.steps.forward, rule.steps.onward) == (stored.steps.forward, stored.steps.onward)
     with pytest.warns(UserWarning, match="Couzin"):
         assert finloop.find_zones(swim(NO_ZONES, fish=1, frames=50), film).zones == COUZIN
+    monkeypatch.setattr(CalibrateSettings, "horizon", "auto")
     with pytest.warns(UserWarning, match="Couzin"), pytest.raises(FinloopError, match="too short"):
         finloop.find_zones(swim(NO_ZONES, fish=1, frames=2), film)

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from constants import with_constants
 from scipy.spatial.distance import cdist
 
 from finloop.base.settings import settings
@@ -163,7 +164,7 @@ def test_the_area_is_the_integral_of_the_width(carp):
 
 
 def test_truth_is_taken_from_the_coverage(carp):
-    params = replace(SMALL, frames=3, fins=1.0)
+    params = replace(SMALL, frames=3, fins_open_ratio=1.0)
     poses, skins = motion(params), looks(params)
     for number, (_, rows) in enumerate(film(params)):
         row = rows[0]
@@ -183,9 +184,10 @@ def test_truth_is_taken_from_the_coverage(carp):
 def test_the_fish_in_the_frame_lies_where_the_truth_says():
     # Without noise, drift and shadow whatever differs from the empty floor is the fish: find it in
     # the finished frames. Nearly opaque, so its darkness weighs almost like its coverage.
-    params = replace(
-        SMALL, frames=30, noise=0.0, light_drift=0.0, shadow=0.0, fins=0.0, colour=False
-    )
+    params = with_constants(
+        SMALL, frames=30, noise_grey=0.0, light_drift=0.0, shadow=0.0, fins_open_ratio=0.0,
+        colour=False,
+    )  # fmt: skip
     floor = empty_tank(params)[..., 0]
     for picture, rows in list(film(params))[::3]:
         dark = floor - picture > 45
@@ -333,7 +335,7 @@ def test_it_speeds_up_and_glides(long_films):
 
 @pytest.mark.parametrize("fins", [0.0, 0.3, 1.0])
 def test_fins_are_open_the_asked_share_of_the_time(fins):
-    poses = motion(settings("clip", source="carp", frames=3000, fins=fins, seed=5))
+    poses = motion(settings("clip", source="carp", frames=3000, fins_open_ratio=fins, seed=5))
     assert (poses.fins[100:] > 0.5).mean() == pytest.approx(fins, abs=0.08)
 
 
@@ -390,7 +392,8 @@ def test_a_longer_film_begins_like_a_shorter():
 
 def test_noise_and_light_do_not_change_the_truth():
     plain = [rows for _, rows in film(replace(SMALL, frames=4))]
-    rough = [rows for _, rows in film(replace(SMALL, frames=4, noise=9.0, light_drift=0.2))]
+    harsh = with_constants(SMALL, frames=4, noise_grey=9.0, light_drift=0.2)
+    rough = [rows for _, rows in film(harsh)]
     assert [r[0]["x_px"] for r in plain] == [r[0]["x_px"] for r in rough]
 
 
@@ -414,7 +417,9 @@ def test_frames_and_rows_have_the_promised_form():
 @pytest.mark.parametrize("colour", [True, False])
 @pytest.mark.parametrize("noise", [0.0, 6.0])
 def test_noise_is_as_strong_as_asked(noise, colour):
-    params = replace(SMALL, frames=24, noise=noise, light_drift=0.0, shadow=0.0, colour=colour)
+    params = with_constants(
+        SMALL, frames=24, noise_grey=noise, light_drift=0.0, shadow=0.0, colour=colour
+    )
     frames = np.array([picture for picture, _ in film(params)], np.float64)
     if colour:
         frames = frames @ (0.299, 0.587, 0.114)
@@ -425,21 +430,22 @@ def test_noise_is_as_strong_as_asked(noise, colour):
 
 
 def test_light_drifts_slowly_and_as_far_as_asked():
-    params = settings("clip", source="carp", light_drift=0.1)
+    params = with_constants(settings("clip", source="carp"), light_drift=0.1)
     lamp = light(params)
     assert 0.05 < np.abs(lamp - 1).max() <= 0.1
     assert np.abs(np.diff(lamp)).max() < 0.002
-    assert np.array_equal(light(replace(params, light_drift=0.0)), np.ones(1500))
-    slow = replace(SMALL, frame_rate_hz=2.0, noise=0.0, light_drift=0.1, frames=30)
+    assert np.array_equal(light(with_constants(params, light_drift=0.0)), np.ones(1500))
+    slow = with_constants(SMALL, frame_rate_hz=2.0, noise_grey=0.0, light_drift=0.1, frames=30)
     seen = np.array([np.median(picture) for picture, _ in film(slow)])
     assert seen / seen[0] == pytest.approx(light(slow) / light(slow)[0], abs=0.02)
 
 
 def test_the_fish_stands_out_from_the_floor_and_its_shadow_less():
     slow = 12.5  # half the frames of the same way
-    params = replace(
-        SMALL, frames=8, frame_rate_hz=slow, noise=0.0, light_drift=0.0, fins=0.0, colour=False
-    )
+    params = with_constants(
+        SMALL, frames=8, frame_rate_hz=slow, noise_grey=0.0, light_drift=0.0, fins_open_ratio=0.0,
+        colour=False,
+    )  # fmt: skip
     for seed in range(2):
         params = replace(params, seed=seed)
         frames, truth = zip(*film(params), strict=True)

@@ -874,9 +874,8 @@ def artifact(folder: Path) -> set[str]:
 
 def test_own_film_runs_through(run_stage, avi, capsys):
     metrics = run_stage(
-        "file", path=str(avi), start_s=0.4, even_light="never", arena="circle",
-        arena_x_px=30, arena_y_px=20, arena_radius_px=15,
-    )  # fmt: skip
+        "file", path=str(avi), start_s=0.4, correct_light="never", arena=(30, 20, 15)
+    )
     facts = load_facts(stage.CLIP / "facts.json")
     made = {"clip.mp4", "facts.json", "arena.png", "frames.parquet", "check.parquet", "tank.png"}
     assert artifact(stage.CLIP) == made
@@ -910,8 +909,8 @@ def test_mask_arena_and_odd_colour(run_stage, tmp_path):
     mask[5:, 9:] = 255
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
     metrics = run_stage(
-        "file", path=str(folder), frame_rate_hz=12.5, even_light="never", arena="mask",
-        arena_mask=str(tmp_path / "mask.png"),
+        "file", path=str(folder), frame_rate_hz=12.5, correct_light="never",
+        arena=str(tmp_path / "mask.png"),
     )  # fmt: skip
     assert (metrics["frame_rate_hz"], metrics["width_px"]) == (12.5, 63)
     back = next(read_frames(stage.CLIP / "clip.mp4", colour=True))
@@ -919,7 +918,7 @@ def test_mask_arena_and_odd_colour(run_stage, tmp_path):
     np.testing.assert_array_equal(load_mask(stage.CLIP / "arena.png", 63, 47), mask > 0)
     with pytest.raises(FinloopError, match="is 63×47 pixels"):
         run_stage("file", path=str(make_film(tmp_path / "a.avi", map(picture, range(5)))),
-                  arena="mask", arena_mask=str(tmp_path / "mask.png"))  # fmt: skip
+                  arena=str(tmp_path / "mask.png"))  # fmt: skip
 
 
 def test_drawn_carp_with_truth(run_stage):
@@ -1033,7 +1032,7 @@ def test_conf_and_carp_have_the_same_defaults():
     ("source", "changes", "said"),
     [
         ("carp", {"frames": -3}, "clip.frames: should be greater than or equal to 2"),
-        ("carp", {"noise": math.nan}, "clip.noise: should be a finite number"),
+        ("carp", {"noise_grey": math.nan}, "clip.noise_grey: should be a finite number"),
         ("carp", {"body_length_px": -1.0}, "clip.body_length_px"),
         ("zebrafish", {"parts": "C"}, "clip.parts: should be 'A', 'B' or 'AB'"),
         ("zebrafish", {"crf": 99}, "clip.crf: should be less than or equal to 51"),
@@ -1042,9 +1041,11 @@ def test_conf_and_carp_have_the_same_defaults():
         ("file", {"path": "a", "start_s": -1}, "clip.start_s: should be greater than or equal"),
         ("file", {"path": "a", "start_s": 2, "end_s": 1}, "end_s 1 is not after start_s 2"),
         ("file", {"path": "a", "frame_rate_hz": 0}, "clip.frame_rate_hz"),
-        ("file", {"path": "a", "arena": "circle"}, "arena=circle needs arena_radius_px"),
-        ("file", {"path": "a", "arena_x_px": 3}, "arena=none has no use (arena=circle has)"),
-        ("file", {"path": "a", "arena_radius_px": math.inf}, "should be a finite number"),
+        ("file", {"path": "a", "arena": [3, 4]}, "[x, y, radius] or [left, top, width, height]"),
+        ("file", {"path": "a", "arena": [3, 4, 0]}, "radius, width and height above 0, got [3.0"),
+        ("file", {"path": "a", "arena": []}, "got []"),
+        ("file", {"path": "a", "arena": [3, 4, math.inf]}, "should be a finite number"),
+        ("file", {"path": "a", "arena_x_px": 3}, "clip.arena_x_px: unknown; it is clip.arena now"),
         ("file", {"path": "a", "colour": "red"}, "should be 'auto', 'always' or 'never'"),
     ],
 )

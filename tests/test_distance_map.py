@@ -283,14 +283,18 @@ def film(folder, pose, size):
 
 @pytest.mark.parametrize("pose", [BODY, FILM])
 def test_the_map_of_a_part_is_that_part_of_the_map(here, pose, capsys):
-    small = f"distance.pose={pose}", "distance.keep=null", "distance.size=24"
+    small = (
+        f"distance.frame_of_reference={pose}",
+        "distance.max_distance_steps=null",
+        "distance.picture_size_px=24",
+    )
     whole, every, _, _ = made(here, *small)
-    pairs, steps, _, metrics = made(here, *small, "distance.most_pictures=40")
+    pairs, steps, _, metrics = made(here, *small, "distance.max_pictures=40")
     features = load_table(here / "data/features/features.parquet", FEATURES)
     rows = map_rows(features, steps)
     assert len(rows) == len(steps) == metrics["frames"] < len(features)
     assert metrics["film_mapped_pct"] == pytest.approx(100 * len(rows) / len(features), rel=1e-3)
-    assert "distance.most_pictures" in capsys.readouterr().err
+    assert "distance.max_pictures" in capsys.readouterr().err
     inside = whole[np.isin(whole[["i", "j"]], rows).all(axis=1)]
     np.testing.assert_array_equal(pairs[["i", "j"]], inside[["i", "j"]])
     np.testing.assert_allclose(pairs["distance"], inside["distance"], atol=EXACT)
@@ -305,8 +309,8 @@ def test_the_map_of_a_part_is_that_part_of_the_map(here, pose, capsys):
 @pytest.mark.parametrize(("keep", "threshold"), [("null", 0.1), (1.5, 0.1), (4.0, 0.0)])
 def test_the_stage_keeps_what_eq_6_says(here, pose, keep, threshold):
     pairs, steps, facts, metrics = made(
-        here, f"distance.pose={pose}", f"distance.keep={keep}", "distance.size=24",
-        f"distance.area_threshold={threshold}", "distance.picture_frames=40",
+        here, f"distance.frame_of_reference={pose}", f"distance.max_distance_steps={keep}", "distance.picture_size_px=24",
+        f"distance.motion_area_threshold={threshold}",
     )  # fmt: skip
     features, pictures = film(here, pose, 24)
     true = brute(pictures)
@@ -347,7 +351,9 @@ def test_ten_frames_in_one_orientation_are_enough(here):
     cutouts = here / "data/extract/cutouts.arrow"
     with open_cutouts(cutouts) as store, CutoutWriter(cutouts) as writer:
         writer.copy(store, np.arange(10))
-    pairs, steps, _, metrics = made(here, "distance.pose=film", "distance.keep=null")
+    pairs, steps, _, metrics = made(
+        here, "distance.frame_of_reference=film", "distance.max_distance_steps=null"
+    )
     assert metrics["frames"] == len(steps) == 10
     assert metrics["pairs"] == 45
     assert set(pairs["j"]) <= set(range(10))
@@ -355,13 +361,21 @@ def test_ten_frames_in_one_orientation_are_enough(here):
 
 @pytest.mark.usefixtures("no_drawing")
 def test_nothing_kept_is_told_and_is_a_table_all_the_same(here, capsys):
-    pairs, steps, _, metrics = made(here, "distance.keep=1e-6")
+    pairs, steps, _, metrics = made(here, "distance.max_distance_steps=1e-6")
     assert len(pairs) == metrics["pairs_kept"] == 0
     assert len(steps) == metrics["frames"]
     assert "no two frames are alike enough" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("override", ["keep=0", "area_threshold=-0.1", "pose=both", "size=4"])
+@pytest.mark.parametrize(
+    "override",
+    [
+        "max_distance_steps=0",
+        "motion_area_threshold=-0.1",
+        "frame_of_reference=both",
+        "picture_size_px=4",
+    ],
+)
 def test_parameters_out_of_range_are_refused(here, override):
     with pytest.raises(Exception, match=override.split("=")[0]):
         prepare(here, *TINY_CARP, f"distance.{override}")

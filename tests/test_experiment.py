@@ -87,28 +87,28 @@ def test_every_value_is_allowed(name):
 
 
 def test_every_combination_is_a_run():
-    params = {"features.orientations": "12, 48", "distance.pose": "film, body"}
+    params = {"features.orientations": "12, 48", "distance.frame_of_reference": "film, body"}
     runs = Experiment("t", "w", "s", params, ["animate.frames"]).runs("one")
     assert list(runs) == ["one-12-film", "one-12-body", "one-48-film", "one-48-body"]
-    assert runs["one-48-film"] == ["features.orientations=48", "distance.pose=film"]
+    assert runs["one-48-film"] == ["features.orientations=48", "distance.frame_of_reference=film"]
 
 
 GOOD = {
     "title": "t",
     "why": "w",
     "seen": "s",
-    "params": {"bpn.hidden": "1, 2"},
+    "params": {"bpn.hidden_units": "1, 2"},
     "measures": ["animate.frames"],
 }
 
 
 def test_values_are_in_the_notation_of_hydra():
     sweep = Experiment(
-        "t", "w", "s", {"bpn.hidden": "range(1, 3)", "bpn.seed": "7"}, ["animate.frames"]
+        "t", "w", "s", {"bpn.hidden_units": "range(1, 3)", "bpn.seed": "7"}, ["animate.frames"]
     )
     assert sweep.runs("one") == {
-        "one-1-7": ["bpn.hidden=1", "bpn.seed=7"],
-        "one-2-7": ["bpn.hidden=2", "bpn.seed=7"],
+        "one-1-7": ["bpn.hidden_units=1", "bpn.seed=7"],
+        "one-2-7": ["bpn.hidden_units=2", "bpn.seed=7"],
     }
 
 
@@ -136,7 +136,7 @@ def test_what_is_usual_composes_from_no_override():
 @pytest.mark.parametrize(
     "overrides",
     [TINY_CARP, ["clip=file", "clip.path='a: b,c.mp4'", 'sprites.straight_frames="8:120-140"',
-                     "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.keep=null", "morph.back=false"]],
+                     "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.max_distance_steps=null", "morph.back=false"]],
 )  # fmt: skip
 def test_what_was_changed_composes_to_the_same_again(overrides):
     text = compose_params(["~local", *overrides])
@@ -169,8 +169,8 @@ def some(count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     names = [f"run-{k}" for k in range(count)]
     parameters = pd.DataFrame(
         {
-            "bpn.hidden": [10, 9, 100, 2, 5][:count],
-            "distance.pose": list("babab")[:count],
+            "bpn.hidden_units": [10, 9, 100, 2, 5][:count],
+            "distance.frame_of_reference": list("babab")[:count],
             "bpn.seed": 0,
         },
         index=names,
@@ -181,9 +181,11 @@ def some(count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 def test_what_differs_is_compared_numbers_by_size():
     parameters, numbers = some(5)
-    found = comparison(parameters[["bpn.hidden", "bpn.seed"]], numbers, ["bpn.error", "no.such"])
-    assert list(found.parameters) == ["bpn.hidden"]
-    assert list(found.parameters["bpn.hidden"]) == [2, 5, 9, 10, 100]
+    found = comparison(
+        parameters[["bpn.hidden_units", "bpn.seed"]], numbers, ["bpn.error", "no.such"]
+    )
+    assert list(found.parameters) == ["bpn.hidden_units"]
+    assert list(found.parameters["bpn.hidden_units"]) == [2, 5, 9, 10, 100]
     assert list(found.measures.index) == list(found.parameters.index)
     assert list(found.measures)[-1] == "bpn.error" and found.measures.shape == (5, 4)
     sign = [1, -1, 1]
@@ -212,7 +214,7 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
 
 def test_one_parameter_has_a_panel_for_every_measure():
     parameters, numbers = some(5)
-    found = comparison(parameters[["bpn.hidden"]], numbers, ["bpn.error"])
+    found = comparison(parameters[["bpn.hidden_units"]], numbers, ["bpn.error"])
     panels = curves(found).data
     assert len(panels) == 4 and panels[-1].x == (0, 1, 2, 3, 4)
     for panel, measure in zip(panels, found.measures, strict=True):

@@ -20,6 +20,7 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT, TINY_CARP
+from constants import with_constants
 from scratch import content, prepare, put_clip
 
 import stages.clip
@@ -31,6 +32,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes, Threads
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
+from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract import film as extract
 from finloop.extract.background import (
     Scene,
@@ -646,9 +648,9 @@ SHORT = replace(SHOT, frames=64)
 FILMS = {
     "one fish": SHOT,
     "colour": replace(SHOT, seed=7, colour=True),
-    "fins open": replace(SHORT, seed=1, fins=1.0),
-    "light drift": replace(SHORT, seed=5, light_drift=0.15),
-    "doubled noise": replace(SHORT, seed=6, noise=5.0),
+    "fins open": replace(SHORT, seed=1, fins_open_ratio=1.0),
+    "light drift": with_constants(SHORT, seed=5, light_drift=0.15),
+    "doubled noise": replace(SHORT, seed=6, noise_grey=5.0),
     "three fish": replace(
         SHOT, seed=1, fish=3, frames=120, width_px=520, height_px=400, body_length_px=60.0
     ),
@@ -1030,7 +1032,7 @@ def test_branches_of_drawn_fish_cover_their_skeletons(drawn, name):
 
 # -- the stage ----------------------------------------------------------------------------------
 
-FILM = [*TINY_CARP, "clip.frames=90", "clip.crf=0", "clip.light_drift=0"]
+FILM = [*TINY_CARP, "clip.frames=90", "clip.crf=0"]
 MADE = ["background.png", "cutouts.arrow", "scene.json", "tracks.parquet"]
 
 
@@ -1042,6 +1044,7 @@ def extracted(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(stages.cluster, "THREADS", 1)
+        patch.setattr(CarpFilm, "light_drift", 0.0)
         stages.clip.main()
         stages.extract.main()
         stages.plots.extract.main()

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import TINY_CARP
+from constants import with_constants
 from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip
 
@@ -45,7 +46,7 @@ from finloop.sprites.orient import SPRITES, sprite_cutouts
 ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE, DELTA, LENGTH, SIZE, FRAMES = 20.0, 4, 60.0, 48, 60
-SETTINGS = GatewaysSettings(top_in=12, top_out=3, threshold=1.2, apart=1.0, least=2.5)
+SETTINGS = GatewaysSettings(frames_per_sprite=12, sprites_per_frame=3, distance_threshold=1.2)
 
 
 # -- a toy film -------------------------------------------------------------------------------------
@@ -149,7 +150,7 @@ class World:
         return Reel(self.features, film).frames(rows, SIZE, pose or self.pose)
 
     def table(self, **asked):
-        settings = replace(SETTINGS, **asked)
+        settings = with_constants(SETTINGS, **asked)
         return gateways(self.near, self.sprites, self.features, self.step, settings)
 
     def ways(self, direction, **asked):
@@ -258,7 +259,7 @@ def test_every_distance_is_that_of_the_two_pictures(name, request):
 
 
 def test_as_filmed_a_sprite_meets_only_frames_of_its_orientation(filmed):
-    table = filmed.table(threshold=100.0)
+    table = filmed.table(distance_threshold=100.0)
     compared = table["row"] + (table["direction"] == OUT)
     assert (table["orientation"] == filmed.features["orientation"].to_numpy()[compared]).all()
     assert (table["orientation"] >= 1).all() and table["orientation"].nunique() > 5
@@ -282,16 +283,16 @@ def test_in_the_pose_body_the_orientation_does_not_matter(world):
 
 @pytest.mark.parametrize("threshold", [0.2, 0.7, 2.0])
 def test_nothing_is_farther_than_the_threshold_and_nothing_nearer_is_lost(world, threshold):
-    ways = world.ways(OUT, threshold=threshold)
+    ways = world.ways(OUT, distance_threshold=threshold)
     most = threshold * world.step
     assert (ways["distance"] <= most).all()
-    free = world.ways(OUT, threshold=1e6)
+    free = world.ways(OUT, distance_threshold=1e6)
     assert len(ways) == (free["distance"] <= most).sum() < len(free)
 
 
 @pytest.mark.parametrize("apart", [0.0, 1.0, 2.5])
 def test_frames_a_sprite_leads_to_are_apart(world, apart):
-    ways = world.ways(IN, threshold=1e6, apart=apart, top_in=100)
+    ways = world.ways(IN, distance_threshold=1e6, apart=apart, frames_per_sprite=100)
     least = max(1, apart * DELTA)
     for sprite, of in ways.groupby("sprite"):
         kept, distance = of["row"].to_numpy(), of["distance"].to_numpy()
@@ -307,13 +308,13 @@ def test_frames_a_sprite_leads_to_are_apart(world, apart):
 
 
 def test_no_frame_is_led_to_twice_by_one_sprite(world):
-    ways = world.ways(IN, threshold=1e6, apart=0.0, top_in=100)
+    ways = world.ways(IN, distance_threshold=1e6, apart=0.0, frames_per_sprite=100)
     assert not ways.duplicated(["sprite", "row"]).any()
 
 
 @pytest.mark.parametrize("least", [0.0, 2.5, 10.0])
 def test_frames_led_to_have_film_ahead(world, least):
-    ways = world.ways(IN, threshold=1e6, least=least, apart=0.0, top_in=100)
+    ways = world.ways(IN, distance_threshold=1e6, least=least, apart=0.0, frames_per_sprite=100)
     left = FRAMES - 1 - world.features["frame"].to_numpy()[ways["row"]]
     assert left.min() >= least * DELTA
     if least > 5:  # the next frame of the sprites at 20, 21, 33, 40 has not so much left
@@ -322,26 +323,28 @@ def test_frames_led_to_have_film_ahead(world, least):
 
 def test_ranks_count_from_the_nearest(world):
     for direction, key, top in ((IN, "sprite", 12), (OUT, "row", 4 * 3)):
-        ways = world.ways(direction, threshold=1e6)
+        ways = world.ways(direction, distance_threshold=1e6)
         for _, of in ways.groupby(key):
             assert list(of["rank"]) == list(range(1, len(of) + 1)) and len(of) <= top
             assert of["distance"].is_monotonic_increasing
-    every = world.ways(OUT, threshold=1e6)
+    every = world.ways(OUT, distance_threshold=1e6)
     of_sequence = world.sprites["sequence"].to_numpy()[every["sprite"]]
     assert (every.groupby(["row", of_sequence]).size().groupby("row").max() <= 3).all()
     assert every.groupby("row")["sprite"].nunique().min() == 4  # three of the cycle, one turn
-    assert (world.ways(IN, threshold=1e6, top_in=4).groupby("sprite").size() == 4).all()
+    assert (
+        world.ways(IN, distance_threshold=1e6, frames_per_sprite=4).groupby("sprite").size() == 4
+    ).all()
 
 
 def test_a_turn_is_entered_at_its_start_and_left_anywhere(world):
     turn = np.arange(len(PICKED), len(PICKED) + len(TURN))
     assert set(turn) <= set(world.ways(IN)["sprite"])
-    led_to = set(world.ways(OUT, threshold=1e6, top_out=100)["sprite"])
+    led_to = set(world.ways(OUT, distance_threshold=1e6, sprites_per_frame=100)["sprite"])
     assert led_to == set(range(len(PICKED) + 1))
 
 
 def test_the_last_frame_of_a_track_has_no_way_out(world):
-    rows = set(world.ways(OUT, threshold=1e6)["row"])
+    rows = set(world.ways(OUT, distance_threshold=1e6)["row"])
     assert rows == {row for row in range(3 * FRAMES) if row % FRAMES != FRAMES - 1}
 
 
@@ -350,7 +353,7 @@ def test_a_mirrored_sprite_leads_to_the_mirror_of_what_came_after_it(tmp_path, f
     features, cutouts = film
     sprites = whole(sprite_rows(features, PICKED, off=6.0, mirrored=True))
     world = World(tmp_path, features, cutouts, sprites, pose)
-    ways = world.ways(IN, threshold=1e6, apart=0.0)
+    ways = world.ways(IN, distance_threshold=1e6, apart=0.0)
     for sprite, row in enumerate(PICKED):
         mirror = row + 1 + FRAMES  # the same frame of track 1
         of = ways[ways["sprite"] == sprite]
@@ -381,7 +384,7 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
 
 
 def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
-    none = world.table(threshold=0.0, least=500.0)
+    none = world.table(distance_threshold=0.0, least=500.0)
     assert len(none) == 0
     save_table(tmp_path / "none.parquet", none, GATEWAYS)
     assert len(load_table(tmp_path / "none.parquet", GATEWAYS)) == 0
@@ -395,7 +398,7 @@ def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
 
 def test_nearest_is_the_table_without_a_threshold(world):
     every = nearest(world.near, world.sprites, world.features, SETTINGS)
-    pd.testing.assert_frame_equal(every, world.table(threshold=1e6))
+    pd.testing.assert_frame_equal(every, world.table(distance_threshold=1e6))
 
 
 def test_numbers_count(world):
@@ -434,7 +437,7 @@ def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film
     with world.open() as (store, pictures):
         near = nearness(world.reel(store, pictures), rows, SIZE, world.pose)
     np.testing.assert_array_equal(near.own, world.near.own[:, rows])
-    settings = replace(SETTINGS, threshold=3.0)
+    settings = replace(SETTINGS, distance_threshold=3.0)
     whole, some = (
         gateways(one, world.sprites, features, world.step, settings) for one in (world.near, near)
     )
@@ -451,7 +454,7 @@ def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     monkeypatch.setattr(gateways_plots, "TILE", SIZE)
     of = request.getfixturevalue(name)
     facts = MapFacts(of.pose, SIZE, 0.1, 1.5, of.step, of.step)
-    some = pd.concat([spread(of.ways(way, threshold=3.0), 4) for way in (IN, OUT)])
+    some = pd.concat([spread(of.ways(way, distance_threshold=3.0), 4) for way in (IN, OUT)])
     with of.open() as (store, film):
         shown = list(pairs(some, of.reel(store, film), facts))
     for pair, way in zip(shown, some.itertuples(), strict=True):
@@ -489,7 +492,7 @@ def work(tmp_path, monkeypatch, world, film):
 
 
 def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, capsys):
-    prepare(work, *TINY_CARP, "gateways.top_out=3")
+    prepare(work, *TINY_CARP, "gateways.sprites_per_frame=3")
     stages.gateways.main()
     stages.plots.gateways.main()
     table = load_table(work / "data/gateways/gateways.parquet", GATEWAYS)
@@ -505,30 +508,39 @@ def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, ca
     assert (content(work / "data/gateways"), content(work / "reports/gateways")) == first
 
 
-def test_stage_says_which_threshold_would_give_some(work, world, capsys):
+def test_stage_says_which_threshold_would_give_some(work, world, capsys, monkeypatch):
     # No sprite's own next frame has so much ahead: but for the odd track's, all are far.
-    prepare(work, *TINY_CARP, "gateways.threshold=0.01", "gateways.least=14")
+    prepare(work, *TINY_CARP, "gateways.distance_threshold=0.01")
+    monkeypatch.setattr(GatewaysSettings, "least", 14)
     stages.gateways.main()
     assert not len(load_table(work / "data/gateways/gateways.parquet", GATEWAYS))
     said = capsys.readouterr().err
     for word, direction in (("into", IN), ("out of", OUT)):
-        free = world.ways(direction, threshold=1e6, least=14)["distance"].min() / world.step
+        free = (
+            world.ways(direction, distance_threshold=1e6, least=14)["distance"].min() / world.step
+        )
         line = next(line for line in said.splitlines() if f"no way {word} the film" in line)
-        told = float(line.split("gateways.threshold=")[1].split()[0])
+        told = float(line.split("gateways.distance_threshold=")[1].split()[0])
         assert free <= told <= free + 0.1
-        assert len(world.ways(direction, threshold=told, least=14))
+        assert len(world.ways(direction, distance_threshold=told, least=14))
     assert load_numbers(work / "reports/gateways")["ways_in"] == 0
 
 
-def test_stage_says_that_no_track_is_long_enough(work, capsys):
-    prepare(work, *TINY_CARP, "gateways.least=100")
+def test_stage_says_that_no_track_is_long_enough(work, capsys, monkeypatch):
+    prepare(work, *TINY_CARP)
+    monkeypatch.setattr(GatewaysSettings, "least", 100)
     stages.gateways.main()
-    assert "no way into the film; no track lasts gateways.least=100 Δ" in capsys.readouterr().err
+    assert "no way into the film; no track lasts 100 Δ" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     "asked",
-    ["threshold=0.0", "threshold=.inf", "top_in=0", "top_out=0.5", "apart=-1.0", "least=.nan"],
+    [
+        "distance_threshold=0.0",
+        "distance_threshold=.inf",
+        "frames_per_sprite=0",
+        "sprites_per_frame=0.5",
+    ],
 )
 def test_bad_parameters_are_refused(work, asked):
     with pytest.raises(FinloopError, match=asked.split("=")[0]):

@@ -57,13 +57,10 @@ def outputs() -> set[str]:
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.stem)
 def test_every_value_that_is_advised_is_allowed(guide, tmp_path):
     left = sorted(set(values(guide.read_text(encoding="utf-8"))))
-    circle = {"clip.arena_x_px": "9", "clip.arena_y_px": "9", "clip.arena_radius_px": "9"}
     while left:  # together what does not name a key twice: composing takes a while
         now = dict(left)
         left = [one for one in left if one not in now.items()]
-        now |= {"clip.path": "film.mp4"} | (circle if now.get("clip.arena") == "circle" else {})
-        if "clip.arena" not in now:
-            now = {key: value for key, value in now.items() if key not in circle}
+        now |= {"clip.path": "film.mp4"}
         prepare(tmp_path, "clip=file", *(f"{key}={value}" for key, value in sorted(now.items())))
 
 

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT, TINY_CARP
+from constants import with_constants
 from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip, same_but_figures
 
@@ -60,20 +61,18 @@ from finloop.plots.loops import apart, sample
 RATE = 20.0
 DELTA = 4
 EASY = LoopsSettings(
-    threshold=1.0,
-    least=2.5,
-    apart=0.5,
-    dynamics=1,
-    improper_deg=90.0,
-    most_per_end=6,
-    policy="play",
-    stay=1.0,
+    distance_threshold=1.0,
+    min_length_deltas=2.5,
+    compared_neighbour_frames=1,
+    improper_angle_deg=90.0,
+    loop_end_choice="play",
+    min_deltas_between_jumps=1.0,
     join="fade",
 )
 
 
 def settings(**asked):
-    return LoopsSettings(**{**vars(EASY), **asked})
+    return with_constants(EASY, **asked)
 
 
 def swum(x, y, heading=0.0, track=0, length=50.0):
@@ -198,7 +197,7 @@ def test_dynamics_keep_the_direction_of_motion():
             still(120),
             RATE,
             step,
-            settings(dynamics=n, threshold=0.4, most_per_end=99),
+            settings(compared_neighbour_frames=n, distance_threshold=0.4, most_per_end=99),
         )
         fast = (np.abs(speed[loops["a"]]) > step / 2) & (np.abs(speed[loops["b"]]) > step / 2)
         return (np.sign(speed[loops["a"]]) != np.sign(speed[loops["b"]]))[fast].mean()
@@ -214,7 +213,9 @@ def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
     for n in (0, 1, 2):
         value = filter_diagonals(film_map(film, 1), track.astype(np.int32), n, 5.0)
         assert np.isfinite(value).tolist() == [n <= frame < 30 - n for frame in range(30)]
-    loops, _ = find(film_map(film, 1), still(60, track), RATE, 5.0, settings(dynamics=2))
+    loops, _ = find(
+        film_map(film, 1), still(60, track), RATE, 5.0, settings(compared_neighbour_frames=2)
+    )
     assert sorted(loops["a"]) == list(range(2, 28, 3))  # all equal: as near as apart allows
     assert (loops["b"] - loops["a"] == 30).all() and loops["length_s"].isna().all()
 
@@ -235,7 +236,9 @@ def test_loops_within_a_track_have_a_least_length():
     rng = np.random.default_rng(0)
     film = rng.normal(size=(80, 1))
     for least in (1.0, 5.0, 10.0):
-        asked = settings(least=least, dynamics=0, threshold=0.2)
+        asked = settings(
+            min_length_deltas=least, compared_neighbour_frames=0, distance_threshold=0.2
+        )
         loops, _ = find(film_map(film), still(80), RATE, 1.0, asked)
         assert loops["length_s"].min() == pytest.approx(least * DELTA / RATE, abs=0.1)
         assert loops["length_s"].min() >= least * DELTA / RATE
@@ -286,7 +289,7 @@ def test_improper_loops_are_dropped_and_counted():
             loops, counts = find(film_map(film, 1), table, RATE, 5.0, EASY)
             assert len(loops) and counts.improper == 0
         else:
-            with pytest.raises(FinloopError, match=r"loops.improper_deg=180"):
+            with pytest.raises(FinloopError, match=r"loops.improper_angle_deg=180"):
                 find(film_map(film, 1), table, RATE, 5.0, EASY)
 
 
@@ -526,13 +529,13 @@ def test_routes_are_told_stretch_by_stretch(fig10):
 def test_too_low_a_threshold_is_told_which_would_have_done(unit, threshold):
     film = np.r_[np.arange(20.0), np.arange(20.0) + 0.304][:, None] * unit
     with pytest.raises(FinloopError) as error:
-        find(film_map(film), still(40), RATE, unit, settings(threshold=threshold))
-    assert f"loops.threshold {threshold:g} (median" in error.value.came
-    assert "loops.threshold=0.31 " in error.value.do
-    loops, _ = find(film_map(film), still(40), RATE, unit, settings(threshold=0.31))
+        find(film_map(film), still(40), RATE, unit, settings(distance_threshold=threshold))
+    assert f"loops.distance_threshold {threshold:g} (median" in error.value.came
+    assert "loops.distance_threshold=0.31 " in error.value.do
+    loops, _ = find(film_map(film), still(40), RATE, unit, settings(distance_threshold=0.31))
     assert len(loops)
     with pytest.raises(FinloopError):
-        find(film_map(film), still(40), RATE, unit, settings(threshold=0.3))
+        find(film_map(film), still(40), RATE, unit, settings(distance_threshold=0.3))
 
 
 def test_one_short_track():
@@ -541,13 +544,15 @@ def test_one_short_track():
 
 
 def test_an_empty_map():
-    with pytest.raises(FinloopError, match=r"(?s)no pair of frames at all.*distance.keep"):
+    with pytest.raises(
+        FinloopError, match=r"(?s)no pair of frames at all.*distance.max_distance_steps"
+    ):
         find(film_map(np.arange(60.0)[:, None], 0.5), still(60), RATE, 1.0, EASY)
 
 
 def test_nothing_at_any_threshold():
     film = np.arange(60.0)[:, None]  # alike are only frames close in time
-    with pytest.raises(FinloopError, match=r"(?s)at any threshold.*loops.least 2.5"):
+    with pytest.raises(FinloopError, match=r"(?s)at any threshold.*loops.min_length_deltas 2.5"):
         find(film_map(film, 3), still(60), RATE, 1.0, EASY)
 
 
@@ -741,7 +746,7 @@ def draw(phase, rng):
 
 def put_film(folder, n=N, period=16, tracks=2, keep=2.5, backwards=False):
     """Everything the stage reads: a fish headed right in each track, where it swims, or drifts left."""
-    prepare(folder, *TINY_CARP, "loops.dynamics=1")
+    prepare(folder, *TINY_CARP, "loops.compared_neighbour_frames=1")
     put_clip(folder, [np.zeros((120, 360), np.uint8)] * 4, rate=round(RATE))
     save_picture(folder / "data/extract/background.png", np.full((120, 360), 200, np.uint8))
     track = np.repeat(np.arange(tracks), n)
@@ -879,11 +884,11 @@ def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path,
 @pytest.mark.usefixtures("no_drawing")
 def test_stage_with_a_threshold_of_zero_says_what_would_do(tmp_path, monkeypatch, capsys):
     put_film(tmp_path)
-    prepare(tmp_path, *TINY_CARP, "loops.threshold=0.0")
+    prepare(tmp_path, *TINY_CARP, "loops.distance_threshold=0.0")
     monkeypatch.chdir(tmp_path)
     stages.loops.main()
     said = capsys.readouterr().err
-    assert re.search(r"loops.threshold=\S+ would have given the first", said)
+    assert re.search(r"loops.distance_threshold=\S+ would have given the first", said)
     assert "only the network mode" in said
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
     made = set(content(tmp_path / "reports/loops"))
@@ -907,8 +912,8 @@ def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     "asked",
     [
-        "loops.threshold=-1.0", "loops.threshold=.inf", "loops.threshold=.nan", "loops.least=0.0",
-        "loops.improper_deg=200.0", "loops.most_per_end=0", "loops.dynamics=-1",
+        "loops.distance_threshold=-1.0", "loops.distance_threshold=.inf", "loops.distance_threshold=.nan", "loops.min_length_deltas=0.0",
+        "loops.improper_angle_deg=200.0", "loops.compared_neighbour_frames=-1",
     ],
 )  # fmt: skip
 def test_bad_parameters_are_refused(tmp_path, monkeypatch, asked):

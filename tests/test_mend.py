@@ -21,7 +21,12 @@ from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FRAMES, FRAMES_NAME, load_mask, read_frames
 
 RNG = np.random.default_rng(3)
-OFF = {"deinterlace": "never", "undouble": "never", "even_light": "never", "steady": "never"}
+OFF = {
+    "deinterlace": "never",
+    "drop_repeated_frames": "never",
+    "correct_light": "never",
+    "stabilize": "never",
+}
 Frames = Sequence[np.ndarray]
 
 
@@ -77,7 +82,7 @@ def test_flicker_is_taken_out_of_every_channel(tmp_path):
     assert one.filmed.light_flicker_pct > 4 > 0.3 > one.quality.light_flicker_pct
     means = np.array([frame.mean(axis=(0, 1)) for frame in clip])
     assert (means.std(axis=0) / means.mean(axis=0)).max() < 0.006
-    kept, _ = made(tmp_path, shot, even_light="never")
+    kept, _ = made(tmp_path, shot, correct_light="never")
     assert kept.mended == frozenset() and kept.quality == kept.filmed
 
 
@@ -156,11 +161,11 @@ def test_what_cannot_be_mended_is_left():
     assert repairs(parameters(), quality(shake_px=2.0, shake_most_px=4.0), 480) == {"steady"}
     turned = quality(shake_px=2.0, shake_most_px=4.0, shake_apart_px=1.5)
     assert repairs(parameters(), turned, 480) == set()
-    assert repairs(parameters(steady="always"), far, 480) == {"steady"}
+    assert repairs(parameters(stabilize="always"), far, 480) == {"steady"}
     unknown = quality(shake_px=np.nan, shake_most_px=np.nan, shake_apart_px=np.nan)
-    assert repairs(parameters(steady="always"), unknown, 480) == set()
+    assert repairs(parameters(stabilize="always"), unknown, 480) == set()
     stutter = quality(doubled_pct=40.0, doubled_rate=np.nan)
-    assert repairs(parameters(undouble="always"), stutter, 480) == set()
+    assert repairs(parameters(drop_repeated_frames="always"), stutter, 480) == set()
 
 
 def test_findings_say_what_was_and_what_is():

@@ -76,7 +76,7 @@ from finloop.modes.loops import loop_ends
 from finloop.modes.network import Network
 from finloop.modes.sprites import plan_turn
 
-STAY = round(settings("loops").stay * DELTA)
+STAY = round(settings("loops").min_deltas_between_jumps * DELTA)
 A = [Goal("A", 200.0, 200.0)]
 
 
@@ -318,10 +318,10 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
 
 
 @pytest.mark.parametrize("pose", [BODY, FILM])
-@pytest.mark.parametrize("policy", ["play", "jump", "any"])
-def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, policy):
+@pytest.mark.parametrize("choice", ["play", "jump", "any"])
+def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, choice):
     film, table, pairs = posed_film(pose)
-    found, edit = edit_of(player_in("loops", pose, policy=policy), A, 1200, 1)
+    found, edit = edit_of(player_in("loops", pose, loop_end_choice=choice), A, 1200, 1)
     ends, jumps, before = partners(pairs), 0, None
     for one in found.stretches:
         assert (np.diff(one.number) == 1).all() and film.has_next[one.number[:-1]].all()
@@ -337,7 +337,7 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
                 assert wrap_deg(turned) == pytest.approx(0, abs=1e-6)
             jumps += one.new
         before = one
-    assert jumps > (20 if policy == "jump" else 5)
+    assert jumps > (20 if choice == "jump" else 5)
     assert (pose == BODY) == bool(edit["rotation_deg"].any())
     assert set(edit["kind"]) == {FRAME} and set(edit["mode"]) == {"loops"}
     assert not edit["mirrored"].any() and edit["pose"].isna().all()
@@ -347,7 +347,7 @@ def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, 
 
 @pytest.mark.parametrize("pose", [BODY, FILM])
 def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_way(pose):
-    most, player = settings("loops").improper_deg, player_in("loops", pose)
+    most, player = settings("loops").improper_angle_deg, player_in("loops", pose)
     film, rng, legal, other = posed_film(pose)[0], np.random.default_rng(4), 0, 0
     state = player.begin(rng)
     goal = Goal("A", *open_tank().random_point(rng))
@@ -378,10 +378,14 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
     assert legal > 30 and other > 5
 
 
-@pytest.mark.parametrize("policy", ["play", "jump", "any"])
-def test_the_policy_says_whether_the_film_plays_on_or_jumps_where_both_pass(policy):
+@pytest.mark.parametrize("choice", ["play", "jump", "any"])
+def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choice):
     """Fig. 10b."""
-    mode, rng, took = loops_of(policy=policy), np.random.default_rng(5), {True: 0, False: 0}
+    mode, rng, took = (
+        loops_of(loop_end_choice=choice),
+        np.random.default_rng(5),
+        {True: 0, False: 0},
+    )
     film, ends = mode.film, np.flatnonzero(loops_of().ends)
     for _ in range(300):
         fish = replace(in_film(film, rng), row=int(rng.choice(ends)))
@@ -395,24 +399,27 @@ def test_the_policy_says_whether_the_film_plays_on_or_jumps_where_both_pass(poli
         assert passes[chosen] if passes.any() else chosen is None
         if passes.any():
             assert taken.number[0] in starts.rows[passes]
-            assert policy == "any" or taken.number[0] == starts.rows[chosen]
+            assert choice == "any" or taken.number[0] == starts.rows[chosen]
             assert taken.new == (taken.decision.reason == "jump")
-        if passes.any() and policy != "any":  # of several jumps the one that leads nearest
+        if passes.any() and choice != "any":  # of several jumps the one that leads nearest
             mine = starts.rows == taken.number[0]
             assert ways.far[mine].item() == ways.far[jumps if taken.new else plays].min()
         if plays.any() and jumps.any():
             took[taken.new] += 1
         elif plays.any() or jumps.any():
             assert taken.new == jumps.any()
-    assert (took[True] > 0, took[False] > 0) == (policy != "play", policy != "jump")
+    assert (took[True] > 0, took[False] > 0) == (choice != "play", choice != "jump")
     assert sum(took.values()) > 50
 
 
 @pytest.mark.parametrize("stay", [0.05, 4.0])
-@pytest.mark.parametrize("policy", ["play", "jump"])
-def test_after_a_jump_comes_at_least_so_much_film(stay, policy):
+@pytest.mark.parametrize("choice", ["play", "jump"])
+def test_after_a_jump_comes_at_least_so_much_film(stay, choice):
     """Even where a goal is touched soon, or a live fish is sent elsewhere."""
-    player, rng = player_in("loops", stay=stay, policy=policy), np.random.default_rng(6)
+    player, rng = (
+        player_in("loops", min_deltas_between_jumps=stay, loop_end_choice=choice),
+        np.random.default_rng(6),
+    )
     film, gaps, since = player.film, [], None
     state = player.begin(rng)
     for _ in range(400):
@@ -493,7 +500,7 @@ def three_ways():
 )  # fmt: skip
 def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, rows):
     """No way leads back: what lies behind is of no quadrant that any loop end is in."""
-    mode = loops_of(three_ways(), policy="any")
+    mode = loops_of(three_ways(), loop_end_choice="any")
     fish = Fish(300.0, 300.0, 0.0, 2.0, IN_FILM, -1, row=19, since=100)
     found = [mode.play(fish, spot(*goal), np.random.default_rng(seed)) for seed in range(30)]
     assert {int(one.number[0]) for one in found} == (rows or {20, 170, 320})

@@ -61,7 +61,7 @@ def fill(folder: Path) -> None:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    prepare(tmp_path, "clip=carp", "bpn.hidden=7")
+    prepare(tmp_path, "clip=carp", "bpn.hidden_units=7")
     fill(tmp_path)
     return tmp_path
 
@@ -161,7 +161,7 @@ def test_stage_makes_one_whole_page_the_same_each_time(folder: Path):
     numbers = load_numbers(folder / "reports/report")
     assert numbers["figures"] == len(FIGURES) - 2  # those that are missing are left out
     page = (folder / "reports/index.html").read_text()
-    assert "-S &#39;clip=carp&#39; -S &#39;bpn.hidden=7&#39;" in page
+    assert "-S &#39;clip=carp&#39; -S &#39;bpn.hidden_units=7&#39;" in page
     assert "Table 2" in page and "several hours" in page and "drawn carp" in page
     assert not re.search(r"""(src|href)=["']?(https?:)?//""", page)
     stages.report.main()

@@ -14,6 +14,7 @@ import stages.clip
 import stages.cluster
 import stages.extract
 from finloop.base.errors import FinloopError
+from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract import film
 from finloop.extract.table import tracks_schema
 from finloop.io import space
@@ -24,7 +25,7 @@ from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, KEY_FRAME_EVERY, load_facts, load_mask
 from finloop.verbs import Film, track
 
-FILM = [*TINY_CARP, "clip.frames=72", "clip.crf=0", "clip.light_drift=0"]
+FILM = [*TINY_CARP, "clip.frames=72", "clip.crf=0"]
 SHORT = KEY_FRAME_EVERY  # frames of a piece
 EXTRACT, PIECES = Path("data/extract"), Path("data/.extract.part")
 Usage = namedtuple("Usage", "total used free")
@@ -71,6 +72,7 @@ def filmed(tmp_path_factory):
         patch.chdir(folder)
         patch.setattr(stages.cluster, "THREADS", 1)
         patch.setattr(film, "_STRETCH", SHORT)
+        patch.setattr(CarpFilm, "light_drift", 0.0)
         stages.clip.main()
         stages.extract.main()
     return folder

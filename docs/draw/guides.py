@@ -12,7 +12,7 @@ WIDE = 960  # px
 NAMES = 42  # px of a sheet of detections, where the colours are named
 THREE = [
     "clip=carp", "clip.frames=600", "clip.fish=3", "clip.width_px=760", "clip.height_px=460",
-    "clip.body_length_px=90", "clip.seed=3", "clip.fins=0.3", "clip.shadow=0.3",
+    "clip.body_length_px=90", "clip.seed=3", "clip.fins_open_ratio=0.3",
 ]  # fmt: skip
 TOO_STRICT = ["extract.max_area_ratio=1.1", "extract.min_contrast_ratio=0.95"]
 SEQUENCES = ("straight", "left", "right")

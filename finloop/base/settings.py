@@ -201,8 +201,9 @@ def _hint(word: str, option: type, key: str, names: list[str]) -> str:
     """Return where a parameter is that a group with these names lacks."""
     if renamed := getattr(option, "RENAMED", {}).get(key):
         return f"it is {word}.{renamed} now"
-    if key in vars(option).get("__annotations__", {}):
-        return f"it is a constant now, {option.__name__}.{key}"
+    for one in option.__mro__:
+        if key in vars(one).get("__annotations__", {}):
+            return f"it is a constant now, {one.__name__}.{key}"
     if word in OF_MODES:
         if key in GONE:
             return GONE[key]

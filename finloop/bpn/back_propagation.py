@@ -128,7 +128,7 @@ def train(
     t = MARGIN + (1 - 2 * MARGIN) * (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
     watched = {"train": (inputs, outputs), "held_out": held_out}
     rule = settings.batch_size, settings.learning_rate, settings.momentum
-    weights = new_weights(settings.hidden, rng)
+    weights = new_weights(settings.hidden_units, rng)
     velocity = np.zeros_like(weights)
     model = model_of(weights, low, high, delta_s)
     curve = [_errors(model, watched)]

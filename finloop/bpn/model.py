@@ -161,9 +161,10 @@ def split_by_blocks(
     """
     if block_frames < rows.delta_frames:  # a window would reach over a whole block
         raise FinloopError(
-            f"bpn.block is {block_frames} frames, and Δ, features.delta_s, {rows.delta_frames}",
+            f"bpn.held_out_block_deltas is {block_frames} frames, and Δ, features.delta_s, "
+            f"{rows.delta_frames}",
             "blocks that are at least as long as Δ, better ten times",
-            "a larger bpn.block",
+            "a larger bpn.held_out_block_deltas",
         )
     first, last = rows.frame // block_frames, (rows.frame + rows.delta_frames) // block_frames
     if len(np.unique(first)) < 2:
@@ -171,7 +172,7 @@ def split_by_blocks(
             f"the film has rows to learn from in {len(np.unique(first))} block(s) of "
             f"{block_frames} frames",
             "at least two: one to learn from, one to hold out",
-            "a smaller bpn.block, or a longer film",
+            "a smaller bpn.held_out_block_deltas, or a longer film",
         )
     sample = _sample_groups(first, held_out, rng)
     begins, ends = np.isin(first, sample), np.isin(last, sample)
@@ -184,8 +185,8 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
     if tracks < 2:
         raise FinloopError(
             f"the film has {tracks} track(s) to learn from",
-            "at least two for bpn.split=tracks: one to learn from, one to hold out",
-            "bpn.split=blocks, which splits by time",
+            "at least two for bpn.held_out_by=tracks: one to learn from, one to hold out",
+            "bpn.held_out_by=blocks, which splits by time",
         )
     test = np.isin(rows.track_id, _sample_groups(rows.track_id, held_out, rng))
     return _enough(~test, test)
@@ -198,11 +199,13 @@ def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
     """
     rng = np.random.default_rng((p.seed, 0))
     if by == "tracks":
-        train, held_out = split_by_tracks(rows, p.held_out, rng)
+        train, held_out = split_by_tracks(rows, p.held_out_ratio, rng)
     else:
         least = rows.delta_frames + LEAST_HELD_OUT
-        block = block_frames(p.block, p.held_out, rows.delta_frames, rows.frame, least)
-        train, held_out = split_by_blocks(rows, block, p.held_out, rng)
+        block = block_frames(
+            p.held_out_block_deltas, p.held_out_ratio, rows.delta_frames, rows.frame, least
+        )
+        train, held_out = split_by_blocks(rows, block, p.held_out_ratio, rng)
     train_rows = np.flatnonzero(train)
     if len(train_rows) > p.most_rows:
         train[rng.choice(train_rows, len(train_rows) - p.most_rows, replace=False)] = False
@@ -210,15 +213,15 @@ def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
 
 
 def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """`split` by `p.split`; where the film is too short for that, all rows and none held out.
+    """`split` by `p.held_out_by`; where the film is too short for that, all rows and none held out.
 
     FinloopError if the film has no rows, or if it is `p` that leaves too few: whole tracks, or
     blocks shorter than Δ.
     """
     try:
-        return split(rows, p.split, p)
+        return split(rows, p.held_out_by, p)
     except FinloopError:
-        by_user = p.split == "tracks" or p.block < 1
+        by_user = p.held_out_by == "tracks" or p.held_out_block_deltas < 1
         if by_user or not len(rows.inputs):
             raise
     every = np.ones(len(rows.inputs), bool)
@@ -244,7 +247,7 @@ def _enough(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
             f"{train.sum()} rows to learn from and {held_out.sum()} held out",
             f"at least {LEAST_TRAIN} and {LEAST_HELD_OUT}: frames t whose fish is still tracked "
             "at t + Δ, on the same side of the split",
-            "a longer film with longer tracks; another bpn.held_out; with bpn.split=blocks "
-            "another bpn.block, well above features.delta_s",
+            "a longer film with longer tracks; another bpn.held_out_ratio; with "
+            "bpn.held_out_by=blocks another bpn.held_out_block_deltas, well above features.delta_s",
         )
     return train, held_out

@@ -116,11 +116,10 @@ def film_shoal(
     if horizon != "auto" and not ((later >= 0) & (last_rows(later) >= 0)).any():
         longest = longest_track(track)
         raise FinloopError(
-            f"calibrate.horizon={horizon:g} is {ticks} frames, and the film's longest track has "
-            f"{longest}",
+            f"horizon={horizon:g} is {ticks} frames, and the film's longest track has {longest}",
             "a horizon that the longest track holds twice, at most "
             f"{max(0, longest - 1) // 2 / delta:.3g}",
-            "take a shorter one, calibrate.horizon=auto, or a film with longer tracks",
+            "take a shorter one, auto, or a film with longer tracks",
         )
     return FilmShoal(
         place, heading, frame, later, by[0], by[1], slots_of(place, *by), slots_of(heading, *by),

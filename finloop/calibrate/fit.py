@@ -56,7 +56,7 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
     parts = film.frame[rows] < np.median(film.frame[rows])
     best: tuple[float, tuple[float, float, float], float, Complex] | None = None
-    for blind in sorted(p.blind_angles_deg) if p.blind_deg == "auto" else [p.blind_deg]:
+    for blind in sorted(p.blind_angles_deg) if p.blind_angle_deg == "auto" else [p.blind_angle_deg]:
         choices = list(_radii(p))
         rings = Rings(seen, sorted({one for radii in choices for one in radii}), float(blind))
         for radii in choices:
@@ -222,10 +222,9 @@ def _radii(p: CalibrateSettings) -> Iterator[tuple[float, float, float]]:
 
     Where such a number leaves no radius of the list for another zone, that has the same number.
     """
-    radii = (p.repulsion, p.alignment, p.attraction)
-    numbers = [float(value) for value in radii if value != "auto"]
+    numbers = [float(value) for value in p.zone_radii if value != "auto"]
     every = sorted({*p.radii, *numbers})
-    choices = [every if value == "auto" else [float(value)] for value in radii]
+    choices = [every if value == "auto" else [float(value)] for value in p.zone_radii]
     for inner, middle, outer in product(*choices):
         if inner <= middle <= outer:
             yield inner, middle, outer
@@ -248,6 +247,8 @@ def _zones(
 
 def without_company(p: CalibrateSettings) -> Zones:
     """The zones where a film has no company to learn from: of the parameters, else the paper's."""
+    weights = p.repulsion_weight, p.alignment_weight, p.attraction_weight
     names = [one.name for one in fields(Zones)]
-    numbers = {name: float(value) for name in names if (value := getattr(p, name)) != "auto"}
+    given = zip(names, (*p.zone_radii, p.blind_angle_deg, *weights), strict=True)
+    numbers = {name: float(value) for name, value in given if value != "auto"}
     return replace(COUZIN, **numbers)

@@ -1,11 +1,11 @@
 """Parameters of `calibrate`: zones of repulsion, alignment, attraction, and how they are fitted."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import Count, NotNegative, Positive, Seed
+from finloop.base.settings import NotNegative
 
 Fitted = Literal["auto"] | NotNegative
 Angle = Annotated[float, Field(ge=0, le=360)]
@@ -15,28 +15,44 @@ Angle = Annotated[float, Field(ge=0, le=360)]
 class CalibrateSettings:
     """The zones (`finloop.social.zones`); auto: as the film's fish have it."""
 
-    repulsion: Fitted  # body lengths; whoever is nearer is swum away from
-    alignment: Fitted  # body lengths; who is nearer than this swims in a direction that is taken on
-    attraction: Fitted  # body lengths; who is nearer than this is swum to
-    blind_deg: Literal["auto"] | Angle  # degrees behind a fish in which it sees nobody
-    repulsion_weight: Fitted  # how strongly it pulls; 1 = as the fish's own direction
-    alignment_weight: Fitted  # see repulsion_weight
-    attraction_weight: Fitted  # see repulsion_weight
+    repulsion_radius_bl: Fitted
+    alignment_radius_bl: Fitted
+    attraction_radius_bl: Fitted
+    blind_angle_deg: Literal["auto"] | Angle
+    repulsion_weight: Fitted
+    alignment_weight: Fitted
+    attraction_weight: Fitted
 
-    # Δ; so long a fish swims where its company wishes, before it looks again; auto: until headings
-    # of the film are half forgotten
-    horizon: Literal["auto"] | Positive
-    radii: Annotated[list[NotNegative], Field(min_length=3)]  # body lengths, that are tried
-    blind_angles_deg: Annotated[list[Angle], Field(min_length=1)]  # that are tried
-    rows: Count  # of each half of the film, evenly spread, that are looked at, at most
-    # a step of a fish is drawn from so many of the film that are most alike: by wall and motion
-    alike: Count
-    steps: Count  # that fish which are points swim, for the measures
-    seed: Seed  # of these fish
+    # Δ, from one look at the neighbours to the next; auto: the film says when headings are half
+    # forgotten
+    horizon: ClassVar[float | Literal["auto"]] = "auto"
+    # body lengths, tried as radii: fine where fish are near, up to a tank's size
+    radii: ClassVar[tuple[float, ...]] = (
+        0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0,
+    )  # fmt: skip
+    # degrees, tried as blind angles: from none to the half behind the fish
+    blind_angles_deg: ClassVar[tuple[float, ...]] = (0.0, 45.0, 90.0, 135.0, 180.0)
+    rows: ClassVar[int] = 5000  # of each half of the film, evenly spread, at most: bounds the time
+    alike: ClassVar[int] = (
+        30  # steps of the film, the most alike by wall and motion, that one is drawn from
+    )
+    steps: ClassVar[int] = 4000  # that points swim for the measures: as many as a film of minutes
+    seed: ClassVar[int] = 0  # of these points: they check the fit and change no animation
+    RENAMED: ClassVar = {
+        "repulsion": "repulsion_radius_bl",
+        "alignment": "alignment_radius_bl",
+        "attraction": "attraction_radius_bl",
+        "blind_deg": "blind_angle_deg",
+    }
 
     def __post_init__(self) -> None:
-        radii = [one for one in (self.repulsion, self.alignment, self.attraction) if one != "auto"]
+        radii = [one for one in self.zone_radii if one != "auto"]
         if radii != sorted(radii):
             raise ValueError(
                 "the zones lie one round the other: repulsion ≤ alignment ≤ attraction"
             )
+
+    @property
+    def zone_radii(self) -> tuple[Fitted, Fitted, Fitted]:
+        """The radii of the three zones, from the inside."""
+        return self.repulsion_radius_bl, self.alignment_radius_bl, self.attraction_radius_bl

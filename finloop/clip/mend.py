@@ -24,12 +24,20 @@ FARTHEST = 0.03
 APART = 0.3  # of the shake: where parts of the picture move otherwise by more, it is no shift
 _EDGE = 2  # px; a Lanczos kernel reaches that far beyond what was filmed
 
+REPAIRED_BY = {
+    "deinterlace": "deinterlace",
+    "undouble": "drop_repeated_frames",
+    "even_light": "correct_light",
+    "steady": "stabilize",
+}
+"""The parameter that says when a repair is made, by the repair's name among the metrics."""
+
 Frames = Iterator[tuple[float, tuple[int, Picture]]]
 """Time, s, number in the film, and picture."""
 
 
 def repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
-    """The names of the parameters whose repairs a film of quality `q` needs."""
+    """The repairs that a film of quality `q` needs, of `REPAIRED_BY`."""
     far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
     converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
     faults = {
@@ -39,7 +47,7 @@ def repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
         "steady": q.shake_px >= SHAKE_PX and far,
     }
     possible = {"undouble": converted, "steady": isfinite(q.shake_px)}
-    modes = {name: getattr(p, name) for name in faults}
+    modes = {name: getattr(p, REPAIRED_BY[name]) for name in faults}
     return {
         name
         for name, mode in modes.items()

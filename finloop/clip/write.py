@@ -20,7 +20,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import prefetch
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally
-from finloop.clip.settings import Carp, ClipSettings, File, Zebrafish
+from finloop.clip.settings import CIRCLE, Carp, ClipSettings, File, Zebrafish
 from finloop.drawn.carp.film import film, fits
 from finloop.drawn.truth import TRUTH
 from finloop.io.footage import (
@@ -222,9 +222,9 @@ def _arena(p: ClipSettings, width: int, height: int) -> np.ndarray:
     """Mask (height, width) of the pixels where animals can be."""
     if isinstance(p, Zebrafish):
         return rectangle_arena(width, height, *TANK_PX)
-    if not isinstance(p, File) or p.arena == "none":
+    if not isinstance(p, File) or p.arena is None:
         return np.ones((height, width), bool)
-    if p.arena == "mask":
-        return load_mask(Path(*p.arena_values()).expanduser(), width, height)
-    shape = circle_arena if p.arena == "circle" else rectangle_arena
-    return shape(width, height, *p.arena_values())
+    if isinstance(p.arena, str):
+        return load_mask(Path(p.arena).expanduser(), width, height)
+    shape = circle_arena if len(p.arena) == CIRCLE else rectangle_arena
+    return shape(width, height, *p.arena)

@@ -55,10 +55,10 @@ def part(features: pd.DataFrame, most: int) -> Ints:
 
 def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
     """The blocks of the map that `compare` computes, rows in `order`."""
-    features = features.iloc[part(features, p.most_pictures)]
-    kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
+    features = features.iloc[part(features, p.max_pictures)]
+    kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
     rows = order(kind, area)
-    return list(bands(kind[rows], area[rows], p.area_threshold))
+    return list(bands(kind[rows], area[rows], p.motion_area_threshold))
 
 
 def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
@@ -74,27 +74,38 @@ def compare(
 ) -> Similar:
     """Compare frames with those like them (Eqs. 5-8); `advance()` after each block.
 
-    Of a film of more than `p.most_pictures` frames only stretches, see `part`.
+    Of a film of more than `p.max_pictures` frames only stretches, see `part`.
 
     FinloopError if the film does not move.
     """
-    mapped = part(film.features, p.most_pictures)
+    mapped = part(film.features, p.max_pictures)
     features = film.features.iloc[mapped]
-    kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
+    kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
     # Pictures are made in this order, so that a band is a slice and no second copy is needed.
     places = order(kind, area)
     rows = mapped[places]
-    x = about_mean(film.frames(rows, p.size, p.pose))
+    x = about_mean(film.frames(rows, p.picture_size_px, p.frame_of_reference))
     steps = step_table(features, x, np.argsort(places), step_of(film.features))
-    steps["headed"] = steps["step"] if p.pose == BODY else headed_steps(film, mapped, p.size)
-    steps["as_filmed"] = film.steps(p.size, FILM, mapped)
+    steps["headed"] = (
+        steps["step"]
+        if p.frame_of_reference == BODY
+        else headed_steps(film, mapped, p.picture_size_px)
+    )
+    steps["as_filmed"] = film.steps(p.picture_size_px, FILM, mapped)
     median, p95 = usual_steps(steps)
-    most = np.inf if p.keep is None else p.keep * median
+    most = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
 
     def with_progress() -> Iterator[PicturePairs]:
-        for pairs in similar(x, kind[places], area[places], p.area_threshold, most):
+        for pairs in similar(x, kind[places], area[places], p.motion_area_threshold, most):
             yield pairs
             advance()
 
-    facts = MapFacts(p.pose, p.size, p.area_threshold, p.keep, median, p95)
+    facts = MapFacts(
+        p.frame_of_reference,
+        p.picture_size_px,
+        p.motion_area_threshold,
+        p.max_distance_steps,
+        median,
+        p95,
+    )
     return Similar(pair_table(with_progress(), rows), steps, facts)

@@ -279,6 +279,6 @@ def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
             f"of {len(step)} steps from a frame to the next at least half change nothing",
             "a film in which the fish moves, each frame once",
             "film or take a clip without doubled frames (dvc exp run -S clip.source=...), or raise "
-            "distance.size where the fish is small",
+            "distance.picture_size_px where the fish is small",
         )
     return float(step.median()), float(step.quantile(0.95))

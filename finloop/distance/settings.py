@@ -1,7 +1,7 @@
 """Parameters of `distance`: which frames are compared, and how (fish paper §4.1, Eqs. 5-8)."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -12,16 +12,17 @@ from finloop.base.settings import Positive
 class DistanceSettings:
     """How pictures of two frames are compared."""
 
-    # film: as filmed, within one orientation, the paper's way; body: every fish turned to 0°
-    pose: Literal["body", "film"]
-    # px, width and height of a compared picture, which is 1.5 body lengths
-    size: Annotated[int, Field(ge=8, le=256)]
-    # frames whose relative motion areas differ by more are not compared (Eq. 8)
-    area_threshold: Annotated[float, Field(ge=0, le=1)]
-    # median natural steps; pairs farther apart are not stored; null = all are
-    keep: Positive | None
-    # pictures that are compared: the most; of a longer film they are stretches spread over it. Time
-    # and disk grow with their square
-    most_pictures: Annotated[int, Field(ge=2)]
-    # the most frames in the pictures of both maps (Fig. 9)
-    picture_frames: Annotated[int, Field(ge=2, le=8000)]
+    frame_of_reference: Literal["body", "film"]
+    picture_size_px: Annotated[int, Field(ge=8, le=256)]
+    motion_area_threshold: Annotated[float, Field(ge=0, le=1)]
+    max_distance_steps: Positive | None
+    max_pictures: Annotated[int, Field(ge=2)]
+
+    picture_frames: ClassVar[int] = 1200  # drawn in the maps of Fig. 9, at most: a pixel each
+    RENAMED: ClassVar = {
+        "pose": "frame_of_reference",
+        "size": "picture_size_px",
+        "area_threshold": "motion_area_threshold",
+        "keep": "max_distance_steps",
+        "most_pictures": "max_pictures",
+    }

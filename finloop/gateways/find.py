@@ -146,10 +146,10 @@ def gateways(
     `top_out` sprites of each sequence that are nearest to its next row. The last row of a track has
     no way out, and a turn is entered by its first sprite only.
     """
-    most = settings.threshold * step
+    most = settings.distance_threshold * step
     ways = [
         _ways_in(near, features, most, settings),
-        _ways_out(near, sprites, features, most, settings.top_out),
+        _ways_out(near, sprites, features, most, settings.sprites_per_frame),
     ]
     table = pd.concat(
         [way.assign(direction=word) for word, way in zip((IN, OUT), ways, strict=True)],
@@ -177,7 +177,7 @@ def _ways_in(
             order = rows[np.argsort(far, kind="stable")]
             order = order[near.ahead[sprite, order] <= most]
             best: list[int] = []
-            while len(order) and len(best) < settings.top_in:
+            while len(order) and len(best) < settings.frames_per_sprite:
                 best.append(int(order[0]))
                 late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart * delta
                 order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
@@ -215,7 +215,7 @@ def nearest(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: GatewaysSettings
 ) -> pd.DataFrame:  # fmt: skip
     """The table of `GATEWAYS` without a threshold: the gateways that a higher one would add."""
-    endless = replace(settings, threshold=np.inf)
+    endless = replace(settings, distance_threshold=np.inf)
     return gateways(near, sprites, features, 1.0, endless)
 
 

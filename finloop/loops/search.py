@@ -80,7 +80,7 @@ def find(
     -------
     loops : columns of `LOOPS`, sorted by filtered distance; counts.
     """
-    loops, counts = candidates(pairs, features, settings.threshold * step, settings)
+    loops, counts = candidates(pairs, features, settings.distance_threshold * step, settings)
     loops = loops[~loops["improper"]].reset_index(drop=True)
     if loops.empty:
         raise _none(pairs, features, step, settings)
@@ -96,7 +96,7 @@ def find(
 
 def least_frames(delta: int, settings: LoopsSettings) -> int:
     """The least number of frames between two ends of a loop in one track; delta: Δ in frames."""
-    return max(1, round(settings.least * delta))
+    return max(1, round(settings.min_length_deltas * delta))
 
 
 def candidates(
@@ -107,12 +107,12 @@ def candidates(
     Columns a, b, distance, filtered, improper (Fig. 13: whether the pair is no loop).
     """
     track = features["track_id"].to_numpy(np.int32)
-    value = filter_diagonals(pairs, track, settings.dynamics, limit)
+    value = filter_diagonals(pairs, track, settings.compared_neighbour_frames, limit)
     delta = delta_of(features)
     radius, least = max(1, round(settings.apart * delta)), least_frames(delta, settings)
     at, a = minima(pairs, value, track, radius, least)
     b = pairs.j[at]
-    bad = improper(a, b, features, settings.improper_deg)
+    bad = improper(a, b, features, settings.improper_angle_deg)
     table = pd.DataFrame(
         {"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at], "improper": bad}
     )
@@ -267,31 +267,35 @@ def _none(
     if len(np.unique(track)) == 1 and longest <= least:
         return NoLoops(
             f"one track of {longest} frames, and the ends of a loop are at least {least} apart "
-            f"(loops.least {settings.least:g} Δ)",
+            f"(loops.min_length_deltas {settings.min_length_deltas:g} Δ)",
             goal,
-            "take a longer clip, or a smaller loops.least",
+            "take a longer clip, or a smaller loops.min_length_deltas",
         )
     if len(pairs.j) == 0:
         return NoLoops(
             "no video loops: the distance map holds no pair of frames at all",
             goal,
-            "let more be compared: a greater distance.keep or distance.area_threshold, or "
-            "distance.pose=body; or take a longer clip",
+            "let more be compared: a greater distance.max_distance_steps or "
+            "distance.motion_area_threshold, or distance.frame_of_reference=body; or take a longer "
+            "clip",
         )
     any_far, _ = candidates(pairs, features, np.inf, settings)
     any_far = any_far[~any_far["improper"]]
     if len(any_far):
         enough = np.ceil(100 * any_far["filtered"].iloc[0] / step) / 100
         return NoLoops(
-            f"no video loops with loops.threshold {settings.threshold:g} (median natural steps)",
+            f"no video loops with loops.distance_threshold {settings.distance_threshold:g} "
+            "(median natural steps)",
             goal,
-            f"loops.threshold={enough:g} would have given the first; natural steps are 1",
+            f"loops.distance_threshold={enough:g} would have given the first; natural steps are 1",
         )
     return NoLoops(
         f"no video loops at any threshold: of {len(pairs.j)} pairs of similar frames none passes "
-        f"loops.least {settings.least:g}, loops.dynamics {settings.dynamics}, "
-        f"loops.improper_deg {settings.improper_deg:g}",
+        f"loops.min_length_deltas {settings.min_length_deltas:g}, "
+        f"loops.compared_neighbour_frames {settings.compared_neighbour_frames}, "
+        f"loops.improper_angle_deg {settings.improper_angle_deg:g}",
         goal,
-        "a smaller loops.least, loops.dynamics=0, loops.improper_deg=180, a greater "
-        "distance.keep; or take a longer clip",
+        "a smaller loops.min_length_deltas, loops.compared_neighbour_frames=0, "
+        "loops.improper_angle_deg=180, a greater distance.max_distance_steps; or take a "
+        "longer clip",
     )

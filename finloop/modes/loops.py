@@ -74,7 +74,7 @@ class Loops:
 
     def __init__(self, world: World, film: MotionGraph, p: LoopsSettings) -> None:
         self.world, self.film, self.p = world, film, p
-        self.stay = max(1, round(p.stay * world.motion.delta))
+        self.stay = max(1, round(p.min_deltas_between_jumps * world.motion.delta))
         self.ends = loop_ends(film)
         self.can_play = bool((film.recurrent & film.has_next).any())
 
@@ -161,18 +161,18 @@ class Loops:
         """Follow each start, shown at a place (x, y) px, to the legal end nearest to the goal."""
         ends = self.ends if ends is None else ends
         legal = self.world.tank.legal
-        most = self.stay, self.p.improper_deg
+        most = self.stay, self.p.improper_angle_deg
         return Ways(*_follow_starts(self.film, legal, ends, (starts, place), goal, most))
 
     def choose(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
-        """Return the legal start that the policy prefers (Fig. 10b); None where none is legal."""
+        """Return the legal start that `loop_end_choice` prefers (Fig. 10b); None without any."""
         legal = np.flatnonzero(ways.ticks)
         if not legal.size:
             return None
-        if self.p.policy == "any":
+        if self.p.loop_end_choice == "any":
             return int(rng.choice(legal))
         jumps = starts.seams[legal] > 0
-        preferred = legal[jumps if self.p.policy == "jump" else ~jumps]
+        preferred = legal[jumps if self.p.loop_end_choice == "jump" else ~jumps]
         some = preferred if preferred.size else legal
         return int(some[np.argmin(ways.far[some])])
 
@@ -335,8 +335,8 @@ def no_loops_error(mode: str) -> NothingToUse:
     return NothingToUse(
         f"mode {mode}: the film has no loops by which it could go on for ever",
         "a film in which frames come back, with a loop at least every few seconds",
-        "take a longer film, let more frames join (loops.threshold, distance.keep), or another "
-        "mode: network needs no loops",
+        "take a longer film, let more frames join (loops.distance_threshold, "
+        "distance.max_distance_steps), or another mode: network needs no loops",
     )
 
 

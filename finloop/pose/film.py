@@ -96,12 +96,13 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
     """
     lines = lists_to_points(tracks, "backbone").astype(float)
     lines = np.where(tail_first(lines, features)[:, None, None], lines[:, ::-1], lines)
-    spread = tail_spread(tracks, lines, p.thin)
-    apart = p.trunk == "yes" or (p.trunk == "auto" and spread > p.tail_spread)
+    spread = tail_spread(tracks, lines, p.tail_width_ratio)
+    apart = p.separate_tail == "yes" or (p.separate_tail == "auto" and spread > p.tail_spread)
     if apart:
-        lines = trunk(tracks, lines, Tail(p.thin, p.tail_smoothing, p.tail_body, p.tail_whole))
+        how = Tail(p.tail_width_ratio, p.tail_smoothing, p.tail_body, p.tail_whole)
+        lines = trunk(tracks, lines, how)
     pose = poses_from_features(features, lines)
-    shapes = PoseShapes.fit(pose.posture, p.share, p.gap_quantile)
+    shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
     memory = memory_frames(codes, features["track_id"].to_numpy())
     return _poses(features, codes, shapes, (apart, spread, memory))

@@ -44,7 +44,8 @@ class Zones:
             raise FinloopError(
                 f"zones of {', '.join(wrong) or f'blind_deg={self.blind_deg}'}",
                 "radii and weights of 0 or more, a blind angle of 0 to 360 degrees",
-                "correct calibrate.repulsion, .alignment, .attraction, .blind_deg, or ..._weight",
+                "correct calibrate.repulsion_radius_bl, .alignment_radius_bl, "
+                ".attraction_radius_bl, .blind_angle_deg, or ..._weight",
             )
 
     @property

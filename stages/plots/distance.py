@@ -21,7 +21,7 @@ def main() -> None:
         distance = full(about_mean(project.film_reel.frames(rows, facts.size, facts.pose)))
     features = features.iloc[rows]
     compared = alike(
-        kinds(features, facts.pose), features["motion_area_rel"].to_numpy(), p.area_threshold
+        kinds(features, facts.pose), features["motion_area_rel"].to_numpy(), p.motion_area_threshold
     )
     figure = figure9(distance, compared, features["track_id"].to_numpy(), facts.step_median)
     save_figure(Path("reports/distance/fig9.png"), figure)

@@ -71,20 +71,21 @@ def draw_improper(project: Project, p: LoopsSettings) -> Figure:
     """Draw Fig. 13, or a message that the film has no improper loop."""
     features, reel, facts = project.features, project.film_reel, project.map_facts
     pairs = as_map(project.pairs, len(features))
-    every, counts = candidates(pairs, features, p.threshold * facts.step_median, p)
-    loop = most_improper(every, features, p.improper_deg)
+    every, counts = candidates(pairs, features, p.distance_threshold * facts.step_median, p)
+    loop = most_improper(every, features, p.improper_angle_deg)
     if loop is None:
         return message(
             f"Fig. 13: of {counts.minima} pairs of similar frames none travels more than "
-            f"{p.improper_deg:g}° (loops.improper_deg) off the fish's heading."
+            f"{p.improper_angle_deg:g}° (loops.improper_angle_deg) off the fish's heading."
         )
     track, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
     ends = [f"frame {frame[row]} of track {track[row]}" for row in (loop.a, loop.b)]
     steps = loop.filtered / facts.step_median
     words = (
         f"a pair that is no loop: {' and '.join(ends)}, {steps:.2f} natural steps apart "
-        f"(a loop: {p.threshold:g} at most);\n"
-        f"it travels {loop.off_deg:.0f}° off the heading (a loop: {p.improper_deg:g}° at most). "
+        f"(a loop: {p.distance_threshold:g} at most);\n"
+        f"it travels {loop.off_deg:.0f}° off the heading "
+        f"(a loop: {p.improper_angle_deg:g}° at most). "
         f"{counts.improper} of {counts.minima} similar pairs are improper"
     )
     return figure13(loop, reel, facts.pose, project.background, words)

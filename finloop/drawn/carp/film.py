@@ -45,7 +45,7 @@ def motion(params: CarpFilm) -> CarpMotion:
         params.fish,
         room,
         params.frame_rate_hz,
-        params.fins,
+        params.fins_open_ratio,
         _streams(params.seed)[0],
     )
 
@@ -112,17 +112,17 @@ def _row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpM
 
 
 def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
-    """Sensor noise larger than a frame, from which frames are cut; grey deviates by `noise`.
+    """Sensor noise larger than a frame, from which frames are cut; grey deviates by `noise_grey`.
 
     Colour noise is weaker, as after a camera's denoising, and leaves the grey level as it is.
     """
     shape = (params.height_px + NOISE_PAD, params.width_px + NOISE_PAD)
     grey = rng.standard_normal(shape, np.float32)
     if not params.colour:
-        return np.asarray(grey[..., None] * params.noise, np.float32)
+        return np.asarray(grey[..., None] * params.noise_grey, np.float32)
     tint = 0.5 * rng.standard_normal((*shape, 3), np.float32)
     tint -= (tint @ _GREY)[..., None]
-    return np.asarray((grey[..., None] + tint) * params.noise, np.float32)
+    return np.asarray((grey[..., None] + tint) * params.noise_grey, np.float32)
 
 
 def _shade(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:

@@ -1,7 +1,7 @@
 """Parameters of a film of drawn carp; `clip` has them all, and its own."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -14,15 +14,19 @@ SizePx = Annotated[int, Field(ge=32, le=8192)]
 class CarpFilm:
     """What to film."""
 
-    frames: Annotated[int, Field(ge=2)]  # length of the film
-    fish: Count  # how many swim
-    width_px: SizePx  # px, of the film
-    height_px: SizePx  # px, of the film
-    body_length_px: Annotated[float, Field(ge=12)]  # px, of a carp
-    frame_rate_hz: Annotated[float, Field(ge=1, le=1000)]  # frames/s, of the film
-    noise: NotNegative  # grey levels, standard deviation
-    light_drift: Annotated[float, Field(ge=0, lt=1)]  # largest change of the light, as a share
-    fins: Annotated[float, Field(ge=0, le=1)]  # share of the time that the pectoral fins are open
-    shadow: Annotated[float, Field(ge=0, lt=1)]  # share of the light that the shadow takes away
-    seed: Seed  # for motion, floor, skin, noise and light
-    colour: bool  # colours, or grey
+    frames: Annotated[int, Field(ge=2)]
+    fish: Count
+    width_px: SizePx
+    height_px: SizePx
+    body_length_px: Annotated[float, Field(ge=12)]
+    frame_rate_hz: Annotated[float, Field(ge=1, le=1000)]
+    noise_grey: NotNegative
+    fins_open_ratio: Annotated[float, Field(ge=0, le=1)]
+    seed: Seed
+    colour: bool
+
+    light_drift: ClassVar[float] = 0.03  # largest change of the light, as a share: as a lamp's
+    shadow: ClassVar[float] = (
+        0.15  # share of the light that a shadow takes away, so paler than a fish
+    )
+    RENAMED: ClassVar = {"noise": "noise_grey", "fins": "fins_open_ratio"}
