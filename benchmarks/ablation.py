@@ -34,20 +34,20 @@ from stages.animation import measure_pictures
 
 PARTS: dict[str, dict[str, Any]] = {
     "whole": {},
-    "no cost of seams": {"seam_cost": 0.0},
+    "no cost of seams": {"discontinuity_cost": 0.0},
     "no cost of repeats": {"repeat_cost": 0.0},
     "no cost of rare steps": {"rarity_weight": 0.0},
     "no cost of lagging": {"lag_cost": 0.0, "path_lag_cost": 0.0},
     "no random choice": {"choice_noise": 1e-6},
     "no predictions": {"uses": ("film",)},
     "predictions alone": {"uses": ("forecast",)},
-    "a new plan after every stride": {"commit": 0.75, "path_commit": 0.75},
+    "a new plan after every stride": {"replan_interval": 0.75, "path_commit": 0.75},
     "a beam of 24": {"beam": 24},
     "a look half as far ahead": {"look_ahead": 7.5},
-    "no correction on paths": {"path_correction": 0.0},
+    "no correction on paths": {"path_max_correction_ratio": 0.0},
     "no cost of correction": {"path_correction_cost": 0.0},
 }
-"""What is taken out, and the parameters that do so."""
+"""What is taken out, and the parameters and constants that do so."""
 GOALS, SECONDS, TRIALS = 3, 60.0, 2
 MEASURES = {
     "goals_reached_pct": "goals", "time_to_goal_median_s": "time_s", "seam_ratio_p95": "seams",

@@ -17,8 +17,15 @@ def settings_without_path() -> AllSettings:
 
 
 def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
-    """Return a copy of the settings with other values."""
-    return AllSettings(**{**vars(p), **values})
+    """Return a copy of the settings with other values, of parameters or of constants.
+
+    ValueError if there is no such parameter or constant.
+    """
+    if unknown := [name for name in values if not hasattr(p, name)]:
+        raise ValueError(f"no parameter or constant {', '.join(unknown)}")
+    constants = {name: value for name, value in values.items() if name not in vars(p)}
+    kind: type[AllSettings] = type("AllSettings", (type(p),), constants) if constants else type(p)
+    return kind(**{name: values.get(name, value) for name, value in vars(p).items()})
 
 
 def material(project: Project, p: AllSettings) -> MatchingData:

@@ -96,7 +96,7 @@ def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, l
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All comparisons of the film in the present folder."""
-    p, q = load("realism"), replace_settings(settings_without_path(), path_film=False)
+    p, q = load("realism"), replace_settings(settings_without_path(), path_own_frames=False)
     project = Project()
     rate, features = project.rate_hz, project.features
     works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}

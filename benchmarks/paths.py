@@ -147,7 +147,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All paths of the film in the present folder."""
-    p = replace_settings(settings_without_path(), path_film=False)
+    p = replace_settings(settings_without_path(), path_own_frames=False)
     with Project() as project:
         made = material(project, p)
         plans = matching_animator(made, p)

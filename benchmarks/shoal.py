@@ -59,7 +59,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     with Project() as project:
         made = material(project, p)
         for fish, size, seconds, goal_s in SHOALS:
-            own = replace_settings(p, fish=fish, size=size, seconds=seconds, overlap=False)
+            own = replace_settings(p, fish=fish, fish_scale=size, seconds=seconds, overlap=False)
             row = measure_group(matching_animator(made, own), goal_s)
             print(row, flush=True)
             yield {"film": film, "size": size, **row}

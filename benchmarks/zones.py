@@ -69,7 +69,7 @@ def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def film_tables(folder: Path) -> pd.DataFrame:
     """All shoals beside the film in a folder."""
-    p = replace_settings(settings_without_path(), seconds=SECONDS, trials=0, follow=[])
+    p = replace_settings(settings_without_path(), seconds=SECONDS, trials=0, follow_pairs=[])
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
         made = material(project, p)

@@ -86,10 +86,10 @@ def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
 def say_where(mode: str, animator: Animator, p: Any) -> None:
     """Tell on stderr where the fish is drawn smaller, and where the film does not show the tank."""
     size, tank = animator.pictures.reel.size, animator.player.world.tank
-    if size < 1 and p.size == "auto":
+    if size < 1 and p.fish_scale == "auto":
         print(
             f"modes-{mode}: where the fish may be it could hardly turn at its own size, so it is "
-            f"drawn at {size:.2g} of it; film from farther away, or set animate.size",
+            f"drawn at {size:.2g} of it; film from farther away, or set animate.fish_scale",
             file=sys.stderr,
         )
     if p.tank == "auto" and tank.arena.all():

@@ -144,8 +144,9 @@ def test_nothing_that_is_held_out_is_learnt_from(film, learnt):
     assert not used & set(film.frame[sides.held_out].tolist())
 
 
-def test_learning_stops_when_the_error_held_out_no_longer_falls(film, learnt):
-    curve = learn(film, learnt[1], replace(HOW, epochs=60, patience=2, learning_rate=0.02))[1]
+def test_learning_stops_when_the_error_held_out_no_longer_falls(film, learnt, monkeypatch):
+    monkeypatch.setattr(type(HOW), "patience", 2)
+    curve = learn(film, learnt[1], replace(HOW, epochs=60, learning_rate=0.02))[1]
     best = int(curve["held_out_error"].argmin())
     assert len(curve) - 1 == min(best + 2, 60)
 
@@ -187,20 +188,23 @@ def test_neighbours_are_of_other_passages_and_nearer_than_others(film, swim):
         assert apart.mean() < 0.7 * other.mean()
 
 
-def test_rows_that_look_different_are_no_neighbours(film):
+def test_rows_that_look_different_are_no_neighbours(film, monkeypatch):
     open_fins = np.random.default_rng(1).random(film.count) < 0.5
     look = 2.0 * np.tile(open_fins, 2)[:, None]
     shown = np.roll(look, -1)  # next
     for most, share in ((3.0, 0.5), (1.0, 0.0)):
-        start, to = similar_rows(film, look, unseen, replace(HOW, look=most))
+        monkeypatch.setattr(type(HOW), "look", most)
+        start, to = similar_rows(film, look, unseen, HOW)
         one = np.repeat(np.arange(len(look)), np.diff(start))
         mixed = (shown[one] != shown[to]).mean()
         assert mixed == pytest.approx(share, abs=0.1)
     assert mixed == 0
 
 
-def test_of_a_long_film_so_many_rows_are_learnt_from_and_held_out(film):
-    whole, some = split(film, HOW), split(film, replace(HOW, most_rows=40))
+def test_of_a_long_film_so_many_rows_are_learnt_from_and_held_out(film, monkeypatch):
+    whole = split(film, HOW)
+    monkeypatch.setattr(type(HOW), "most_rows", 40)
+    some = split(film, HOW)
     for every, few in ((whole.train, some.train), (whole.held_out, some.held_out)):
         assert len(few) == min(40, len(every)) and (np.diff(few) > 0).all()
         assert np.isin(few, every).all()

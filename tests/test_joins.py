@@ -17,6 +17,7 @@ from toy_film import (
     waters_of,
 )
 
+from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import play
 from finloop.base.settings import settings
 from finloop.edit.joins import Joins, PictureSequence, inertialize, joins, sum_past
@@ -222,17 +223,19 @@ def test_a_fish_that_never_bends_joins_too():
     assert found.posed.any() and not found.codes.any()
 
 
-def test_the_time_of_a_join_is_measured_or_said():
+def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
         p = settings("animate", **changes)
         return joins(p, INERTIAL, film, DELTA, HOW.helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
-    assert decay(0.01, join_frames=3) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
+    monkeypatch.setattr(AnimateSettings, "join_frames", 3)
+    assert decay(0.01) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
     # Of few frames in Δ a join has frames enough to be none.
-    assert decay(0.01, join_frames=6) == pytest.approx(6 / RATE)
-    assert decay(9.0, join_frames=6) == pytest.approx(0.4)
+    monkeypatch.setattr(AnimateSettings, "join_frames", 6)
+    assert decay(0.01) == pytest.approx(6 / RATE)
+    assert decay(9.0) == pytest.approx(0.4)
     assert decay(0.25, join_time=4.0) == pytest.approx(0.8)
     assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.helps).fade == 0
 

@@ -184,11 +184,15 @@ def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):
     noise = rng.normal(0, 100, (2, n, 4))
     made = SignatureParts(sides, sides, sides, noise)
     ends = np.arange(n - 1), np.arange(1, n)
-    values = signatures(made, ends, settings("jumps", look=0.0))
+    values = signatures(made, ends, settings("jumps", appearance_weight=0.0))
     assert np.median(np.linalg.norm(np.diff(values[0], axis=0), axis=1)) == pytest.approx(1)
-    louder = signatures(made._replace(look=7 * noise), ends, settings("jumps", look=0.0))
+    louder = signatures(
+        made._replace(look=7 * noise), ends, settings("jumps", appearance_weight=0.0)
+    )
     assert louder == pytest.approx(values)
-    scaled = signatures(made._replace(pose=9 * sides), ends, settings("jumps", look=0.0))
+    scaled = signatures(
+        made._replace(pose=9 * sides), ends, settings("jumps", appearance_weight=0.0)
+    )
     assert scaled == pytest.approx(values)
 
 

@@ -206,9 +206,7 @@ def test_every_option_composes_into_its_dataclass(word, option):
 def test_every_parameter_is_wanted_typed_and_finite(word, option):
     values = composed_values(word, option)
     hints = get_type_hints(VARIANTS[word][option])
-    for key in (field.name for field in fields(VARIANTS[word][option])):
-        if key == "source":
-            continue
+    for key in [field.name for field in fields(VARIANTS[word][option]) if field.name != "source"]:
         kind = hints[key]
         without = {name: value for name, value in values.items() if name != key}
         assert check(word, VARIANTS[word], without)[1] == [f"{word}.{key}: has no value"]

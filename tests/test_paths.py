@@ -30,6 +30,7 @@ from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
 from finloop.plan.objectives import ANYWHERE, along_path
 from finloop.plan.path_measures import LEFT, SWUM, limits, path_metrics, swum_path, where_left
+from finloop.plan.settings import MatchingSettings
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
 
@@ -356,9 +357,10 @@ def test_a_line_of_what_is_infinite_is_none():
         checked_line(Line("a", np.array([1.0, 2]), np.array([1.0, np.inf]), PX))
 
 
-def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals():
+def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals(monkeypatch):
     """Without a path nothing of it counts."""
-    changed = {"path_correction": 0.9, "path_commit": 3.0, "path_offset_cost": 0.0}
-    one, other = (matching_of(w) for w in (waters_of(), waters_of(**changed)))
-    swims = [swim(p, [], 200, np.random.default_rng(1)) for p in (one, other)]
+    swims = [swim(matching_of(), [], 200, np.random.default_rng(1))]
+    monkeypatch.setattr(MatchingSettings, "path_commit", 3.0)
+    changed = waters_of(path_max_correction_ratio=0.9, path_offset_cost=0.0)
+    swims.append(swim(matching_of(changed), [], 200, np.random.default_rng(1)))
     assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))

@@ -33,7 +33,11 @@ def water(rule="zones", fish=5, follow=(), overlap=False):
     arena[50:-50, 50:-50] = True
     room_ = tank(arena, 0.6 * LENGTH)
     return waters_of(
-        room_=room_, rule=rule, fish=fish, follow=[list(one) for one in follow], overlap=overlap
+        room_=room_,
+        rule=rule,
+        fish=fish,
+        follow_pairs=[list(one) for one in follow],
+        overlap=overlap,
     )
 
 
@@ -181,12 +185,12 @@ def test_contradictory_rules_are_refused_before_anything_is_planned(follow):
     plans = planner_of(water("none", 3, follow))
     with pytest.raises(FinloopError, match="contradictory") as caught:
         plans.goals()
-    assert "matching.follow" in caught.value.do
+    assert "matching.follow_pairs" in caught.value.do
 
 
 def test_some_follow_and_the_rest_swim_in_company_or_each_by_itself():
     todo = tasks([], 3, np.random.default_rng(0))
-    both = by_rule(todo, planning(rule="zones", follow=[[3, 1]]))
+    both = by_rule(todo, planning(rule="zones", follow_pairs=[[3, 1]]))
     assert [(one.zones, one.follows) for one in both] == [(True, None), (True, None), (False, 0)]
     neither = by_rule(todo, planning())
     assert [(one.zones, one.follows) for one in neither] == [(False, None)] * 3

@@ -402,7 +402,7 @@ def folder(tmp_path_factory, tiny_run):
     path = tmp_path_factory.mktemp("shoal")
     tiny_run.bring(path, ["identity", *(f"modes-{mode}" for mode in MODES)])
     own = [
-        "matching.fish=3", "animate.seconds=1", "animate.goal_radius=0.2", "animate.trials=1",
+        "matching.fish=3", "animate.seconds=1", "animate.goal_radius_bl=0.2", "animate.trials=1",
         "realism.seconds=1", "render.mode=matching", "export.mode=matching",
     ]  # fmt: skip
     prepare(path, *TINY_CARP, *own)
@@ -483,7 +483,7 @@ def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeyp
     monkeypatch.chdir(folder)
     with ExitStack() as stack:
         whole, half = (
-            brought(stack.enter_context(Project()), fish=1, tank="arena", size=size)
+            brought(stack.enter_context(Project()), fish=1, tank="arena", fish_scale=size)
             for size in (1.0, 0.5)
         )
         assert half.reach_px == pytest.approx(whole.reach_px / 2)
@@ -505,7 +505,8 @@ def test_sprites_drawn_half_as_large_are_as_alike(folder, monkeypatch):
     monkeypatch.chdir(folder)
     with Project() as project:
         whole, half = (
-            brought(project, stages.modes.network, tank="arena", size=size) for size in (1.0, 0.5)
+            brought(project, stages.modes.network, tank="arena", fish_scale=size)
+            for size in (1.0, 0.5)
         )
         assert np.allclose(half.player.cast.sprite_scale, whole.player.cast.sprite_scale / 2)
         assert np.allclose(
@@ -524,5 +525,5 @@ def test_the_size_is_found_for_a_fish_that_does_not_fit(folder, monkeypatch):
         plans = brought(project, fish=1)
         size = plans.pictures.reel.size
         assert 0.05 < size < 0.9 and plans.reach_px <= 0.5 * 15.5
-        with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.size"):
-            brought(project, fish=1, size=1.0)
+        with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.fish_scale"):
+            brought(project, fish=1, fish_scale=1.0)

@@ -165,7 +165,7 @@ def test_followers_know_their_leaders():
 def test_contradictory_leaders_are_refused(pairs, named):
     with pytest.raises(FinloopError, match="contradictory") as caught:
         leaders(pairs, 4)
-    assert named in caught.value.came and "matching.follow" in caught.value.do
+    assert named in caught.value.came and "matching.follow_pairs" in caught.value.do
 
 
 def test_who_would_close_a_circle_is_told():

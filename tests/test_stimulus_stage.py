@@ -96,9 +96,9 @@ def test_a_session_of_another_film_is_refused(there, tmp_path, monkeypatch):
         with pytest.raises(FinloopError, match=r"from another film\n"):
             command(monkeypatch, "replay", session, "--check")
     header = open_record(session).header
-    header["animate"]["goal_radius"] = 9.0
+    header["animate"]["goal_radius_bl"] = 9.0
     monkeypatch.setattr(stages.stimulus, "open_record", lambda path: Record(path, header))
-    with pytest.raises(FinloopError, match=r"from another animate\.goal_radius"):
+    with pytest.raises(FinloopError, match=r"from another animate\.goal_radius_bl"):
         command(monkeypatch, "replay", session, "--check")
 
 

@@ -11,7 +11,7 @@ from finloop.features.table import wrap_deg
 
 RATE, DELTA, NOISE = 25.0, 5, 0.3
 MIRROR = np.diag([-1.0, 1.0])
-HOW = settings("forecast", epochs=12, hidden=24, share=0.999)
+HOW = settings("forecast", epochs=12, hidden_units=24, pose_variance_ratio=0.999)
 
 
 def unseen(rows, to, mirrored):

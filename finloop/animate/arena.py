@@ -121,7 +121,7 @@ def tank(arena: Mask, reach_px: float) -> Tank:
             f"the tank ({columns} × {rows} px) is smaller than the fish, which reaches "
             f"{reach_px:.0f} px from its centre",
             f"a tank at least {2 * reach_px + 4:.0f} px wide everywhere",
-            "give the arena its real size (clip.arena), or draw the fish smaller (animate.size)",
+            "give the arena its real size (clip.arena), or draw fish smaller (animate.fish_scale)",
         )
     legal = parts == 1 + np.argmax(np.bincount(parts.ravel())[1:])
     nearest = scipy.ndimage.distance_transform_edt(
@@ -300,6 +300,6 @@ def place_goals(
         raise FinloopError(
             "animate.goals cannot be reached:\n    " + "\n    ".join(problems),
             wanted,
-            "move the goals (animate.goals, animate.goals_in), or make animate.goal_radius larger",
+            "move the goals (animate.goals, animate.goal_unit), or raise animate.goal_radius_bl",
         )
     return goals

@@ -53,7 +53,7 @@ def lay(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | Non
         raise FinloopError(
             f"{line.name} is {along[-1] / length:.2f} body lengths long",
             f"a path of {2 * _STEP:g} body lengths at least",
-            "draw a longer path, or correct its unit (matching.path_in)",
+            "draw a longer path, or correct its unit (matching.path_unit)",
         )
     when = np.zeros(0)
     if line.time_s is not None:
@@ -109,7 +109,7 @@ def _refuse_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
         f"{line.name}: {np.count_nonzero(~inside)} of {len(x)} places are outside the tank, first "
         f"({x[first]:.0f}, {y[first]:.0f}) px",
         f"a path inside the tank, which is {columns[0]}-{columns[-1]} × {rows[0]}-{rows[-1]} px",
-        "move or scale the path, or correct its unit (matching.path_in)",
+        "move or scale the path, or correct its unit (matching.path_unit)",
     )
 
 

@@ -62,8 +62,8 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
     if meetings:
         raise FinloopError(
             f"animate.goals sends two fish to one place at the same time: {', '.join(meetings)}",
-            f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius): goals are "
-            f"dealt in turn to the fish {', '.join(str(one + 1) for one in seekers)}",
+            f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius_bl): goals "
+            f"are dealt in turn to the fish {', '.join(str(one + 1) for one in seekers)}",
             "move the goals (animate.goals), or let fish overlap (matching.overlap=true)",
         )
 

@@ -31,7 +31,7 @@ class Sized(NamedTuple):
 def scale_film(
     reel: Reel, outline_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
 ) -> Sized:
-    """Return the film at the size `p.size`; `auto` fits it into where the fish may be.
+    """Return the film at the size `p.fish_scale`; `auto` fits it into where the fish may be.
 
     outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): where fish can be.
     """
@@ -39,9 +39,9 @@ def scale_film(
     filmed = frame_hulls(outline_px, reel.features, scale)
     hulls = outlines(reel) if len(reel.sprites) else []
     reach_px, barred = reach(hulls, filmed, p.reach_quantile)
-    size = 1.0 if p.size == "auto" else p.size
+    size = 1.0 if p.fish_scale == "auto" else p.fish_scale
     area = where(arena, outline_px, size * reach_px, p.tank, floor)
-    size = size_for(area, reach_px) if p.size == "auto" else size
+    size = size_for(area, reach_px) if p.fish_scale == "auto" else size
     hulls_at_size = replace(filmed, scale=size * scale)
     return Sized(reel.scale_to(size), hulls_at_size, area, size * reach_px, barred)
 

@@ -69,22 +69,27 @@ GONE = {
             ("again", "repeat_cost"),
             ("free", "choice_noise"),
             ("brisk", "typical_speed_quantile"),
+            ("seam", "discontinuity_cost"),
+            ("tempo", "lag_cost"),
+            ("path_share", "path_max_correction_ratio"),
+            ("path_across", "path_offset_cost"),
+            ("path_late", "path_late_cost"),
+            ("path_beam", "beam"),
+            ("path_stride", "search_step"),
+            ("path_again", "repeat_cost"),
+            ("path_ahead", "look_ahead"),
+        )
+    },
+    **{
+        old: f"it is a constant now, MatchingSettings.{new}"
+        for old, new in (
             ("brisk_least", "typical_speed_least"),
             ("memory", "repeat_memory"),
-            ("seam", "seam_cost"),
-            ("tempo", "lag_cost"),
-            ("path_share", "path_correction"),
             ("path_reach", "path_steer_ahead"),
             ("path_effort", "path_correction_cost"),
             ("path_pace", "path_lag_cost"),
-            ("path_across", "path_offset_cost"),
-            ("path_late", "path_late_cost"),
             ("path_heading", "path_heading_cost"),
-            ("path_beam", "beam"),
-            ("path_stride", "stride"),
-            ("path_again", "repeat_cost"),
             ("path_plan", "path_commit"),
-            ("path_ahead", "look_ahead"),
         )
     },
 }
@@ -217,10 +222,15 @@ def _hint(word: str, option: type, key: str, names: list[str]) -> str:
 
 
 def _having(key: str, words: tuple[str, ...]) -> str:
-    """Return the full names of a parameter in those groups that have it, as a list in words."""
-    every = [
-        f"{word}.{key}"
-        for word in words
-        if any(key == field.name for one in variants(word).values() for field in fields(one))
-    ]
+    """Return the full names of a parameter in those groups that have it, as a list in words.
+
+    key: its name, or one that it had before.
+    """
+    every = []
+    for word in words:
+        for one in variants(word).values():
+            name = getattr(one, "RENAMED", {}).get(key, key)
+            if any(name == field.name for field in fields(one)):
+                every.append(f"{word}.{name}")
+    every = list(dict.fromkeys(every))
     return " or ".join(filter(None, [", ".join(every[:-1]), *every[-1:]]))

@@ -49,7 +49,7 @@ class JoinTimes(Protocol):
     @property
     def rest(self) -> float: ...
     @property
-    def fade(self) -> float: ...
+    def fade_time(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> 
         ticks = max(time * delta, float(p.join_frames))
     else:
         ticks = max(p.join_time * delta, 1.0)
-    fade = 0 if kind == CUT else round(p.fade * delta)
+    fade = 0 if kind == CUT else round(p.fade_time * delta)
     still = rests(bodies, p.rest)
     return Joins(kind, fade, ticks, bodies, helps, still)
 

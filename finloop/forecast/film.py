@@ -86,7 +86,7 @@ def film_states(
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
     lags = np.unique(np.round(np.array(p.lags) * delta)).astype(np.int64)
     square = (np.asarray(codes, float) ** 2).mean(0).cumsum()
-    c = 1 + int(np.searchsorted(square, p.share * square[-1]))
+    c = 1 + int(np.searchsorted(square, p.pose_variance_ratio * square[-1]))
     states = np.concatenate([np.asarray(codes, float)[:, :c], _motion(features, rate_hz)], 1)
     angle = np.radians(features["included_angle_deg"].to_numpy(float))
     control = np.stack([features["displacement"].to_numpy(float), angle], 1)

@@ -63,7 +63,7 @@ def learn(
     units of that of persistence (mean squares).
     """
     with _one_thread(p.seed) as chance:
-        network = _Network(film, p.hidden)
+        network = _Network(film, p.hidden_units)
         train, held_out = (_tensors(film, rows) for rows in (parts.train, parts.held_out))
         weight = 1 / (_mean_square(train[0][:, 0] - train[2]) + _FLOOR)
         adam = torch.optim.AdamW(
@@ -116,7 +116,7 @@ def _epoch(
     order = torch.randperm(len(past), generator=chance)
     for first in range(0, len(past) - size + 1, size):
         lot = order[first : first + size]
-        noise = p.noise * _noise(past[lot].shape, chance)
+        noise = p.input_noise_sd * _noise(past[lot].shape, chance)
         error = network(past[lot] + noise, control[lot]) - later[lot]
         loss = (error.square() * weight).mean()
         adam.zero_grad()

@@ -57,17 +57,17 @@ def similar_rows(
     other by Δ and by the film's memory. The relation is then made symmetric, and mirror images
     get the mirror images. look: (m, k) of all rows of the film, together of the deviation 1. The
     rows after two neighbours, which a fish shows next, are at most `p.look` apart in it, and at
-    most `p.seen` natural steps to the eye. FinloopError if no two rows are similar.
+    most `p.max_discontinuity` natural steps to the eye. FinloopError if no two rows are similar.
     """
     every = [_alike(pairs, film.count, visible, p) for pairs in _similar(film, look, p)]
     there = np.concatenate([np.empty((0, 2), np.int64), *every])
     if not len(there):
         raise FinloopError(
             "no two rows of the film are similar and look alike",
-            f"some that are at most forecast.look={p.look} deviations and forecast.seen={p.seen} "
-            "natural steps apart",
-            "take a longer film, in which postures come back, or raise these, or "
-            "leave the forecast out (matching.uses=[film])",
+            f"some whose light and skin are at most {p.look} deviations apart, and that are at "
+            f"most forecast.max_discontinuity={p.max_discontinuity} natural steps apart",
+            "take a longer film, in which postures come back, or raise forecast.max_discontinuity, "
+            "or leave the forecast out (matching.uses=[film])",
         )
     return _both_ways(there, film.count, len(film.states))
 
@@ -137,11 +137,11 @@ def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: ForecastSetting
     place = np.arange(len(pairs)) - np.searchsorted(row, row)
     few = np.flatnonzero(place < p.neighbours)
     near = np.zeros(len(pairs), bool)
-    near[few] = _visible(pairs[few], count, visible) <= p.seen
+    near[few] = _visible(pairs[few], count, visible) <= p.max_discontinuity
     # The remaining pairs are drawn only for rows that lack neighbours.
     lacks = np.bincount(row[few], near[few]) < p.neighbours
     rest = np.flatnonzero((place >= p.neighbours) & lacks[row])
-    near[rest] = _visible(pairs[rest], count, visible) <= p.seen
+    near[rest] = _visible(pairs[rest], count, visible) <= p.max_discontinuity
     pairs, row = pairs[near], row[near]
     return pairs[np.arange(len(pairs)) - np.searchsorted(row, row) < p.neighbours]
 

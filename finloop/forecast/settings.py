@@ -1,9 +1,7 @@
 """Parameters of `forecast`: the network, how it learns, and how its forecasts are sampled."""
 
 from dataclasses import dataclass
-from typing import Annotated
-
-from pydantic import Field
+from typing import ClassVar
 
 from finloop.base.settings import Count, NotNegative, Positive, Seed, Share
 
@@ -12,38 +10,43 @@ from finloop.base.settings import Count, NotNegative, Positive, Seed, Share
 class ForecastSettings:
     """The network of the next pose and motion, how it learns, and what is sampled beside it."""
 
-    # The state.
-    share: Share  # of the variance of the postures' codes that those of a state explain
-    # Δ; the ages of the states that make the past, from 0
-    lags: Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=1)]
+    pose_variance_ratio: Share
 
-    # The network and how it learns.
-    hidden: Count  # units in each of its two hidden layers
-    learning_rate: Positive  # of AdamW
-    weight_decay: NotNegative  # of AdamW
-    batch_size: Count  # rows a step
-    epochs: Count  # at most; learning stops sooner where the held-out error ...
-    patience: Count  # ... has not fallen for this number of epochs
-    # rows learnt from, and held out: the most; a longer film gives a random sample
-    most_rows: Annotated[int, Field(ge=20)]
-    # standard deviations by which the past is disturbed while the network learns: it then leads a
-    # fish whose state the film does not show back to those that it does
-    noise: NotNegative
-    seed: Seed  # for the split, the first weights, the order of rows and the noise
-    # Δ; stretches of time, of all fish, that are held out together; a short film's are shorter
-    block: Positive
-    held_out: Share  # share of the rows that is never learnt from
+    hidden_units: Count
+    learning_rate: Positive
+    epochs: Count
+    input_noise_sd: NotNegative
+    seed: Seed
 
-    # The spread: the film's departures from the mean, of rows in similar states.
-    neighbours: Count  # rows of other passages, the most similar ones, that a fish may jump to
-    fade: Positive  # Δ; the age at which a state counts half in the likeness of two rows
-    look: Positive  # deviations in light and skin: the most between similar rows ...
-    seen: Positive  # ... and natural steps: the greatest visible distance between them
-    # Δ, on average, for which the departures of successive rows are taken; longer in a film whose
-    # postures last longer
-    follow: Positive
-    # of the spread of similar rows' controls: that of the rows taken under a control
-    obey: Positive
-    # Δ in which the difference from the followed row halves, beside what the network foretells:
-    settle_pose: Positive  # of the posture
-    settle_motion: Positive  # of forward, sideways and turning speed
+    held_out_block: Positive
+    held_out_ratio: Share
+
+    neighbours: Count
+    max_discontinuity: Positive
+
+    lags: ClassVar[tuple[float, ...]] = (0.0, 0.17, 0.33, 0.67, 1.0)
+    """Ages of the states that make the past, in Δ; denser near now, which says most."""
+    weight_decay: ClassVar[float] = 0.001  # of AdamW; a tenth of its usual value
+    batch_size: ClassVar[int] = 256  # rows a step; a usual value
+    patience: ClassVar[int] = 10  # epochs without a smaller held-out error that end the learning
+    most_rows: ClassVar[int] = 100_000  # rows of either part; of more a sample, to save time
+    fade: ClassVar[float] = 0.5  # Δ; age at which a state counts half: the present leads
+    look: ClassVar[float] = 0.5
+    """Deviations in light and skin: the most between similar rows, a jump between which would be
+    seen."""
+    follow: ClassVar[float] = 1.25
+    """Mean time, in Δ, that a fish follows one row; longer where postures last longer."""
+    obey: ClassVar[float] = 0.1
+    """Width of what passes for a control, as a share of the spread over similar rows: a small one
+    lets the fish turn as it is steered."""
+    settle_pose: ClassVar[float] = 0.5  # Δ; half-life of a difference of posture: long, as it shows
+    settle_motion: ClassVar[float] = 0.1  # Δ; half-life of one of speed: short, it changes at once
+
+    RENAMED: ClassVar[dict[str, str]] = {
+        "share": "pose_variance_ratio",
+        "hidden": "hidden_units",
+        "noise": "input_noise_sd",
+        "block": "held_out_block",
+        "held_out": "held_out_ratio",
+        "seen": "max_discontinuity",
+    }

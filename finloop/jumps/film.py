@@ -51,11 +51,11 @@ def film_jumps(
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(row_parts, reel.step_ends, settings)
-    least = max(1, round(settings.least * delta_of(reel.features)))
+    least = max(1, round(settings.min_jump_time * delta_of(reel.features)))
     search = Search.from_values(values, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.from_source(source, crew), []
     rows = blocks(len(track), _LOT)
-    counts = settings.neighbours, min(settings.nearest, settings.neighbours)
+    counts = settings.jumps_per_frame, min(settings.nearest, settings.jumps_per_frame)
     best_of = partial(_best_jumps, source, search, visible.natural, counts)
     for lot, table in zip(rows, ordered_map(best_of, rows, crew), strict=True):
         tables.append(table)

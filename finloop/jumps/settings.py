@@ -1,32 +1,41 @@
 """Parameters of `jumps`: from which frame to which the film can jump, mirror images too."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
-from finloop.base.settings import Count, NotNegative, Positive, Share
+from finloop.base.settings import Count, NotNegative, Positive
 
 
 @dataclass(frozen=True)
 class JumpsSettings:
     """Which frames are neighbours."""
 
-    candidates: Count  # nearest frames of every frame that are drawn, one a passage of the film
-    neighbours: Count  # of these, the jumps of a frame: those with the least seams
-    # of a film of more than 20,000 rows, the jumps to the nearest frames of all: these go on much
-    # alike. The others lead to a part of the film, where frames lie as far apart as in a short one
-    nearest: Count
-    # Δ; the least film that a jump skips, that follows a jump, and that lies between candidates
-    least: Positive
-    # weights in the signature, 1 = equal: of the pose, ...
-    pose: NotNegative
-    change: NotNegative  # ... of its change, ...
-    motion: NotNegative  # ... of speed ahead, aside and of turning, ...
-    look: NotNegative  # ... of light and skin, drawn in one pose
-    look_px: Count  # pixels: side of the pictures of light and skin
-    look_numbers: Count  # principal components of these pictures
-    # whether a fish is shown mirrored; auto: if its sides look alike, and it uses them alike
+    jumps_per_frame: Count
+    min_jump_time: Positive
+    pose_weight: NotNegative
+    motion_weight: NotNegative
+    appearance_weight: NotNegative
     mirror: Literal["auto", "yes", "no"]
-    # alike: the distance to its mirror image over that of its pictures is at most this, and ...
-    sides_most: Positive
-    handed_most: Share  # ... the mean of its bends and turns over their size at most this
-    block: Positive  # Δ; what a fish does within so long a time tells its handedness once
+
+    candidates: ClassVar[int] = 30  # nearest frames that are drawn, more than twice the jumps kept
+    nearest: ClassVar[int] = 4
+    """Jumps to the nearest frames of all, in a film of more than 20,000 rows: these go on much
+    alike. The others lead to a part of the film, where frames lie as far apart as in a short one.
+    """
+    change: ClassVar[float] = 1.0  # weight of the change of pose; 1 = as the pose itself
+    look_px: ClassVar[int] = 32  # side of pictures of light and skin: coarse, nobody sees them
+    look_numbers: ClassVar[int] = 8  # their principal components: the first hold the most variance
+    sides_most: ClassVar[float] = 1.5
+    """The most by which a fish may differ from its mirror image, over what its pictures differ by:
+    1 is alike, and some more is noise."""
+    handed_most: ClassVar[float] = 0.3
+    """The most by which bends and turns may prefer a side, as a share of their size."""
+    block: ClassVar[float] = 10.0  # Δ; a fish that circles so long tells its handedness only once
+
+    RENAMED: ClassVar[dict[str, str]] = {
+        "neighbours": "jumps_per_frame",
+        "least": "min_jump_time",
+        "pose": "pose_weight",
+        "motion": "motion_weight",
+        "look": "appearance_weight",
+    }

@@ -101,7 +101,9 @@ def signatures(
     The parts side by side, each divided by its deviation over the film, times its weight. A natural
     step is the median distance between the rows `ends`, each (k,), that are one apart.
     """
-    weights = (settings.pose, settings.change, settings.motion, settings.look)
+    weights = (
+        settings.pose_weight, settings.change, settings.motion_weight, settings.appearance_weight,
+    )  # fmt: skip
     sides = [standardize(part, name == "motion") * weight for (name, part), weight in
              zip(row_parts._asdict().items(), weights, strict=True)]  # fmt: skip
     values = np.concatenate(sides, axis=-1)

@@ -92,7 +92,7 @@ class PaperAnimator:
         """Return the goals of the parameters. FinloopError if one is out of reach."""
         world = self.player.world
         touch_px = world.touch_px + world.head_px
-        placed = place_goals(self.p.goals, self.p.goals_in, world.tank, touch_px)
+        placed = place_goals(self.p.goals, self.p.goal_unit, world.tank, touch_px)
         return [goal._replace(radius_px=world.touch_px) for goal in placed]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
@@ -138,7 +138,7 @@ def basis_of(made: FilmData, p: AnimateSettings) -> ModeAssets:
     reel = at_size.reel
     motion = learn(reel.features, made.rate_hz, delta_of(reel.features)).scale_to(reel.size)
     world = World(
-        tank(at_size.area, at_size.reach_px), motion, p.goal_radius * motion.body_length_px,
+        tank(at_size.area, at_size.reach_px), motion, p.goal_radius_bl * motion.body_length_px,
         head_ahead_px(reel.features, reel.size),
     )  # fmt: skip
     pictures = Pictures(reel, made.map_facts.size, Bodies(made.poses, reel.goes_on, reel.sprites))

@@ -8,5 +8,4 @@ from typing import Literal
 class HybridSettings:
     """How the hybrid mode changes over."""
 
-    # how one picture follows another: see `network.join`; of every switch and loop
     join: Literal["fade", "inertial", "cut"]

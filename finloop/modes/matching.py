@@ -123,7 +123,7 @@ class MatchingAnimator:
             return []
         waters = self.world
         touch_px = waters.touch_px + waters.head_px
-        placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
+        placed = place_goals(p.goals, p.goal_unit, waters.tank, touch_px)
         goals = [goal._replace(radius_px=waters.touch_px) for goal in placed]
         if not p.overlap:
             refuse_meetings(goals, self.seekers)
@@ -213,7 +213,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     pictures = Pictures(reel, facts.size, bodies)
     cast = Cast(reel.sprites, [], hulls)
     for line in made.lines:
-        if line is not None and line.rows is not None and not p.path_film:
+        if line is not None and line.rows is not None and not p.path_own_frames:
             barred[line.rows] = True
     how = joins(p, p.join, bodies, motion.delta, pictures.helps)
     seen = np.full(len(features), np.nan)
@@ -234,7 +234,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
             "frames that can follow each other for ever, or a forecast of them",
             "take a longer film, or another mode; reports/jumps and reports/forecast say more",
         )
-    touch_px = p.goal_radius * motion.body_length_px
+    touch_px = p.goal_radius_bl * motion.body_length_px
     water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
     brisk = learn_brisk(features, rate_hz, delta, p)
     waters = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
@@ -258,7 +258,7 @@ def by_rule(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
 
     FinloopError if these are contradictory.
     """
-    led = leaders(p.follow, len(todo))
+    led = leaders(p.follow_pairs, len(todo))
     return [
         task._replace(follows=led[fish] - 1)
         if fish in led

@@ -66,7 +66,7 @@ class Network:
         self._stop = motion.delta / 2  # ticks in which a fish has stopped
         turns = motion.turns
         least = np.quantile(turns.angle_deg, p.turn_quantile)
-        self._least_turn = min(least, p.turn_least_deg)
+        self._least_turn = min(least, p.max_heading_error_deg)
         order = np.argsort(phases.first_speed, kind="stable")
         after = {before: order[phases.before[order] == before] for before in range(len(STATES))}
         self._after = {before: rows if len(rows) else order for before, rows in after.items()}
@@ -106,7 +106,7 @@ class Network:
         aim = step.aim_in(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
-        far = distance > self.p.near * self._px
+        far = distance > self.p.near_goal_bl * self._px
         return GoalApproach(
             fish, goal, aim, np.array([fish.x, fish.y, fish.heading]), error, distance, far
         )
@@ -130,7 +130,7 @@ class Network:
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
 
     def _nearest_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
-        most = self.p.hold * self.world.motion.delta
+        most = self.p.max_bend_hold * self.world.motion.delta
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
 
     def swim_straight(self, course: GoalApproach, rng: np.random.Generator) -> Stretch | None:
@@ -177,7 +177,7 @@ class Network:
         pace = np.ones(len(speed))
         if state != SLIDE:
             faster = np.sqrt(speed / sprites.cycle_speed)
-            pace = np.minimum(np.maximum(faster, p.pace_low), p.pace_high)
+            pace = np.minimum(np.maximum(faster, p.min_playback_rate), p.max_playback_rate)
         phase = begins + np.cumsum(pace)
         if new:
             phase += 1.0 - (phase[0] - begins)  # the first frame is the one chosen
@@ -240,7 +240,7 @@ class Network:
         """Slow down before a wall; stay where there is no room at all."""
         motion, phases, fish = self.world.motion, self.phases, course.fish
         ticks = motion.delta
-        slower = self.p.brake ** (np.arange(1, ticks + 1) / ticks)
+        slower = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
         speed, none = np.maximum(fish.speed * slower, phases.low), np.zeros(ticks)
         way, good, touched = step.straight(
             self.world.tank.legal, course.start,

@@ -1,11 +1,11 @@
 """Parameters of mode `network`: how sprites swim (fish paper Fig. 18)."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import Count, NotNegative, Positive
+from finloop.base.settings import NotNegative, Positive
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -16,29 +16,48 @@ Join = Literal["fade", "inertial", "cut"]
 class NetworkSettings:
     """How the film's swimming is learnt, and how sprites swim."""
 
-    # how one picture follows another: cross-faded as they are (the paper's), the pose going on and
-    # the difference dying away, or neither
     join: Join
-    still: Share  # a tail counts as still below this share of a beating tail's movement
-    steady: NotNegative  # a speed that changes by a smaller share of itself in a Δ is steady
-    phase_drift_deg: Positive  # a phase whose heading drifts farther is a turn and is left out
-    phase_least: NotNegative  # Δ; shorter phases belong to the one before
-    speed_low: Share  # quantiles of the film's speeds within which a fish swims: the lower ...
-    speed_high: Share  # ... and the upper one
-    alike: Count  # a phase or turn is drawn from so many of the film's that are most alike
-    turn_quantile: Share  # of the film's turns; a smaller error of the heading is left to drift
-    turn_least_deg: NotNegative  # a larger error is never left to the drift
-    near: NotNegative  # body lengths from the goal, where a fish turns if it would pass it
-    miss: NotNegative  # of the goal's radius; a course that passes the goal farther off misses it
-    # of the goal's radius; so near to the place in the tank nearest to a goal, head for the goal
-    arrived: NotNegative
-    # shares of a turn's displacement, tried one after the other until the turn has room
-    ease: Annotated[tuple[Share, ...], Field(min_length=1)]
-    hold: Annotated[int, Field(ge=0)]  # Δ that the strongest bend of a turn is held for, at most
-    brake: Share  # of the speed that is left after each Δ before a wall
-    pace_low: Positive  # slowest playing of a tail beat; 1 = as filmed ...
-    pace_high: Positive  # ... and the fastest
-    turn_floor: Positive  # each tick of a turn turns at least this share of it
-    # sprites play a turn if they turned, in the film, by 1/turn_more to 1/turn_less of it
-    turn_more: Annotated[float, Field(ge=1)]
-    turn_less: Annotated[float, Field(gt=0, le=1)]  # see turn_more
+    still_tail_ratio: Share
+    steady_speed_ratio: NotNegative
+    min_speed_quantile: Share
+    max_speed_quantile: Share
+    max_heading_error_deg: NotNegative
+    near_goal_bl: NotNegative
+    max_bend_hold: Annotated[int, Field(ge=0)]
+    brake_speed_ratio: Share
+    min_playback_rate: Positive
+    max_playback_rate: Positive
+
+    phase_drift_deg: ClassVar[float] = 20.0
+    """A phase whose heading drifts farther is left out: it is a turn, as `max_heading_error_deg`
+    has it."""
+    phase_least: ClassVar[float] = 0.6  # Δ; shorter phases, single beats, belong to the one before
+    alike: ClassVar[int] = 8  # similar phases or turns to draw one from: one alone would repeat
+    turn_quantile: ClassVar[float] = 0.05
+    """Quantile of the film's turns; a smaller error of the heading is left to drift, as hardly any
+    fish turns by less."""
+    miss: ClassVar[float] = 0.8  # of the goal's radius; a course that passes farther off misses it
+    arrived: ClassVar[float] = 0.3
+    """Of the goal's radius; so near to the place in the tank nearest to a goal, the fish heads for
+    the goal: it is the end of the way round a wall."""
+    ease: ClassVar[tuple[float, ...]] = (1.0, 0.5, 0.25, 0.0)
+    """Shares of a turn's displacement, tried one after the other until the turn has room: whole,
+    half, a quarter, on the spot."""
+    turn_floor: ClassVar[float] = 0.01  # of a turn, in each tick at least: it never stands still
+    turn_more: ClassVar[float] = 1.5
+    """Sprites play a turn if they turned, in the film, by 1/turn_more to 1/turn_less of it: beyond
+    that the bend does not look like the turn."""
+    turn_less: ClassVar[float] = 0.6  # see turn_more
+
+    RENAMED: ClassVar[dict[str, str]] = {
+        "still": "still_tail_ratio",
+        "steady": "steady_speed_ratio",
+        "speed_low": "min_speed_quantile",
+        "speed_high": "max_speed_quantile",
+        "turn_least_deg": "max_heading_error_deg",
+        "near": "near_goal_bl",
+        "hold": "max_bend_hold",
+        "brake": "brake_speed_ratio",
+        "pace_low": "min_playback_rate",
+        "pace_high": "max_playback_rate",
+    }

@@ -44,9 +44,9 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkS
     """Return the phases of a feature table; delta: Δ in frames. FinloopError if it shows none."""
     every = courses(features, rate_hz, delta)
     beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in every])
-    still = p.still * float(np.quantile(beating, 0.9))
+    still = p.still_tail_ratio * float(np.quantile(beating, 0.9))
     speeds = np.concatenate([c.speed for c in every])
-    low, high = np.quantile(speeds, (p.speed_low, p.speed_high))
+    low, high = np.quantile(speeds, (p.min_speed_quantile, p.max_speed_quantile))
     straight = [run for one in every for run in runs_of(one) if run[1] == TYPE_STRAIGHT]
     return _phases(straight, still, delta, p, (float(low), float(high)))
 
@@ -55,7 +55,7 @@ def _phases(
     runs: Sequence[Run], still: float, delta: int, p: NetworkSettings, speeds: tuple[float, float]
 ) -> Phases:
     """still: sway below which a tail is still; speeds: the range of the film's."""
-    limits = still, p.steady, max(1, round(p.phase_least * delta))
+    limits = still, p.steady_speed_ratio, max(1, round(p.phase_least * delta))
     rows = []
     for c, _, first, last in runs:
         came = TURN if first > 0 else -1

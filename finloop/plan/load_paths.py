@@ -27,8 +27,8 @@ def load_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]
             "a path a fish at most",
             f"take more fish (matching.fish={len(paths)}), or fewer paths",
         )
-    lines = [None if path is None else line_of(path, p.path_in, features) for path in paths]
-    if p.path_times:
+    lines = [None if path is None else line_of(path, p.path_unit, features) for path in paths]
+    if p.path_keep_times:
         return lines
     return [None if line is None else line._replace(time_s=None) for line in lines]
 

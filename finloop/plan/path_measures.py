@@ -135,7 +135,7 @@ def limits(film: MotionGraph, waters: FilmWorld) -> Limits:
 
 
 def where_left(swum: pd.DataFrame, path: Path, waters: FilmWorld, most: Limits) -> pd.DataFrame:
-    """Where the path was left by more than `path_left`, columns of `LEFT`; of one mode.
+    """Where the path was left by more than `path_max_offset_bl`, columns of `LEFT`; of one mode.
 
     Of a path with times also where the fish was so far from the place asked for at that time.
     """
@@ -143,7 +143,7 @@ def where_left(swum: pd.DataFrame, path: Path, waters: FilmWorld, most: Limits) 
     far = swum["across"].to_numpy()
     if path.asked.is_timed:
         far = np.fmax(far, swum["late"].to_numpy())
-    edges = np.flatnonzero(np.diff(far > waters.settings.path_left, prepend=0, append=0))
+    edges = np.flatnonzero(np.diff(far > waters.settings.path_max_offset_bl, prepend=0, append=0))
     rows = []
     for first, stop in edges.reshape(-1, 2):
         worst = swum.iloc[first + int(np.argmax(far[first:stop]))]

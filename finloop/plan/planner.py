@@ -289,7 +289,7 @@ class Planner:
         route, p = objective.route, self.world.settings
         if not len(route.x):
             return not np.isfinite(plan.value)
-        beside = p.path_left**2
+        beside = p.path_max_offset_bl**2
         price = p.path_offset_cost * beside
         price += p.path_late_cost * beside if route.is_timed else self._lag(fish, objective)
         return plan.value > price * float(plan.ticks.sum())
@@ -395,7 +395,7 @@ class Planner:
     def _commit(self, objective: Objective) -> int:
         """Return the ticks of a plan that are swum before others are looked at."""
         p, stride = self.world.settings, self._weights.stride
-        time = p.path_commit if len(objective.route.x) else p.commit
+        time = p.path_commit if len(objective.route.x) else p.replan_interval
         return int(stride * max(1, self.world.ticks(time) // stride))
 
     @cached_property

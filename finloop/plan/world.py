@@ -76,8 +76,9 @@ class FilmWorld(World):
         return CostWeights(
             pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
-            stride=max(1, self.ticks(p.stride)), beam=p.beam, seam=p.seam_cost * delta,
-            repeat=p.repeat_cost * delta, memory=p.repeat_memory * delta,
+            stride=max(1, self.ticks(p.search_step)), beam=p.beam,
+            seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
+            memory=p.repeat_memory * delta,
         )  # fmt: skip
 
     @cached_property
@@ -95,8 +96,8 @@ class FilmWorld(World):
         """How a fish is steered along a path."""
         motion, p = self.motion, self.settings
         return Steering(
-            turn=max(p.path_correction * self.turn_spread_deg / motion.delta, 1e-6),
-            shift=p.path_correction * motion.body_length_px / motion.rate_hz,
+            turn=max(p.path_max_correction_ratio * self.turn_spread_deg / motion.delta, 1e-6),
+            shift=p.path_max_correction_ratio * motion.body_length_px / motion.rate_hz,
             brisk=self.cost_weights.pace * motion.rate_hz / motion.body_length_px,
             reach=self.reach, length_px=motion.body_length_px,
             across=p.path_offset_cost, late=p.path_late_cost,

@@ -49,14 +49,14 @@ class FilmRows:
         change = np.stack([slope(one, reel.goes_on, span) for one in pose])
         speed = film_motion(reel, span)
         scales = [
-            weights.pose / deviation(pose),
+            weights.pose_weight / deviation(pose),
             weights.change / deviation(change),
-            weights.motion / deviation(speed, each=True),
+            weights.motion_weight / deviation(speed, each=True),
         ]
         parts = [
             one[:sides] * scale for one, scale in zip((pose, change, speed), scales, strict=True)
         ]
-        light = weights.look * np.asarray(look, float).reshape(sides, n, -1)
+        light = weights.appearance_weight * np.asarray(look, float).reshape(sides, n, -1)
         first, later = reel.step_ends
         whole = np.concatenate([*parts, light], axis=-1)[0]
         step = max(float(np.median(np.linalg.norm(whole[later] - whole[first], axis=-1))), 1e-12)

@@ -36,7 +36,7 @@ def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
             + (f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""),
             f"pairs [follower, leader] of fish 1 to {fish}, one leader each, so that whoever goes "
             "from leader to leader comes to a fish that follows nobody",
-            "let one fish of each group lead: matching.follow=[[2,1],[3,1]]",
+            "let one fish of each group lead: matching.follow_pairs=[[2,1],[3,1]]",
         )
     return leader_of
 

@@ -109,7 +109,7 @@ def tank_of(scene: TrialContext, cue: Cue, seed: int) -> LiveTank:
         raise FinloopError(
             f"the tank has room for {len(tank.fish)} fish, and the protocol wants {cue.fish}",
             "fish that can swim clear of each other",
-            "take fewer (fish), or draw them smaller (animate.size)",
+            "take fewer (fish), or draw them smaller (animate.fish_scale)",
         )
     return tank
 
