@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-TARGETS := help demo film test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs clean
+TARGETS := help demo film test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs pictures clean
 .PHONY: $(TARGETS)
 
 # A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
@@ -131,10 +131,16 @@ params-check: setup ## is params.yaml the composition of conf/?
 bench: setup ## measure speed and memory, as ratios in one run
 	@python -m benchmarks
 
-docs: display setup ## draw every picture of the README and the guides anew; wants chromium
+docs: setup ## README, guides, parameters and API as a site to read without a network (the extra `docs`)
+	@python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-docs.lock
+	@python -m stages.parameters --write
+	@NO_MKDOCS_2_WARNING=1 python -m mkdocs build --strict --quiet
+	@echo "Done. Open site/index.html"
+
+pictures: display setup ## draw every picture of the README and the guides anew; wants chromium
 	@python -m docs.draw
 
 clean: ## remove results and caches; DVC's cache and .venv stay
 	@git clean -Xdfq reports data
-	@rm -rf dvc_plots .import_linter_cache .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@rm -rf dvc_plots site .import_linter_cache .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	@find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

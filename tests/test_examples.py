@@ -104,10 +104,9 @@ def test_a_forecast_has_mirror_images_if_the_jumps_have(sides):
     assert np.allclose(forecast.states[1:400], image)
 
 
-def test_the_readme_shows_the_example():
-    blocks = re.findall(
-        r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
-    )
+def test_a_guide_shows_the_example():
+    page = (ROOT / "docs/packages.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     code = EXAMPLE.read_text(encoding="utf-8").partition("import sys\n\n")[2]
     assert blocks == [code]
 
