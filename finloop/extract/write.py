@@ -98,9 +98,7 @@ def extract(
     sample = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
     _refuse_small_disk(folder, facts.frames, list(sample), pieces)
     cuts = [start for start, _ in facts.segments[1:]]
-    verdicts: Counter[Verdict] = Counter()
-    lengths: Counter[int] = Counter()
-    lost: list[int] = []
+    verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
     agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
     follower = (
         GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames) if tracks else None
