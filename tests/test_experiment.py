@@ -54,10 +54,10 @@ def test_an_experiment_composes_as_any_group_of_hydra(name):
 
 def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
-    own = "# @package _global_\nbpn:\n  hidden: 7\n"
+    own = "# @package _global_\nbpn:\n  hidden_units: 7\n"
     (tmp_path / "conf/experiment/seven.yaml").write_text(own)
     monkeypatch.chdir(tmp_path)
-    assert made("+experiment=seven")["bpn"]["hidden"] == 7
+    assert made("+experiment=seven")["bpn"]["hidden_units"] == 7
     with pytest.raises(FinloopError, match="has no sweep"):
         experiment("seven")
 

@@ -42,7 +42,7 @@ REPAIRS = {
     "even_light": (("flicker", "drift"), "Every frame was brought to one light."),
     "steady": (("shake",), "Every frame was moved back."),
 }
-"""By the parameter that mends: the words of the findings, and what was done."""
+"""By the repair (`finloop.clip.mend`): the words of the findings, and what was done."""
 
 
 def findings(
@@ -50,7 +50,7 @@ def findings(
 ) -> list[Finding]:
     """A finding each on light, camera, pictures, exposure and contrast of a clip.
 
-    filmed: of the film before it was `mended`, by these parameters.
+    filmed: of the film before it was `mended` by these repairs.
     """
     remedies = {
         word: text for name in mended for word in REPAIRS[name][0] for text in REPAIRS[name][1:]

@@ -141,10 +141,10 @@ def gateways(
 ) -> pd.DataFrame:  # fmt: skip
     """The table of `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
 
-    `step` is the median natural step. A sprite leads to its `top_in` nearest rows in each
-    orientation. These are `apart` apart and have `least` of their track ahead. A row leads to the
-    `top_out` sprites of each sequence that are nearest to its next row. The last row of a track has
-    no way out, and a turn is entered by its first sprite only.
+    `step` is the median natural step. A sprite leads to its `frames_per_sprite` nearest rows in
+    each orientation. These are `apart` apart and have `least` of their track ahead. A row leads to
+    the `sprites_per_frame` sprites of each sequence that are nearest to its next row. The last row
+    of a track has no way out, and a turn is entered by its first sprite only.
     """
     most = settings.distance_threshold * step
     ways = [
@@ -166,7 +166,7 @@ def gateways(
 def _ways_in(
     near: Nearness, features: pd.DataFrame, most: float, settings: GatewaysSettings
 ) -> pd.DataFrame:
-    """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
+    """sprite, row, rank, distance: the best rows of every sprite and orientation."""
     track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
     delta = delta_of(features)
     lasts = _frames_ahead(features)[near.rows] >= settings.least * delta

@@ -128,7 +128,7 @@ def weights(n: int) -> Floats:
 def filter_diagonals(
     pairs: SparseMap, track: NDArray[np.int32], dynamics: int, limit: float
 ) -> NDArray[np.float32]:
-    """Filter every pair diagonally: Σ w_k D(a+k, b+k), k = −n … n (§4.1); n = `dynamics`.
+    """Filter every pair diagonally: Σ w_k D(a+k, b+k), k = −n … n (§4.1), n = `dynamics`.
 
     A pair has none, inf, where the value exceeds `limit`, where one of the pairs along the
     diagonal is not in the map, or where one lies beyond the end of either track.
