@@ -320,14 +320,14 @@ def write_video(
 ) -> None:  # fmt: skip
     """Draw an edit list over the empty tank: an MP4 of H.264, a frame a tick.
 
-    `changes`: of `finloop.render.settings.RenderSettings`; here count crf, shadow and shadow_blur.
+    `changes`: of `finloop.render.settings.RenderSettings`; here count crf and shadow_darkness.
     """
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
     bodies = Bodies(poses, reel.goes_on, reel.sprites)
     gallery = Gallery(shelves(stores, tracks.table, reel.sprites), bodies)
     length_px = reel.length_px * float(edit["scale"].median())
-    shadow = Shadow(p.shadow, p.shadow_blur * length_px)
+    shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
     painter = Painter(tracks.background, shadow=shadow)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:

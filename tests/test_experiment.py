@@ -136,7 +136,7 @@ def test_what_is_usual_composes_from_no_override():
 @pytest.mark.parametrize(
     "overrides",
     [TINY_CARP, ["clip=file", "clip.path='a: b,c.mp4'", 'sprites.straight_frames="8:120-140"',
-                     "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.max_distance_steps=null", "morph.back=false"]],
+                     "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.max_distance_steps=null", "tank.camera=top"]],
 )  # fmt: skip
 def test_what_was_changed_composes_to_the_same_again(overrides):
     text = compose_params(["~local", *overrides])
@@ -201,7 +201,8 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
     _, numbers = some(4)
     numbers.iloc[3, 0] = np.nan
     parameters = pd.DataFrame(
-        {"features.delta_s": MIXED, "morph.back": [True, False, True, False]}, numbers.index
+        {"features.delta_s": MIXED, "gait.gamma_per_scale": [True, False, True, False]},
+        numbers.index,
     )
     found = comparison(parameters, numbers, [])
     assert list(found.parameters["features.delta_s"]) == [0.1, 2.0, 10.0, "auto"]

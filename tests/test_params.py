@@ -111,7 +111,7 @@ def test_an_unknown_key_like_no_other_names_all():
         ("matching.from", "it is matching.uses now"),
         ("animate.sprites", "the modes network, loops and hybrid are the paper's; matching.uses "),
         ("animate.jumps", "the modes network, loops and hybrid are the paper's; matching.uses "),
-        ("export.shadow_blur", "did you mean render.shadow_blur?"),
+        ("export.shadow_darkness", "did you mean render.shadow_darkness?"),
         ("matching.beem", "did you mean matching.beam?"),
     ],
 )
@@ -206,7 +206,7 @@ def test_every_option_composes_into_its_dataclass(word, option):
 def test_every_parameter_is_wanted_typed_and_finite(word, option):
     values = composed_values(word, option)
     hints = get_type_hints(VARIANTS[word][option])
-    for key in [field.name for field in fields(VARIANTS[word][option]) if field.name != "source"]:
+    for key in {field.name for field in fields(VARIANTS[word][option])} - {"source"}:
         kind = hints[key]
         without = {name: value for name, value in values.items() if name != key}
         assert check(word, VARIANTS[word], without)[1] == [f"{word}.{key}: has no value"]

@@ -61,7 +61,7 @@ def dask_workers(
                 )
             )
         else:
-            where = address = p.address
+            where = address = p.scheduler_address
         try:
             client = distributed.Client(where, timeout=_CONNECT_S, set_as_default=False)
             stack.enter_context(client)
@@ -70,7 +70,7 @@ def dask_workers(
             raise FinloopError(
                 f"no scheduler with workers answers at {address} ({error})",
                 "Dask's scheduler there, and workers that have joined it",
-                f"start them (dask scheduler; {home.start}), or correct cluster.address",
+                f"start them (dask scheduler; {home.start}), or correct cluster.scheduler_address",
             ) from error
         workers = DaskWorkers(client, home, str(address))
         workers.check(need)

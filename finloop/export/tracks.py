@@ -44,7 +44,7 @@ def poses(
         raise FinloopError(
             f"no track has {least_frames} frames; the longest has {longest}",
             "at least one track to export",
-            "lower export.tracks_least_s",
+            "lower export.tracks_min_s",
         )
     ids = np.sort(longest_first)
     rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]

@@ -30,7 +30,7 @@ def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
         raise FinloopError(
             f"{path} is {len(film) / 1e6:.1f} MB even {_WIDTHS[-1]} px wide",
             f"a film of at most {most_bytes / 1e6:.1f} MB",
-            "report.film_most_mb=… larger, or animate.seconds=… shorter",
+            "report.max_film_mb=… larger, or animate.seconds=… shorter",
         )
     return film, poster
 
