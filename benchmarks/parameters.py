@@ -34,7 +34,7 @@ FILM = [
     "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
     "clip.body_length_px=70", "clip.colour=false", "clip.seed=7", "features.orientations=12",
     "loops.threshold=1", "bpn.epochs=5", "bpn.block=3", "forecast.epochs=30",
-    "forecast.held_out_block=3",
+    "forecast.held_out_block_deltas=3",
     "animate.seconds=6", "animate.trials=3", "realism.seconds=8", "realism.window=1",
     "realism.stride=0.5", "realism.blocks=2", "realism.gap=0.5", "realism.rounds=5",
     "realism.bins=8", "tank.seconds=0.3", "tank.width_px=160", "tank.height_px=120",

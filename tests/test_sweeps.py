@@ -19,7 +19,7 @@ SWEEPS = sorted((ROOT / "conf/experiment").glob("*.yaml"))
 FILM = [
     "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
     "clip.body_length_px=70", "clip.colour=false", "clip.seed=7", "features.orientations=12",
-    "bpn.epochs=5", "bpn.block=3", "forecast.epochs=2", "forecast.held_out_block=3", "loops.threshold=1",
+    "bpn.epochs=5", "bpn.block=3", "forecast.epochs=2", "forecast.held_out_block_deltas=3", "loops.threshold=1",
     "animate.seconds=8", "animate.trials=4", "realism.seconds=8", "realism.window=1",
     "realism.stride=0.5", "realism.blocks=2", "realism.gap=0.5", "realism.rounds=3",
     "realism.bins=8", "realism.examples=1",
