@@ -34,7 +34,7 @@ FILM = [
     "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
     "clip.body_length_px=70", "clip.colour=false", "clip.seed=7", "features.orientations=12",
     "loops.distance_threshold=1", "bpn.epochs=5", "bpn.held_out_block_deltas=3",
-    "forecast.epochs=30", "forecast.held_out_block=3",
+    "forecast.epochs=30", "forecast.held_out_block_deltas=3",
     "animate.seconds=6", "animate.trials=3", "realism.seconds=8", "realism.window_deltas=1",
     "realism.cross_validation_folds=2", "realism.classifier_trees=5",
     "tank.seconds=0.3", "tank.width_px=160", "tank.height_px=120",

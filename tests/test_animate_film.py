@@ -599,7 +599,7 @@ def test_a_frame_is_named_by_its_row():
 
 @pytest.mark.parametrize("fade", [0, 3])
 def test_a_cross_fade_begins_at_every_jump_and_the_old_plays_on(fade):
-    player = film_player(search_step=2.0, fade_time=fade / DELTA, join=FADE)
+    player = film_player(search_step_deltas=2.0, cross_fade_deltas=fade / DELTA, join=FADE)
     found, table = edit_of(player, [Goal("A", 200.0, 200.0)], 1500, 2)
     number, rotation = table["source"].to_numpy(), table["rotation_deg"].to_numpy(float)
     begins = np.flatnonzero(flat(found)[3][:1500])

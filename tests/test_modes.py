@@ -836,7 +836,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode)
     player = player_in(mode)
     found, table = edit_of(player, A, 1500, 2)
     fade, film = player.joins.fade, player.film
-    assert fade == round(settings("animate").fade_time * DELTA) > 1
+    assert fade == round(settings("animate").cross_fade_deltas * DELTA) > 1
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
     rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)
     starts = np.cumsum([0, *(len(one.way) for one in found.stretches)])

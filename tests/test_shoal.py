@@ -301,7 +301,7 @@ def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
     assert len(planner_of(same | {"fish": 2, "overlap": True}).goals()) == 2
     assert len(planner_of(same | {"fish": 1}).goals()) == 2
     planner_of(same | {"fish": 3}).check_room([])
-    led = same | {"fish": 3, "follow": [[1, 2]]}  # the second and third swim to goals
+    led = same | {"fish": 3, "follow_pairs": [[1, 2]]}  # the second and third swim to goals
     with pytest.raises(FinloopError, match=r"A \(fish 2\) and B \(fish 3\)") as refused:
         planner_of(led).goals()
     assert "to the fish 2, 3" in refused.value.wanted

@@ -75,9 +75,9 @@ GONE = {
             ("path_across", "path_offset_cost"),
             ("path_late", "path_late_cost"),
             ("path_beam", "beam"),
-            ("path_stride", "search_step"),
+            ("path_stride", "search_step_deltas"),
             ("path_again", "repeat_cost"),
-            ("path_ahead", "look_ahead"),
+            ("path_ahead", "look_ahead_deltas"),
         )
     },
     **{

@@ -39,7 +39,7 @@ class JoinTimes(Protocol):
     """The parameters of joins, as `animate` has them."""
 
     @property
-    def join_time(self) -> Literal["auto"] | float: ...
+    def join_time_deltas(self) -> Literal["auto"] | float: ...
     @property
     def join_frames(self) -> int: ...
     @property
@@ -49,7 +49,7 @@ class JoinTimes(Protocol):
     @property
     def rest(self) -> float: ...
     @property
-    def fade_time(self) -> float: ...
+    def cross_fade_deltas(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -93,12 +93,12 @@ class Joins:
 
 def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> Joins:
     """The joins of the parameters, their times in ticks; delta: Δ in ticks."""
-    if p.join_time == "auto":
+    if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
         ticks = max(time * delta, float(p.join_frames))
     else:
-        ticks = max(p.join_time * delta, 1.0)
-    fade = 0 if kind == CUT else round(p.fade_time * delta)
+        ticks = max(p.join_time_deltas * delta, 1.0)
+    fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
     still = rests(bodies, p.rest)
     return Joins(kind, fade, ticks, bodies, helps, still)
 

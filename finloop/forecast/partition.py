@@ -30,7 +30,9 @@ def split(film: FilmStates, p: ForecastSettings) -> Partition:
         If the film is shorter than two such stretches.
     """
     rows, least = film.rows, int(film.lags[-1]) + 2
-    block = block_frames(p.held_out_block, p.held_out_ratio, film.delta, film.frame[rows], least)
+    block = block_frames(
+        p.held_out_block_deltas, p.held_out_ratio, film.delta, film.frame[rows], least
+    )
     first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
     blocks = np.unique(first)
     count = min(max(1, round(p.held_out_ratio * len(blocks))), len(blocks) - 1)
@@ -42,7 +44,7 @@ def split(film: FilmStates, p: ForecastSettings) -> Partition:
             f"{len(parts.train)} rows to learn from and {len(parts.held_out)} held out, by "
             f"stretches of {block} frames",
             "some of both",
-            "a smaller forecast.held_out_block, or a longer film",
+            "a smaller forecast.held_out_block_deltas, or a longer film",
         )
     rng = np.random.default_rng((p.seed, 2))
     return Partition(*(

@@ -51,7 +51,7 @@ def film_jumps(
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(row_parts, reel.step_ends, settings)
-    least = max(1, round(settings.min_jump_time * delta_of(reel.features)))
+    least = max(1, round(settings.min_jump_deltas * delta_of(reel.features)))
     search = Search.from_values(values, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.from_source(source, crew), []
     rows = blocks(len(track), _LOT)

@@ -130,7 +130,7 @@ class Network:
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
 
     def _nearest_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
-        most = self.p.max_bend_hold * self.world.motion.delta
+        most = self.p.max_bend_hold_deltas * self.world.motion.delta
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
 
     def swim_straight(self, course: GoalApproach, rng: np.random.Generator) -> Stretch | None:

@@ -314,7 +314,7 @@ class Planner:
         (candidates, start), weights = made, self._weights
         if start.company.near:
             weights = weights._replace(beam=1 + weights.beam // _FEWER)
-        horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead)
+        horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead_deltas)
         found, rows = search(source.graph, candidates, start, objective, weights, horizon)
         ends = found.over.any() and not np.isfinite(found.value).any()
         if ends and len(objective.route.x):
@@ -395,7 +395,7 @@ class Planner:
     def _commit(self, objective: Objective) -> int:
         """Return the ticks of a plan that are swum before others are looked at."""
         p, stride = self.world.settings, self._weights.stride
-        time = p.path_commit if len(objective.route.x) else p.replan_interval
+        time = p.path_commit if len(objective.route.x) else p.replan_interval_deltas
         return int(stride * max(1, self.world.ticks(time) // stride))
 
     @cached_property

@@ -76,7 +76,7 @@ class FilmWorld(World):
         return CostWeights(
             pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
-            stride=max(1, self.ticks(p.search_step)), beam=p.beam,
+            stride=max(1, self.ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
             memory=p.repeat_memory * delta,
         )  # fmt: skip
