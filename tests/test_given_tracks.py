@@ -571,9 +571,9 @@ def test_the_share_needed_lies_between_chance_and_all():
 @pytest.mark.parametrize(
     ("name", "made", "said"),
     [
-        ("a.txt", b"1 2 3", "cannot be told"),
-        ("a.csv", b"p,q\n1,2\n", "cannot be told"),
-        ("a.csv", b"", "cannot be told"),
+        ("a.txt", b"1 2 3", "is unknown"),
+        ("a.csv", b"p,q\n1,2\n", "is unknown"),
+        ("a.csv", b"", "is unknown"),
         ("a.csv", b"\xff\xfe\x00scorer", "cannot be read"),
         ("a.npz", b"no zip", "tracks of TRex"),
         ("a.npy", b"\x93NUMPY", "tracks of idtracker.ai"),
@@ -587,7 +587,7 @@ def test_a_file_that_is_none_is_said(tmp_path, name, made, said):
 
 
 def test_an_empty_folder_and_tracks_without_a_place_are_said(tmp_path):
-    with pytest.raises(FinloopError, match="cannot be told"):
+    with pytest.raises(FinloopError, match="is unknown"):
         load_poses(tmp_path, None, 25.0)
     np.save(tmp_path / "a.npy", np.full((5, 2, 2), np.nan))
     with pytest.raises(FinloopError, match="nowhere where an animal is"):
