@@ -16,7 +16,7 @@ _THIN = 0.4  # share of a body's largest half width; narrower parts are thin
 
 
 def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
-    """Add thin parts of `change` above a level to the silhouettes (h, w), 0 or 255, that they touch.
+    """Add thin parts of `change` above a level to the silhouettes (h, w), 0 or 255, they touch.
 
     A pale and wide part, such as a shadow or the gloom around an animal, is not thin.
     """

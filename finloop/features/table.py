@@ -109,14 +109,8 @@ def features(
 
     The table of tracks is in the order (track_id, frame), as `extract` writes it; else
     FinloopError. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of
-    another program; where they are not NaN, they decide which end is the head.
-
-    Returns
-    -------
-    table
-        Columns of `FEATURES`, the rows of `tracks`.
-    backbones
-        (rows, n, 2) px, beside the table.
+    another program; where they are not NaN, they decide which end is the head. The feature table
+    has the columns `FEATURES`; the backbones beside it are (rows, n, 2) px.
     """
     if not pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]).is_monotonic_increasing:
         raise FinloopError(

@@ -25,7 +25,7 @@ _STEADY = 0.3  # share of the noise that differs between lags; the rest shifts t
 
 
 class _Network(nn.Module):
-    """The network g, averaged with its mirror image; states and controls in units of their scales."""
+    """The network g, averaged with its mirror image; inputs in units of their scales."""
 
     def __init__(self, film: FilmStates, hidden: int) -> None:
         super().__init__()
