@@ -685,9 +685,9 @@ def test_pictures_need_a_rate(tmp_path):
     ("start_s", "end_s", "said"),
     [
         (2.0, None, "is 2.000 s long, and 2 s to the end"),
-        (1.0, 1.0, "1 s to 1 s was asked for"),
-        (1.0, 0.5, "1 s to 0.5 s was asked for"),
-        (0.0, 3.0, "0 s to 3 s was asked for"),
+        (1.0, 1.0, "1 s to 1 s was requested"),
+        (1.0, 0.5, "1 s to 0.5 s was requested"),
+        (0.0, 3.0, "0 s to 3 s was requested"),
         (1.0, 1.02, r"shows 1 frame\(s\) from"),
     ],
 )

@@ -218,7 +218,7 @@ class Posted:
     count, alone = 2, False
 
     @contextmanager
-    def employ(self, work):
+    def submitter(self, work):
         there = sent(work)
         yield lambda item: Done(sent(there(sent(item))))
 

@@ -20,14 +20,10 @@ class Partition:
 
 
 def split(film: FilmStates, p: ForecastSettings) -> Partition:
-    """By stretches of time across all fish: a held-out row has no part of its past in the others.
+    """Split rows by stretches of time across all fish; a held-out row shares no past with others.
 
-    Of a long film `p.most_rows` of both.
-
-    Raises
-    ------
-    FinloopError
-        If the film is shorter than two such stretches.
+    In a long film both sides together have `p.most_rows`. FinloopError if the film is shorter than
+    two such stretches.
     """
     rows, least = film.rows, int(film.lags[-1]) + 2
     block = block_frames(
