@@ -80,7 +80,7 @@ WHEN: dict[str, str] = {
     "extract.min_area_ratio": "films with specks, or animals of several sizes",
     "extract.max_area_ratio": "animals that touch",
     "extract.min_contrast_ratio": "reflections in the walls of a tank",
-    "extract.tracks": "tracks of another program",
+    "extract.tracks_path": "tracks of another program",
     "identity": "tracks that end and begin again: several animals that cross",
     "calibrate": "films of several animals",
     "gait.limbs": "a film of limbs of one's own",
