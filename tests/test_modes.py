@@ -293,7 +293,7 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
     """Of a fish that wanders, in any quadrant."""
     small = tank(ARENA[:300, :300], 0.6 * LENGTH)
     play_, rng = loops_of(posed_film(pose)[0], world_of(small)), np.random.default_rng(2)
-    play_.p = replace(play_.p, improper_deg=45.0)
+    play_.p = replace(play_.p, improper_angle_deg=45.0)
     film, seen = play_.film, dict.fromkeys(["", "tank", "quadrant", "heading", "touched"], 0)
     for _ in range(200):
         fish = in_film(film, rng, small)
