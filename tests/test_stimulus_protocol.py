@@ -372,7 +372,7 @@ def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
     )  # fmt: skip
     text = listing(protocol, trials(protocol))
     for word in (
-        "to (0, 1), (0, 1), (0, 1) and 2 more", "along way.csv", "2 times as fast", "in company",
+        "to (0, 1), (0, 1), (0, 1) and 2 more", "along way.csv", "2 times as fast", "in a group",
         "still", "follow, animal 7", "dot, contrast 0.5, size 2, colour 1-2-3", "space bar",
         "any display", "waits for a start", "from, at the earliest", "places in mm",
     ):  # fmt: skip
