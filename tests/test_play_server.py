@@ -391,7 +391,7 @@ def test_it_listens_to_this_machine_alone_and_says_so_where_the_port_is_taken():
     with bind_socket(0) as one:
         assert one.getsockname()[0] == "127.0.0.1"
         one.listen()
-        with pytest.raises(FinloopError, match=f"port {one.getsockname()[1]} cannot be had"):
+        with pytest.raises(FinloopError, match=f"port {one.getsockname()[1]} is not available"):
             bind_socket(one.getsockname()[1])
     for port in (70_000, -1):
         with pytest.raises(FinloopError):

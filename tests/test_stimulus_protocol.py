@@ -435,8 +435,8 @@ CONDITION = "  a: {seconds: 10, motion: {wander: true}}\n"
         ("triggers:\n  - {at: start, to: socket, text: '{trial:>999999999}'}\n", "line 5: triggers[0].text: may name"),
         ("animals: {unit: inch}\n", "line 4: animals.unit: should be 'px' or 'mm'"),
         ("animals: {units: mm}\n", "line 4: animals.units: unknown; did you mean unit?"),
-        ("animals:\n  points:\n    - {tracker: [1, 2], tank: [3, 4]}\n", "line 4: animals: the tracker's calibration does not hold"),
-        ("name: ' a'\n", "line 4: name stands twice, first in line 2"),
+        ("animals:\n  points:\n    - {tracker: [1, 2], tank: [3, 4]}\n", "line 4: animals: the tracker's calibration is invalid"),
+        ("name: ' a'\n", "line 4: name is repeated, first in line 2"),
         ("order: !random given\n", "line 4: the tag !random is not known here"),
         ("<<: {fish: 2}\n", "line 4: << (a merge) is not known here"),
         ("[1, 2]: 3\n", "line 4: a list or a group is no key"),
@@ -521,7 +521,7 @@ def test_all_that_is_wrong_is_said_at_once_in_the_order_of_its_lines(tmp_path):
     )
     lines = [line.strip().split(":")[:2] for line in complaint(tmp_path, text)]
     assert [(line, what.strip()) for line, what in lines] == [
-        ("line 5", "fish stands twice, first in line 4"),
+        ("line 5", "fish is repeated, first in line 4"),
         ("line 1", "version"), ("line 3", "seed"), ("line 6", "speed"),
         ("line 8", "conditions.a.seconds"), ("line 11", "conditions.b.motion.again"),
         ("line 12", "conditions.c.motion.path"),
