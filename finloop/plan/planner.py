@@ -148,7 +148,7 @@ class Planner:
         return source
 
     def company(self, others: Floats, start: int) -> Company:
-        """Return what a fish that decides at a tick knows of the others (n, m, 4)."""
+        """Return the others (n, m, 4) as a fish that decides at a tick knows them."""
         p = self.world.settings
         if p.overlap or not others.shape[1]:
             return ALONE
