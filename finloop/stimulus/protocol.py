@@ -331,7 +331,6 @@ def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterato
 
 
 def _chain(protocol: Protocol, name: str) -> list[str]:
-    """Return the conditions whose motions a condition repeats, up to the first one met twice."""
     chain: list[str] = []
     while (one := protocol.conditions.get(name)) and (again := one.motion.again):
         if again in chain:
