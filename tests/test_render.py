@@ -483,7 +483,7 @@ def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
     painter.draw(2, 2, bent(fish(), 0.0, curl))
     painter.wipe()
     assert not painter.frame.any()
-    with pytest.raises(ValueError, match="both in a pose"):
+    with pytest.raises(ValueError, match="both drawn in a pose"):
         painter.draw(20, 20, fish(), bent(fish()), 0.5)
 
 

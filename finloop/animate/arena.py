@@ -178,7 +178,6 @@ def goes_on(floor: Picture, filmed: Mask) -> bool:
 
 
 def _hull(outline_px: Reals) -> NDArray[np.int32]:
-    """Return the convex hull (m, 1, 2) of outlines (n, k, 2), in whole pixels."""
     corners = []
     for first in range(0, len(outline_px), _LOT):
         points = np.round(np.asarray(outline_px[first : first + _LOT]).reshape(-1, 2))

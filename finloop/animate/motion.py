@@ -169,7 +169,6 @@ def too_little(what: str) -> FinloopError:
 
 
 def _runs(kind: NDArray[np.int8]) -> list[tuple[int, int, int]]:
-    """Return (type, first, one past the last) of every run of one swimming type."""
     edges = np.flatnonzero(np.diff(kind)) + 1
     bounds = np.concatenate([[0], edges, [len(kind)]])
     return [(int(kind[a]), int(a), int(b)) for a, b in pairwise(bounds)]

@@ -192,7 +192,6 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
 
 
 def _new(now: Any, pictures: Pictures) -> Picture:
-    """Draw the picture of a row without its partner, the fish headed right."""
     turn = -float(now.heading_deg)
     if now.pose is not None:
         body = _body(now, pictures)

@@ -121,7 +121,7 @@ class LiveTank:
         return FinloopError(
             f"mode {mode} cannot do {what}",
             "one fish that is sent to goals, or wanders, as in the paper",
-            "change over to mode matching first",
+            "switch to mode matching first",
         )
 
     def _refuse_in_paper(self, what: str) -> None:
@@ -195,12 +195,12 @@ class LiveTank:
                 fish.order = RuleTask(self.shoaling)
 
     def lack(self, mode: str) -> str:
-        """Return why the tank cannot change over to a mode now; empty if it can."""
+        """Return why the tank cannot switch to a mode now; empty if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
         most = self.players[mode].most_fish
         if most is not None and len(self.fish) > most:
-            return "a mode of the paper moves one fish: take one, then change over"
+            return "a mode of the paper moves one fish: take one, then switch"
         return ""
 
     def switch(self, mode: str) -> None:

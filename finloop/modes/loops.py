@@ -334,7 +334,7 @@ def no_loops_error(mode: str) -> NothingToUse:
     """Return the error that the film has no loops for a mode."""
     return NothingToUse(
         f"mode {mode}: the film has no loops by which it could go on for ever",
-        "a film in which frames come back, with a loop at least every few seconds",
+        "a film in which similar frames return, with a loop at least every few seconds",
         "take a longer film, let more frames join (loops.distance_threshold, "
         "distance.max_distance_steps), or another mode: network needs no loops",
     )

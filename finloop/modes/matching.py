@@ -230,7 +230,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
         raise NothingToUse(
             f"the film is too short or too uneven for matching.uses={list(p.uses)}",
             "frames that can follow each other for ever, or a forecast of them",
-            "take a longer film, or another mode; reports/jumps and reports/forecast say more",
+            "take a longer film, or another mode; see reports/jumps and reports/forecast",
         )
     touch_px = p.goal_radius_bl * motion.body_length_px
     water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)

@@ -148,7 +148,7 @@ class Planner:
         return source
 
     def company(self, others: Floats, start: int) -> Company:
-        """Return what a fish that decides at a tick knows of the others (n, m, 4)."""
+        """Return the others (n, m, 4) as a fish that decides at a tick knows them."""
         p = self.world.settings
         if p.overlap or not others.shape[1]:
             return ALONE
@@ -296,7 +296,6 @@ class Planner:
         self, source: MotionSource | None, fish: Fish, along: float, objective: Objective,
         rng: np.random.Generator,
     ) -> Plan | None:  # fmt: skip
-        """Return the best plan by a motion source; None where no row could be shown."""
         made = source and source.candidates(fish, self._lag(fish, objective), along)
         if not (source and made):
             return None
@@ -308,7 +307,6 @@ class Planner:
     def _search(
         self, source: MotionSource, made: tuple[Candidates, SearchStart], objective: Objective
     ) -> Plan | None:
-        """Return the plan of the cheapest of some candidates, the longest where all end."""
         (candidates, start), weights = made, self._weights
         if start.company.near:
             weights = weights._replace(beam=1 + weights.beam // _FEWER)
@@ -401,7 +399,6 @@ class Planner:
         return Fallback(self.world, self._leave)
 
     def _leave(self, fish: Fish, away: Target, rng: np.random.Generator) -> Stretch:
-        """Return how a fish would swim to a place."""
         return self._move(fish, Progress(), to_goal(self._next_waypoint(fish, away)), away, rng)[0]
 
     def _from_sprite(self, fish: Fish) -> Fish:

@@ -154,7 +154,6 @@ class MarkPainter:
                 self._touch(np.stack([start, stop]), self._line + 2)
 
     def _above(self, tick: int) -> None:
-        """Write time, state and goal into the corner."""
         box = self._plate
         plate = self._painter.canvas[box.slices]
         np.right_shift(plate, 1, out=plate)  # half as bright: letters are legible on any tank

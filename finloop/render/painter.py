@@ -256,7 +256,6 @@ class Painter:
         return box
 
     def _draw_bent(self, fish: Laid, other: Laid | None, share: float) -> Box:
-        """Draw a fish, and its partner with its share; return the box drawn."""
         boxes = [Box(*one.box) for one in (fish, other) if one is not None]
         box = Box.around(boxes).within(self.canvas.shape)
         if not box.empty:

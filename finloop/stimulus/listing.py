@@ -20,7 +20,7 @@ def listing(protocol: Protocol, order: tuple[Trial, ...]) -> str:
         f"{protocol.name}: {len(order)} trials, {_ORDERS[protocol.order]}; seed {protocol.seed}",
         f"{protocol.fish} fish, animated by mode matching",
         f"takes {_clock(seconds)}{waits}",
-        "", *(f"demanded: {what}" for what in demands(protocol)),
+        "", *(f"required: {what}" for what in demands(protocol)),
         "", *_conditions(protocol), *_twins(protocol),
         "", *_trials(protocol, order),
     ])  # fmt: skip

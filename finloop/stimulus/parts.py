@@ -42,7 +42,6 @@ def _key(name: str) -> str:
 
 
 def _template(text: str) -> str:
-    """Check that the only braces in a text hold `TRIGGER_WORDS`."""
     try:
         parts = list(Formatter().parse(text))
     except ValueError:

@@ -256,7 +256,7 @@ def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
     if len(names) * protocol.repeats > MOST_TRIALS:
         yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
     if protocol.display.fish_mm is not None and not protocol.display.calibrated:
-        yield ("display", "fish_mm"), "wants a display that is calibrated (calibrated: true)"
+        yield ("display", "fish_mm"), "requires a calibrated display (calibrated: true)"
     if protocol.animals is not None:
         try:
             calibration(protocol.animals, 1.0)  # whether the film has a scale is not known yet
@@ -265,7 +265,7 @@ def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
     for name, condition in protocol.conditions.items():
         place = ("conditions", name)
         if 2 * protocol.fade_s > condition.seconds:
-            yield (*place, "seconds"), f"should be two fades of {protocol.fade_s:g} s at least"
+            yield (*place, "seconds"), f"should be at least two fades of {protocol.fade_s:g} s"
         for at, what in _motion_problems(protocol, condition):
             yield (*place, *at), what
         if condition.motion.again is not None:
@@ -278,9 +278,9 @@ def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Probl
     motion, change = condition.motion, condition.change or Change()
     if motion.rule is not None:
         if protocol.animals is None:
-            yield ("motion", "rule"), "wants live animals; describe them under animals"
+            yield ("motion", "rule"), "requires live animals; describe them under animals"
         if condition.change is not None:
-            yield ("change",), "wants a motion that is known beforehand; a rule's is not"
+            yield ("change",), "requires a motion that is known beforehand; a rule's is not"
     elif not change.still and (
         protocol.fish * condition.seconds * change.speed > MOST_FISH_SECONDS
     ):
@@ -292,7 +292,7 @@ def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Probl
             ),
         )
     if motion.company and protocol.fish < 2:
-        yield ("motion", "company"), "wants two fish at least; there is one"
+        yield ("motion", "company"), "requires at least two fish; there is one"
     if motion.path is not None:
         if motion.file.suffix.lower() not in LINES:
             yield ("motion", "path"), f"should be a file {', '.join(LINES)}, got {motion.path}"
@@ -331,7 +331,6 @@ def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterato
 
 
 def _chain(protocol: Protocol, name: str) -> list[str]:
-    """Return the conditions whose motions a condition repeats, up to the first one met twice."""
     chain: list[str] = []
     while (one := protocol.conditions.get(name)) and (again := one.motion.again):
         if again in chain:

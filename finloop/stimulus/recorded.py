@@ -66,7 +66,6 @@ def _text(t: float, place: Floats, calibration: Calibration) -> str:
 
 
 def _px_of(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
-    """Return the px of one unit of a line, along x and along y."""
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1
     if line.unit != MM:

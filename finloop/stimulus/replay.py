@@ -137,8 +137,6 @@ def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> Planned:
 
 
 class _Again:
-    """Takes the log's rows one after the other, and plans as the session did."""
-
     def __init__(self, scene: TrialContext, plan: Protocol) -> None:
         self.ticks = self.different = 0
         self._scene, self._plan = scene, plan

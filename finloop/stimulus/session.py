@@ -270,7 +270,6 @@ class Session:
         return shown
 
     async def _permission(self) -> None:
-        """Wait for the key or message that begins the trial, if one is wanted."""
         if self.plan.start == "auto" or not self.patient or self._abort or self._skip:
             return
         self.phase = "waiting"
@@ -337,7 +336,6 @@ class Session:
             await self.clock.until(min(time_s, self.clock.read_time() + 0.1))
 
     def _emit(self, tick: int, due: float, states: States, now: float, cut: bool = False) -> None:
-        """Send a tick that is planned now, and log it."""
         self._seq += 1
         for message in self.feed.rows(self._seq, tick, due, states, cut):
             self._send(message)

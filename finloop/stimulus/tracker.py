@@ -173,12 +173,12 @@ def _problems(settings: TrackerSettings, mm_per_px: float | None) -> list[str]:
     if count == 0:
         if settings.unit == "mm" and mm_per_px is None:
             problems.append(
-                "the tracker says mm, and neither the film's scale nor points are given"
+                "the tracker sends mm, but neither the film's scale nor points are given"
             )
         if settings.y_axis == "up":
-            problems.append("y grows upwards, and no points say from where")
+            problems.append("y grows upwards, but no points define its origin")
     elif count == 1:
-        problems.append("one pair of points alone")
+        problems.append("there is only one pair of points")
     else:
         for side in ("tracker", "tank"):
             points = np.array([getattr(pair, side) for pair in settings.points])

@@ -36,7 +36,6 @@ class FishSurface:
 
     @cached_property
     def _recent_shape(self) -> Callable[[int], tuple[Floats, Floats]]:
-        """Return `shape` with a memory of its last batch."""
         return lru_cache(1)(self.shape)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
