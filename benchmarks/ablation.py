@@ -27,8 +27,8 @@ from finloop.base.line import TANK, Line
 from finloop.base.parallel import Processes, ordered_map
 from finloop.edit.schema import by_fish
 from finloop.modes.matching import MatchingAnimator, matching_animator
+from finloop.plan.matching_settings import merge_settings
 from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
-from finloop.plan.settings import merge_settings
 from finloop.project import Project
 from stages.animation import measure_pictures
 

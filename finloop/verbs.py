@@ -74,7 +74,7 @@ from finloop.modes.loops import loops_animator
 from finloop.modes.matching import MatchingData, matching_animator
 from finloop.modes.network import network_animator
 from finloop.plan.load_paths import load_lines
-from finloop.plan.settings import merge_settings
+from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow

@@ -28,9 +28,9 @@ from finloop.io.line import load_line
 from finloop.io.table import save_table
 from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
+from finloop.plan.matching_settings import MatchingSettings
 from finloop.plan.objectives import ANYWHERE, along_path
 from finloop.plan.path_measures import LEFT, SWUM, limits, path_metrics, swum_path, where_left
-from finloop.plan.settings import MatchingSettings
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
 

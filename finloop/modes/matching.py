@@ -38,8 +38,8 @@ from finloop.features.table import delta_of
 from finloop.forecast.sampling import Sampler
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import motion_graph, neighbour_jumps, without_dead_ends
+from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
-from finloop.plan.settings import AllSettings
 from finloop.plan.sources import FilmSource, PredictionSource
 from finloop.plan.world import FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses

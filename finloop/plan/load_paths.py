@@ -8,7 +8,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import TRACK, Line
 from finloop.features.line import track_line
 from finloop.io.line import load_line
-from finloop.plan.settings import MatchingSettings
+from finloop.plan.matching_settings import MatchingSettings
 
 
 def load_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]:

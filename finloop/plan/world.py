@@ -14,7 +14,7 @@ from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg
 from finloop.plan.cost import CostWeights, Steering, Tempo
 from finloop.plan.graph import MotionGraph, farthest, runs
-from finloop.plan.settings import AllSettings
+from finloop.plan.matching_settings import AllSettings
 from finloop.plan.walls import Bounds, bounds_of
 from finloop.social.walls import Walls
 
