@@ -91,7 +91,9 @@ def _choices(names: list[str]) -> str:
 
 
 def _limits(base: Any, marks: tuple[Any, ...]) -> str:
-    """Return a range in words, such as "whole, ≥ 1"."""
+    """Return a range in words, such as "whole, ≥ 1"; a text among the marks says it itself."""
+    if texts := [mark for mark in marks if isinstance(mark, str)]:
+        return texts[0]
     said = ["whole"] if base is int else [] if base is float else [range_text(base)]
     for mark in marks:
         for limit in getattr(mark, "metadata", [mark]):

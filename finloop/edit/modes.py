@@ -1,6 +1,6 @@
 """The one list of playing modes by name, with the texts for tables, pictures and pages."""
 
-from typing import Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple, get_args
 
 Mode = Literal["network", "loops", "hybrid", "matching"]
 """The name of a mode in settings, edit lists, metrics and live messages."""
@@ -8,7 +8,7 @@ Mode = Literal["network", "loops", "hybrid", "matching"]
 RETARGET = "retarget"
 """In place of a mode, the name of the edit list that stage `retarget` makes of a recorded track."""
 
-Shown = Literal[Mode, "retarget"]
+Shown = Annotated[Literal[Mode, "retarget"], "a mode or retarget"]
 """What can be drawn: the edit list of a mode, or the retargeted one."""
 
 
