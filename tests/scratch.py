@@ -28,7 +28,7 @@ from stages.settings import CONF, PARAMS, all_problems
 
 
 @cache  # composing takes Hydra a fifth of a second
-def _composed(overrides: tuple[str, ...]) -> str:
+def _compose(overrides: tuple[str, ...]) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
         return compose_params(["~local", *overrides])
@@ -36,7 +36,7 @@ def _composed(overrides: tuple[str, ...]) -> str:
 
 def composed_once(overrides: Sequence[str]) -> str:
     """params.yaml as `python -m stages.compose` writes it in a repository without conf/local/."""
-    return _composed(tuple(overrides))
+    return _compose(tuple(overrides))
 
 
 @cache
@@ -45,7 +45,7 @@ def _params(overrides: tuple[str, ...]) -> str:
     keys = {one: one.partition("=")[0] for one in overrides}
     plain = [one for one, key in keys.items() if "." in key and key != "clip.path"]
     values = yaml.load(
-        _composed(tuple(one for one in overrides if one not in plain)), yaml.CSafeLoader
+        _compose(tuple(one for one in overrides if one not in plain)), yaml.CSafeLoader
     )
     parser = OverridesParser.create()
     for one in plain:

@@ -27,8 +27,8 @@ from toy_film import (
     rich,
     rich_film,
     rich_table,
-    swum,
     table_of,
+    turning_track,
     waters_of,
 )
 
@@ -95,7 +95,10 @@ def on_the_spot(found):
 
 @pytest.mark.parametrize("rate", [0.0, 5.0, -5.0])
 def test_a_film_moves_as_its_fish_did_at_the_drawn_size(rate):
-    small, large = swum([rate] * 20, 30.0, length=40.0), swum([rate] * 20, 30.0, length=80.0)
+    small, large = (
+        turning_track([rate] * 20, 30.0, length=40.0),
+        turning_track([rate] * 20, 30.0, length=80.0),
+    )
     found = film_of(table_of(small, large), loops((3, 30)))
     angle = np.radians(30.0 + rate * np.arange(20))
     drawn = SPEED * 60.0 / RATE  # the median fish is 60 px long
@@ -110,12 +113,15 @@ def test_a_film_moves_as_its_fish_did_at_the_drawn_size(rate):
 
 
 def test_speed_is_that_of_the_track_up_to_its_ends():
-    found = film_of(table_of(swum([0.0] * 9), swum([0.0] * 9, 90.0, at=(0, 0))), loops((3, 12)))
+    found = film_of(
+        table_of(turning_track([0.0] * 9), turning_track([0.0] * 9, 90.0, at=(0, 0))),
+        loops((3, 12)),
+    )
     assert found.speed == pytest.approx(SPEED)
 
 
 def test_a_film_ends_with_each_track_and_before_each_barred_row():
-    table = table_of(swum([0.0] * 9), swum([0.0] * 9))
+    table = table_of(turning_track([0.0] * 9), turning_track([0.0] * 9))
     assert list(np.flatnonzero(~film_of(table, loops((3, 12))).has_next)) == [9, 19]
     found = film_of(table, loops((3, 12)), barred=[5, 16])
     assert list(np.flatnonzero(~found.has_next)) == [4, 5, 9, 15, 16, 19]
@@ -123,7 +129,7 @@ def test_a_film_ends_with_each_track_and_before_each_barred_row():
 
 
 def test_loops_lead_both_ways_but_never_to_a_barred_row_or_where_the_film_ends():
-    table = table_of(swum([0.0] * 19), swum([0.0] * 19))
+    table = table_of(turning_track([0.0] * 19), turning_track([0.0] * 19))
     pairs = loops(
         (3, 25, 0.4), (3, 10, 0.2), (8, 35, 0.6), (10, 30, 0.8), (15, 28, 0.5)
     )  # fmt: skip
@@ -258,7 +264,9 @@ def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike():
 
 def with_dead_ends():
     """Three tracks of 201 rows; each is joined to the others only in its beginning."""
-    table = table_of(swum([4.0] * 200), swum([-4.0] * 200), swum([0.0] * 200))
+    table = table_of(
+        turning_track([4.0] * 200), turning_track([-4.0] * 200), turning_track([0.0] * 200)
+    )
     pairs = loops(
         *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
         *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
@@ -318,7 +326,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
 
 
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
-    mode = film_player(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
+    mode = film_player(film_of(table_of(turning_track([0.0] * 199)), loops((20, 199))))
     state = mode.begin(np.random.default_rng(0))
     fish = replace(state.fish, row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
     goal = Goal("A", 300.0, 300.0)
@@ -329,7 +337,7 @@ def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
 
 def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     """Loop ends so rare that between two of them lies more film than a look ahead."""
-    reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
+    reel = film_of(table_of(turning_track([0.7] * 599)), loops((20, 560), (40, 580)))
     assert np.diff(np.flatnonzero(reel.jump_slot >= 0)).max() > 5 * RATE
     for seed in range(3):
         found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
@@ -361,7 +369,9 @@ def test_a_seed_gives_one_animation_and_another_seed_another():
 
 
 def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
-    reel = film_of(swum([4.0] * 199), loops((5, 95), (50, 140)))  # one circle, 15 px across
+    reel = film_of(
+        turning_track([4.0] * 199), loops((5, 95), (50, 140))
+    )  # one circle, 15 px across
     goals = [Goal("A", 700.0, 60.0)]
     mode = film_player(reel)
     found, table = edit_of(mode, goals, 800, 1)
@@ -378,7 +388,9 @@ def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
 
 def three_ways(wall=False):
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
-    table = table_of(swum([0.0] * 149), swum([3.0] * 149), swum([-3.0] * 149))
+    table = table_of(
+        turning_track([0.0] * 149), turning_track([3.0] * 149), turning_track([-3.0] * 149)
+    )
     pairs = [(20, 170, 0.2), (20, 320, 0.2), (140, 21, 0.2), (290, 171, 0.2), (440, 321, 0.2)]
     reel = film_of(table, loops(*pairs))
     arena = ARENA.copy()
@@ -445,7 +457,7 @@ def test_a_decision_counts_how_many_ways_fail_which_test():
 
 @pytest.mark.parametrize(("heading", "quadrant"), [(30.0, 1), (120.0, 2), (210.0, 3), (300.0, 4)])
 def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadrant):
-    table = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    table = table_of(turning_track([0.0] * 99), turning_track([0.0] * 99))
     player = film_player(film_of(table, loops((20, 120), (60, 21), (160, 121))))
     fish = Fish(400.0, 300.0, heading, SPEED, IN_FILM, -1, row=30, rot=heading)
     angle = np.radians(heading)

@@ -32,7 +32,7 @@ MODE = "matching"  # the one mode of several fish
 EDGE = 1.5  # px around every body
 
 
-def known(ways, start, discs, stays):
+def company_at(ways, start, discs, stays):
     """The company of fish whose ways begin at a tick."""
     return company_of(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
 
@@ -40,7 +40,7 @@ def known(ways, start, discs, stays):
 SPOT = Target(0.0, 0.0, 0.0, 0.0)
 
 
-def bent(rng: np.random.Generator) -> np.ndarray:
+def bent_outline(rng: np.random.Generator) -> np.ndarray:
     """The outline (50, 2) of a fish of 60 px that bends to one side, thin at the tail."""
     along = np.linspace(30, -30, 25)
     middle = rng.uniform(-20, 20) * ((30 - along) / 60) ** 2
@@ -54,7 +54,7 @@ def bent(rng: np.random.Generator) -> np.ndarray:
 
 
 def test_discs_hold_their_outline():
-    outlines = np.stack([bent(np.random.default_rng(seed)) for seed in range(20)])
+    outlines = np.stack([bent_outline(np.random.default_rng(seed)) for seed in range(20)])
     for outline, own in zip(outlines, discs_of(outlines, []).table, strict=True):
         apart = np.hypot(*(outline[:, None] - own[None, :, :2]).transpose(2, 0, 1))
         assert (apart <= own[:, 2]).any(axis=1).all()
@@ -96,16 +96,16 @@ def test_of_a_way_that_is_over_its_last_tick_is_left():
 @pytest.mark.parametrize("seed", range(30))
 def test_who_is_clear_of_another_does_not_overlap_it(seed):
     rng = np.random.default_rng(seed)
-    outlines = [bent(rng), bent(rng), bent(rng)]
+    outlines = [bent_outline(rng), bent_outline(rng), bent_outline(rng)]
     discs = discs_of(np.stack(outlines[:2]), outlines[2:])
     shown = [(0, 0, False), (1, 1, False), (2, 0, True), (3, 1, True), (-1, 2, False)]
     met = 0
     for _ in range(40):
         (one, own, flip), (other, theirs, flop) = (shown[rng.integers(5)] for _ in range(2))
         a, b = ((*rng.uniform(0, 60, 2), rng.uniform(-180, 180)) for _ in range(2))
-        company = known([np.array([[*b, other]])], 0, discs, 0)
+        company = company_at([np.array([[*b, other]])], 0, discs, 0)
         apart = clear(company, one, *a, 0)
-        back = clear(known([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
+        back = clear(company_at([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
         assert apart == back  # whoever asks
         one_there, other_there = (
             place_outline(outlines[own], *a, flip),
@@ -119,7 +119,7 @@ def test_who_is_clear_of_another_does_not_overlap_it(seed):
 
 def test_side_by_side_is_nearer_than_head_to_tail():
     discs = discs_of(NEEDLE[None], [])
-    company = known([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
+    company = company_at([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
     wide = 2 * (np.hypot(2, 5) + EDGE)
     assert clear(company, 0, 0.0, wide + 0.1, 0.0, 0)
     assert not clear(company, 0, 0.0, wide - 0.1, 0.0, 0)
@@ -132,7 +132,7 @@ def test_side_by_side_is_nearer_than_head_to_tail():
 def crossing():
     """The company of a needle that swims to the right for 20 ticks, and stays there."""
     way = np.column_stack([5.0 * np.arange(20), np.zeros(20), np.zeros(20), np.zeros(20)])
-    return known([way], 10, discs_of(NEEDLE[None], []), 6)
+    return company_at([way], 10, discs_of(NEEDLE[None], []), 6)
 
 
 def test_others_are_where_they_planned_to_be_and_stay_where_that_ends():
@@ -181,7 +181,7 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
         ])
         for n in rng.integers(1, 12, 20)
     ]  # fmt: skip
-    company = known(ways, 7, discs_of(NEEDLE[None], []), 6)
+    company = company_at(ways, 7, discs_of(NEEDLE[None], []), 6)
     some = near_first(company, 400.0, 400.0, pace * np.arange(known_ticks + 1))
     assert company.near == 20 > some.near > 0
     assert sorted(some.places[0].tolist()) == sorted(company.places[0].tolist())

@@ -214,7 +214,7 @@ def write(writer, frames):
             writer.write(frame)
 
 
-def decoded(path):
+def decode_webm(path):
     """The frames of a WebM by libvpx, which alone knows of alpha: time, RGB, alpha."""
     with av.open(str(path)) as film:
         assert film.format.name == "matroska,webm"
@@ -234,7 +234,7 @@ def decoded(path):
 def test_a_webm_comes_back_with_its_alpha(tmp_path, shape):
     given = list(clip(shape))
     write(WebmWriter(tmp_path / "a.webm", given[0].shape, RATE, 8), given)
-    found = list(decoded(tmp_path / "a.webm"))
+    found = list(decode_webm(tmp_path / "a.webm"))
     assert len(found) == len(given)
     for k, ((time, rgb, alpha), frame) in enumerate(zip(found, given, strict=True)):
         assert time == pytest.approx(k / RATE, abs=0.001)  # WebM's clock
@@ -249,7 +249,7 @@ def test_a_webm_comes_back_with_its_alpha(tmp_path, shape):
 
 def test_grey_stays_grey_in_a_webm(tmp_path):
     write(WebmWriter(tmp_path / "a.webm", (46, 72, 4), RATE, 8), clip((46, 72), 2, (90, 90, 90)))
-    for _, rgb, alpha in decoded(tmp_path / "a.webm"):
+    for _, rgb, alpha in decode_webm(tmp_path / "a.webm"):
         assert np.ptp(rgb[alpha > 100], axis=1).max() == 0
 
 
@@ -288,7 +288,7 @@ def test_same_frames_same_bytes_and_whole_or_not_at_all(tmp_path, make):
 # --- tracks as poses -----------------------------------------------------------------------------
 
 
-def tracked(lengths, points=5):
+def straight_tracks(lengths, points=5):
     """Straight fish 40 px long, headed right; every second row of the backbone begins at the tail."""
     rows, features = [], []
     for track, length in lengths.items():
@@ -306,7 +306,7 @@ def tracked(lengths, points=5):
 
 @pytest.mark.parametrize("body_points", [0, 1, 2, 3])
 def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
-    found = poses(*tracked({4: 6, 8: 9}), 20, body_points, 1, 10)
+    found = poses(*straight_tracks({4: 6, 8: 9}), 20, body_points, 1, 10)
     body = [f"body_{n + 1}" for n in range(body_points)]
     assert found.individuals == ("track_4", "track_8") and found.frames == 20
     assert found.keypoints == ("head", *body, "tail", "centre")
@@ -320,7 +320,7 @@ def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
 
 
 def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
-    tables = tracked({1: 3, 2: 9, 3: 5, 4: 7})
+    tables = straight_tracks({1: 3, 2: 9, 3: 5, 4: 7})
     assert poses(*tables, 20, 1, 4, 9).individuals == ("track_2", "track_3", "track_4")
     few = poses(*tables, 20, 1, 4, 2)
     assert few.individuals == ("track_2", "track_4") and len(few.frame) == 16
@@ -331,7 +331,7 @@ def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
 
 
 def test_another_programs_animals_are_each_one_whatever_their_tracks():
-    tracks, features = tracked({1: 3, 2: 9, 3: 5, 4: 7})
+    tracks, features = straight_tracks({1: 3, 2: 9, 3: 5, 4: 7})
     tracks.loc[tracks["track_id"] == 3, "frame"] += 20
     animals = tracks["track_id"].map({1: "berta", 2: "anna", 3: "berta", 4: "carl"})
     found = poses(tracks, features, 40, 0, 8, 9, animals)
@@ -350,7 +350,7 @@ def some_poses():
     )  # fmt: skip
 
 
-def compared(dataset, given, individuals):
+def assert_holds_poses(dataset, given, individuals):
     """Whether a dataset of movement holds these poses and nothing else."""
     position = dataset.position.transpose("time", "individuals", "keypoints", "space")
     assert [str(name) for name in dataset.individuals.values] == [
@@ -387,7 +387,7 @@ def test_movements_netcdf_is_read_by_xarray_and_valid_for_movement(tmp_path):
     np.testing.assert_allclose(scaled.position_mm, 0.25 * scaled.position, rtol=1e-6)
     for engine in ("h5netcdf", "netcdf4"):
         dataset = xarray.load_dataset(tmp_path / "tracks.nc", engine=engine)
-        compared(dataset, given, [0, 1])
+        assert_holds_poses(dataset, given, [0, 1])
     ValidPosesInputs.validate(dataset)
     assert (dataset.fps, dataset.time_unit, dataset.ds_type) == (float(RATE), "seconds", "poses")
     save_poses.to_dlc_file(dataset, tmp_path / "again.csv", split_individuals=False)
@@ -418,7 +418,7 @@ def test_nwb_is_read_by_pynwb_and_by_movement(tmp_path):
         rows = given.individual == number
         np.testing.assert_allclose(head[given.frame[rows]], given.places[rows, 0])
         dataset = load_dataset(tmp_path / f"nwb/{name}.nwb", source_software="NWB")
-        compared(dataset.sel(keypoints=list(given.keypoints)), given, [number])
+        assert_holds_poses(dataset.sel(keypoints=list(given.keypoints)), given, [number])
     save_nwb(tmp_path / "scaled", given, RATE, 0.25)
     with NWBHDF5IO(tmp_path / "scaled/track_4.nwb", "r") as file:
         pose = file.read().processing["behavior"]["PoseEstimation"]
@@ -566,7 +566,7 @@ def test_the_stage_hands_everything_on(folder):
     words = ("straight", "slide", "left", "right")
     assert set(films["films"]) == {"network", *words} and films["frame_rate_hz"] == 28.07
     for name, film in films["films"].items():
-        shown = [alpha for _, _, alpha in decoded(out / f"{name}.webm")]
+        shown = [alpha for _, _, alpha in decode_webm(out / f"{name}.webm")]
         assert len(shown) == film["frames"] == (TICKS if name == "network" else 3)
         odd = film["height_px"] % 2, film["width_px"] % 2
         assert shown[0].shape == (film["height_px"] + odd[0], film["width_px"] + odd[1])

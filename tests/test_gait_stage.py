@@ -89,7 +89,7 @@ def no_figures(monkeypatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory, tiny_run) -> Path:
+def gait_run(tmp_path_factory, tiny_run) -> Path:
     """What the stage has made in another folder, perhaps of another process."""
     path = tmp_path_factory.mktemp("made")
     tiny_run.bring(path, ["gait"])
@@ -101,8 +101,8 @@ def drawings() -> set[str]:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_stage_makes_what_dvc_expects_the_same_each_time(made, folder):
-    shutil.copytree(made, folder, dirs_exist_ok=True)
+def test_stage_makes_what_dvc_expects_the_same_each_time(gait_run, folder):
+    shutil.copytree(gait_run, folder, dirs_exist_ok=True)
     first = content(folder / "data/gait") | content(folder / "reports/gait")
     stage = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["gait"]
     named = [next(iter(o)) if isinstance(o, dict) else o for o in stage["outs"] + stage["metrics"]]

@@ -34,8 +34,8 @@ from toy_film import (
     rich_film,
     rich_table,
     sprites,
-    swum,
     table_of,
+    turning_track,
     world_of,
 )
 
@@ -443,7 +443,7 @@ STRAIGHT_LOOPS = loops((20, 95), (22, 120), (60, 160), (104, 165), (110, 185))
 
 def straight_on():
     """A straight film in two tracks, with loops in the beginning and the end of each."""
-    table = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    table = table_of(turning_track([0.0] * 99), turning_track([0.0] * 99))
     return film_of(table, STRAIGHT_LOOPS)
 
 
@@ -466,7 +466,9 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
 
 
 def test_a_dead_end_is_never_played_into():
-    table = table_of(swum([4.0] * 200), swum([-4.0] * 200), swum([0.0] * 200))
+    table = table_of(
+        turning_track([4.0] * 200), turning_track([-4.0] * 200), turning_track([0.0] * 200)
+    )
     pairs = loops(
         *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
         *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
@@ -482,13 +484,15 @@ def test_a_dead_end_is_never_played_into():
 
 def test_a_film_whose_loops_lead_to_its_end_alone_is_not_played():
     assert loops_of().can_play and not loops_of(film_of(rich_table(), loops())).can_play
-    tail = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    tail = table_of(turning_track([0.0] * 99), turning_track([0.0] * 99))
     assert not loops_of(film_of(tail, loops((20, 150)))).can_play
 
 
 def three_ways():
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
-    table = table_of(swum([0.0] * 149), swum([2.0] * 149), swum([-2.0] * 149))
+    table = table_of(
+        turning_track([0.0] * 149), turning_track([2.0] * 149), turning_track([-2.0] * 149)
+    )
     pairs = [(20, 170), (20, 320), (41, 201), (41, 351), (60, 231), (60, 381), (25, 225), (25, 375)]
     return film_of(table, loops(*pairs))
 

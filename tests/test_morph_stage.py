@@ -27,7 +27,7 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory, tiny_run) -> Path:
+def morph_run(tmp_path_factory, tiny_run) -> Path:
     """What the stage has made in another folder, perhaps of another process."""
     path = tmp_path_factory.mktemp("made")
     tiny_run.bring(path, ["morph"])
@@ -35,8 +35,8 @@ def made(tmp_path_factory, tiny_run) -> Path:
 
 
 @pytest.mark.usefixtures("no_drawing")
-def test_stage_makes_what_dvc_expects_the_same_each_time(made, folder):
-    shutil.copytree(made, folder, dirs_exist_ok=True)
+def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
+    shutil.copytree(morph_run, folder, dirs_exist_ok=True)
     first = content(folder / "data/morph") | content(folder / "reports/morph")
     stage = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["morph"]
     named = [next(iter(o)) if isinstance(o, dict) else o for o in stage["outs"] + stage["metrics"]]

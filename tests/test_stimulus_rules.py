@@ -48,7 +48,7 @@ def spec(rule, **how):
     return RuleSpec(rule=rule, **how)
 
 
-def turned(x, y, angle):
+def rotate(x, y, angle):
     """A place turned about the middle of the sea, anticlockwise as seen."""
     cos, sin = math.cos(angle), math.sin(angle)
     x, y = x - MIDDLE, y - MIDDLE
@@ -80,9 +80,9 @@ def test_a_scene_that_is_turned_has_its_aim_turned(rule, scene, angle, distance)
     plain = aim(
         spec(rule, **how), (x, y, heading), Sightings(animal(to_x, to_y, to_heading)), NOW, SEA
     )
-    own = *turned(x, y, angle), heading + angle
-    other = Sightings(animal(*turned(to_x, to_y, angle), to_heading + angle))
-    wanted = None if plain is None else pytest.approx(turned(*plain, angle), abs=1e-6)
+    own = *rotate(x, y, angle), heading + angle
+    other = Sightings(animal(*rotate(to_x, to_y, angle), to_heading + angle))
+    wanted = None if plain is None else pytest.approx(rotate(*plain, angle), abs=1e-6)
     assert aim(spec(rule, **how), own, other, NOW, SEA) == wanted
 
 
@@ -176,12 +176,14 @@ def test_a_heading_that_is_not_known_yet_is_no_reason_to_turn(rule):
 
 
 def test_a_copy_is_where_the_animal_was_exactly():
-    def way(t):
+    def animal_place(t):
         return 500 + 90 * math.sin(t), 500 + 70 * math.cos(0.7 * t)
 
     for delay in (0.0, 0.5, 7.3):
-        there = Sightings(animal(0, 0), way=way)
-        assert aim(spec("copy", delay_s=delay), (0, 0, 0), there, NOW, SEA) == way(NOW - delay)
+        there = Sightings(animal(0, 0), way=animal_place)
+        assert aim(spec("copy", delay_s=delay), (0, 0, 0), there, NOW, SEA) == animal_place(
+            NOW - delay
+        )
     there.past = lambda id, time_s: None
     assert aim(spec("copy"), (0, 0, 0), there, NOW, SEA) is None
 

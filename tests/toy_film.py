@@ -192,7 +192,7 @@ def order(rate: float = RATE) -> Sprites:
 # --- a film to swim by
 
 
-def swum(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
+def turning_track(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
     """A track that turns by so many degrees from row to row, at a constant speed."""
     headings = heading + np.cumsum([0.0, *turns])
     angle = np.radians(headings)
@@ -238,7 +238,7 @@ def rich(seed=0, heading=True):
     """Circles to both sides and straight lines, 150 rows each; loops between any of them."""
     rng = np.random.default_rng(seed)
     rates = (0.0, 2.0, -2.0, 4.0, -4.0, 7.0, -7.0, 0.5)
-    tracks = table_of(*(swum([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
+    tracks = table_of(*(turning_track([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
     ends = np.concatenate([150 * i + np.arange(4, 146, 6) for i in range(len(rates))])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 4) if abs(int(a) - b) > 12}
     if not heading:  # FILM: both fish of a loop must head alike
@@ -283,7 +283,9 @@ def gateways(features=None, every=7, seed=1) -> pd.DataFrame:
 def random_film(rng, most_rows=24):
     """A few short tracks with a few random loops, and perhaps a barred row."""
     lengths = rng.integers(2, 9, rng.integers(1, 5))
-    table = table_of(*(swum(rng.uniform(-30, 30, n - 1), rng.uniform(0, 360)) for n in lengths))
+    table = table_of(
+        *(turning_track(rng.uniform(-30, 30, n - 1), rng.uniform(0, 360)) for n in lengths)
+    )
     n = len(table)
     drawn = {tuple(sorted(rng.choice(n, 2, replace=False))) for _ in range(rng.integers(1, 7))}
     barred = rng.choice(n, rng.integers(0, 3))
@@ -400,7 +402,7 @@ def bodies_of(film_: MotionGraph) -> Bodies:
     )  # fmt: skip
 
 
-def undecided() -> dict[str, None]:
+def empty_reasons() -> dict[str, None]:
     """The columns that say why, empty, as on most ticks of an edit list."""
     return dict.fromkeys(WHY)
 

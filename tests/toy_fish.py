@@ -32,7 +32,7 @@ def outline(backbone, width):
     return np.vstack([backbone + left, (backbone - left)[::-1]])
 
 
-def filled(polygon, shape):
+def polygon_mask(polygon, shape):
     """A mask of a polygon, px of a picture."""
     mask = np.zeros(shape, np.uint8)
     cv2.fillPoly(mask, [np.rint(16 * polygon).astype(np.int32)], 255, cv2.LINE_AA, 4)
@@ -45,10 +45,10 @@ def toy(bends=(0.9, -0.5), backwards=(False, True)):
     for frame, (bend, back) in enumerate(zip(bends, backwards, strict=True)):
         local = line(bend)
         down = local * (1, -1) + (70.0 + 5 * frame, 40.0)
-        mask = filled(outline(down, WIDTH), (90, 120))
+        mask = polygon_mask(outline(down, WIDTH), (90, 120))
         y, x = np.mgrid[:90, :120].astype(float)
         mass = np.array([(mask * x).sum(), (mask * y).sum()]) / mask.sum()
-        left = filled(np.vstack([outline(down, WIDTH)[P:], down]), (90, 120)) > 0  # y is down
+        left = polygon_mask(np.vstack([outline(down, WIDTH)[P:], down]), (90, 120)) > 0  # y is down
         colours = np.where(left[..., None], [200, 30, 30], [30, 30, 200]) * (
             mask[..., None] / 255.0
         )
@@ -94,7 +94,7 @@ def fish_of(edit):
     return FishSurface(pose, place, skins, typical, LENGTH)
 
 
-def covered(fish, tick, shape):
+def fish_mask(fish, tick, shape):
     """What a fish covers, seen from above."""
     mask = np.zeros(shape, np.uint8)
     at = (fish.shape_at(tick)[0][..., :2] * (1, -1)).astype(np.float32)
