@@ -1,7 +1,6 @@
 """The film to swim by, the search of mode `matching` through it: laws, a slow search, ground truth."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -17,6 +16,7 @@ from toy_film import (
     STEP,
     TOUCH,
     film_of,
+    film_with_dead_ends,
     learnt,
     lessons,
     loops,
@@ -43,7 +43,6 @@ from finloop.animate.state import Fish, State
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.build import edit_list
 from finloop.edit.explain import in_words
-from finloop.edit.measures import longest_repeat
 from finloop.edit.schema import (
     CONSIDERED,
     EDIT,
@@ -263,15 +262,8 @@ def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike():
 
 
 def with_dead_ends():
-    """Three tracks of 201 rows; each is joined to the others only in its beginning."""
-    table = table_of(
-        turning_track([4.0] * 200), turning_track([-4.0] * 200), turning_track([0.0] * 200)
-    )
-    pairs = loops(
-        *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
-        *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
-    )  # fmt: skip
-    reel = film_of(table, pairs)
+    """The film with dead ends, and the rows after which it goes on."""
+    reel = film_with_dead_ends()
     after = reel.has_next & np.append(reel.recurrent[1:], False)
     assert after[:140].all() and after[201:341].all() and after[402:530].all()
     assert after.sum() == 140 + 140 + 128
@@ -301,16 +293,6 @@ def test_the_film_never_stops():
         assert (np.diff(number) != 0).all()
         assert on_the_spot(found)[of].mean() < 0.1
         assert np.ptp(table["x_px"]) > 200 and np.ptp(table["y_px"]) > 150
-
-
-def test_never_outside_the_tank():
-    mode = film_player()
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        goals = random_goals(mode.world, 3, rng)
-        _, table = edit_of(mode, goals, 1000, seed)
-        assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
-        assert measures.outside(table, mode) == 0
 
 
 def test_a_fish_in_the_film_shows_less_of_what_is_dear():
@@ -356,16 +338,6 @@ def test_goals_are_reached():
         done.append(~np.isnan(ticks))
         assert list(found.reached) == [-1 if np.isnan(t) else t for t in ticks]
     assert np.mean(done) >= 0.8
-
-
-def test_a_seed_gives_one_animation_and_another_seed_another():
-    goals = [Goal("A", 200.0, 200.0)]
-    one, same, other = (edit_of(film_player(), goals, 400, seed) for seed in (7, 7, 8))
-    pd.testing.assert_frame_equal(one[1], same[1])
-    pd.testing.assert_frame_equal(
-        option_table(one[0], 400, 10**6), option_table(same[0], 400, 10**6)
-    )
-    assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
 
 
 def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
@@ -525,44 +497,6 @@ def test_film_that_plays_on_is_remembered_as_one_stretch():
 # --- a player is pure
 
 
-def test_a_step_changes_nothing_and_a_kept_state_has_one_future():
-    """The same state, goal and draws give the same stretch, whatever was swum since."""
-    player, goal = film_player(), Goal("A", 200.0, 200.0)
-    rng = np.random.default_rng(3)
-    state, kept = player.begin(rng), []
-    for number in range(60):
-        to = goal if number % 20 > 10 else None
-        before = repr(state), state.fish.recent.copy()
-        kept.append((state, to, rng.bit_generator.state))
-        stretch, after_ = player.plan(state, to, rng)
-        assert (repr(state), state.fish.recent.tolist()) == (before[0], before[1].tolist())
-        kept[-1] += (stretch, after_)
-        state = after_
-    for begin in (0, 27, 45):
-        state = kept[begin][0]
-        again = np.random.default_rng(0)
-        again.bit_generator.state = kept[begin][2]
-        for _, to, _, stretch, after_ in kept[begin:]:
-            mine, state = player.plan(state, to, again)
-            assert repr(mine) == repr(stretch) and repr(state) == repr(after_)
-
-
-def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut():
-    player, rng = film_player(), np.random.default_rng(1)
-    state = player.begin(rng)
-    for _ in range(60):
-        stretch, then = player.plan(state, None, rng)
-        whole, end = player.cut(state, stretch, len(stretch.way))
-        assert whole is stretch and repr(end.fish) == repr(then.fish)
-        for ticks in (1, len(stretch.way) - 1):
-            if 0 < ticks < len(stretch.way):
-                short, at = player.cut(state, stretch, ticks)
-                assert len(short.way) == ticks and not short.touched
-                assert at.fish.tick == state.fish.tick + ticks
-                assert (at.fish.x, at.fish.y) == tuple(stretch.way[ticks - 1, :2])
-        state = then
-
-
 # --- what is written down
 
 
@@ -607,38 +541,6 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
 def test_a_frame_is_named_by_its_row():
     found, table = edit_of(film_player(), [], 300, 1)
     assert list(table["source"]) == list(flat(found)[1][:300])
-
-
-@pytest.mark.parametrize("fade", [0, 3])
-def test_a_cross_fade_begins_at_every_jump_and_the_old_plays_on(fade):
-    player = film_player(search_step=2.0, fade_time=fade / DELTA, join=FADE)
-    found, table = edit_of(player, [Goal("A", 200.0, 200.0)], 1500, 2)
-    number, rotation = table["source"].to_numpy(), table["rotation_deg"].to_numpy(float)
-    begins = np.flatnonzero(flat(found)[3][:1500])
-    begins = begins[begins > 0]
-    jumped = np.flatnonzero((np.diff(number) != 1) & (np.diff(number) != 0)) + 1
-    assert set(jumped) <= set(begins) and len(jumped) > 10
-    fades = np.zeros(1500)
-    for begin in begins:  # a later one begins anew
-        stop = min(begin + fade, 1500)
-        fades[begin:stop] = (1 - np.arange(1, fade + 1) / (fade + 1))[: stop - begin]
-    assert table["weight"].to_numpy(float) == pytest.approx(fades)
-    assert (table["partner"].notna() == (fades > 0)).all()
-    for begin, later in pairwise(begins):
-        old = number[begin - 1]
-        for tick in range(begin, min(begin + fade, later)):
-            old = old + int(rich_film().has_next[old])
-            row = table.iloc[tick]
-            assert (row["partner_kind"], row["partner"]) == (FRAME, old)
-            turned = row["partner_rotation_deg"] - rotation[begin - 1]
-            assert wrap_deg(turned) == pytest.approx(0, abs=1e-3)
-
-
-def test_wandering_uses_much_of_the_tank_and_of_the_film():
-    _, table = edit_of(film_player(), [], 3000, 5)
-    assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
-    assert table["source"].nunique() > 300
-    assert longest_repeat(table) < 500
 
 
 # --- decisions in words

@@ -234,6 +234,15 @@ def film_of(
     )  # fmt: skip
 
 
+def film_with_dead_ends() -> MotionGraph:
+    """Three tracks of 201 rows; each is joined to the others only in its beginning."""
+    pairs = loops(
+        *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
+        *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
+    )  # fmt: skip
+    return film_of(table_of(*(turning_track([rate] * 200) for rate in (4.0, -4.0, 0.0))), pairs)
+
+
 def rich(seed=0, heading=True):
     """Circles to both sides and straight lines, 150 rows each; loops between any of them."""
     rng = np.random.default_rng(seed)
