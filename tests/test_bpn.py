@@ -18,6 +18,7 @@ import scipy
 import torch
 from constants import with_constants
 from scratch import content, prepare, same_but_figures
+from tiny_run import copy_of
 
 import finloop.bpn.back_propagation
 import finloop.bpn.onnx
@@ -658,12 +659,7 @@ def ran(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def workspace(ran, tmp_path, monkeypatch, no_drawing):
-    """A copy of it to work in."""
-    shutil.copytree(ran, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+workspace = copy_of("ran", "no_drawing")
 
 
 def metrics(folder):

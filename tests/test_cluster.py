@@ -16,6 +16,7 @@ import pytest
 from conftest import TINY_CARP
 from jobs import fails_at_five, is_killed, is_killed_once, note_job, square, waits
 from scratch import content, prepare
+from tiny_run import stage_run
 
 import stages.clip
 import stages.cluster
@@ -203,13 +204,7 @@ def test_where_nobody_is_left_to_work_it_is_said(cluster, tmp_path, monkeypatch)
             os.close(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
 
 
-@pytest.fixture(scope="module")
-def pose_run(tmp_path_factory, tiny_run):
-    """A folder in which `pose` and all stages before it have run."""
-    folder = tmp_path_factory.mktemp("posed")
-    prepare(folder, *TINY_CARP)
-    tiny_run.bring(folder, ["pose"])
-    return folder
+pose_run = stage_run("pose")
 
 
 class Posted:

@@ -1,12 +1,11 @@
 """Distance maps: Eq. 5 for all pairs, Eqs. 6-8 in bands; laws against brute force, and the stage."""
 
-import shutil
-
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import TINY_CARP
 from scratch import content, prepare, same_but_figures
+from tiny_run import copy_of, stage_run
 
 import finloop.distance.map
 import stages.distance
@@ -244,21 +243,8 @@ def test_the_picture_shows_the_longest_tracks_in_time_order():
 # --- the stage
 
 
-@pytest.fixture(scope="module")
-def features_run(tmp_path_factory, tiny_run):
-    """A folder in which the stages before have run on a drawn carp."""
-    folder = tmp_path_factory.mktemp("measured")
-    prepare(folder, *TINY_CARP)
-    tiny_run.bring(folder, ["features"])
-    return folder
-
-
-@pytest.fixture
-def workspace(features_run, tmp_path, monkeypatch):
-    """A copy of it to work in."""
-    shutil.copytree(features_run, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+features_run = stage_run("features")
+workspace = copy_of("features_run")
 
 
 def run_stage(folder, *overrides):

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT, TINY_CARP
+from tiny_run import stage_run
 from toy_swim import MIRROR, RATE, random_swimmer, unseen
 
 import finloop
@@ -49,12 +50,7 @@ def tiny(monkeypatch):
         monkeypatch.setattr(module, "settings", tiny_settings)
 
 
-@pytest.fixture(scope="module")
-def animate_run(tmp_path_factory, tiny_run):
-    """A folder in which the stages up to `animate` have run."""
-    path = tmp_path_factory.mktemp("animated")
-    tiny_run.bring(path, ["animate"])
-    return path
+animate_run = stage_run("animate")
 
 
 def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, monkeypatch):

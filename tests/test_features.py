@@ -5,7 +5,6 @@ known in closed form. y is down: what is anticlockwise and left is so as seen on
 """
 
 import itertools
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from conftest import TINY_CARP
 from scipy.integrate import quad
 from scipy.interpolate import BSpline
 from scratch import content, prepare, same_but_figures
+from tiny_run import copy_of, stage_run
 
 import stages.features
 import stages.plots.features
@@ -997,21 +997,8 @@ MADE = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def film_run(tmp_path_factory, tiny_run):
-    """A folder in which the three stages, and its pictures, have run on a drawn carp."""
-    folder = tmp_path_factory.mktemp("extracted")
-    prepare(folder, *TINY_CARP)
-    tiny_run.bring(folder, ["plots-film"])
-    return folder
-
-
-@pytest.fixture
-def workspace(film_run, tmp_path, monkeypatch, no_drawing):
-    """A copy of it to work in."""
-    shutil.copytree(film_run, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+film_run = stage_run("plots-film")
+workspace = copy_of("film_run", "no_drawing")
 
 
 def test_the_stage_makes_its_table_and_reports(workspace):

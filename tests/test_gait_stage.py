@@ -9,6 +9,7 @@ import pytest
 import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, put_clip
+from tiny_run import stage_run
 
 import stages.gait
 from finloop.base.errors import FinloopError
@@ -88,12 +89,7 @@ def no_figures(monkeypatch) -> None:
     monkeypatch.setattr(stages.gait, "figures", lambda *_: iter(()))
 
 
-@pytest.fixture(scope="module")
-def gait_run(tmp_path_factory, tiny_run) -> Path:
-    """What the stage has made in another folder, perhaps of another process."""
-    path = tmp_path_factory.mktemp("made")
-    tiny_run.bring(path, ["gait"])
-    return path
+gait_run = stage_run("gait")
 
 
 def drawings() -> set[str]:

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, same_but_figures
+from tiny_run import stage_run
 
 import stages.morph
 from finloop.base.errors import FinloopError
@@ -26,12 +27,7 @@ def folder(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture(scope="module")
-def morph_run(tmp_path_factory, tiny_run) -> Path:
-    """What the stage has made in another folder, perhaps of another process."""
-    path = tmp_path_factory.mktemp("made")
-    tiny_run.bring(path, ["morph"])
-    return path
+morph_run = stage_run("morph")
 
 
 @pytest.mark.usefixtures("no_drawing")

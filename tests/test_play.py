@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import TINY_CARP
-from scratch import prepare
+from tiny_run import stage_run
 from toy_film import (
     ARENA,
     HEAD,
@@ -283,12 +282,7 @@ def test_the_view_tells_every_mode_and_why_one_cannot_be_had():
     assert not any(one["lack"] for one in state["modes"])
 
 
-@pytest.fixture(scope="module")
-def a_run(tmp_path_factory, tiny_run):
-    path = tmp_path_factory.mktemp("play")
-    tiny_run.bring(path, ["animate"])
-    prepare(path, *TINY_CARP)
-    return path
+a_run = stage_run("animate")
 
 
 def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypatch):

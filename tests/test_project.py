@@ -5,9 +5,7 @@ from collections import Counter
 from contextlib import contextmanager
 
 import pytest
-from conftest import TINY_CARP
-from scratch import prepare
-from tiny_run import TinyRun
+from tiny_run import stage_run
 
 import finloop.run_files
 from finloop.base.errors import FinloopError
@@ -18,13 +16,7 @@ from finloop.io.record import save_json
 from finloop.io.table import save_table
 from finloop.project import Project
 
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, tiny_run: TinyRun):
-    path = tmp_path_factory.mktemp("project")
-    prepare(path, *TINY_CARP)
-    tiny_run.bring(path, ["animate", "retarget"])
-    return path
+folder = stage_run("animate", "retarget")
 
 
 @pytest.fixture

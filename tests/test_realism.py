@@ -10,6 +10,7 @@ import pytest
 from conftest import TINY_CARP
 from scratch import prepare
 from sklearn.metrics import roc_auc_score
+from tiny_run import stage_run
 
 import stages.plots.realism
 import stages.realism
@@ -325,12 +326,7 @@ def test_a_view_shows_the_heading_to_the_right():
 # --- the instrument and the stage, on a tiny carp
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, tiny_run):
-    path = tmp_path_factory.mktemp("realism")
-    prepare(path, *TINY_CARP)
-    tiny_run.bring(path, ["plots-modes"])
-    return path
+folder = stage_run("plots-modes")
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ A toy fish is a soft drop of known mass centre, drawn here. What a film shows is
 or Pillow.
 """
 
-import shutil
 from fractions import Fraction
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from conftest import TINY_CARP
 from matplotlib.collections import LineCollection
 from PIL import Image
 from scratch import content, prepare
+from tiny_run import copy_of
 
 import stages.clip
 import stages.extract
@@ -886,12 +886,7 @@ def replay_folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def folder(replay_folder, tmp_path, monkeypatch):
-    """A copy of it, to be in."""
-    shutil.copytree(replay_folder, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+folder = copy_of("replay_folder")
 
 
 def too_short(folder):

@@ -11,6 +11,7 @@ import scipy
 from conftest import TINY_CARP
 from scipy.interpolate import CubicSpline
 from scratch import prepare
+from tiny_run import stage_run
 
 import stages.clip
 import stages.plots.retarget
@@ -47,13 +48,7 @@ def how(**changes):
     return settings("retarget", **({"tracks": "x", "place": "given"} | changes))
 
 
-@pytest.fixture(scope="module")
-def folder(tiny_run, tmp_path_factory):
-    """A drawn carp of a hundred frames, up to what `retarget` reads."""
-    path = tmp_path_factory.mktemp("retarget")
-    prepare(path, *TINY_CARP)
-    tiny_run.bring(path, ["distance", "jumps"])
-    return path
+folder = stage_run("distance", "jumps")
 
 
 @pytest.fixture(scope="module")
