@@ -2,10 +2,11 @@
 
 import hashlib
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,9 +81,7 @@ def put_clip(
     )  # fmt: skip
     clip = folder / "data/clip"
     shutil.rmtree(clip, ignore_errors=True)
-    with VideoWriter.from_facts(clip / CLIP_NAME, facts) as writer:
-        for frame in frames:
-            writer.write(frame)
+    write_frames(VideoWriter.from_facts(clip / CLIP_NAME, facts), frames)
     save_facts(clip / FACTS_NAME, facts)
     save_mask(clip / ARENA_NAME, np.ones((height, width), bool) if arena is None else arena)
 
@@ -104,3 +103,17 @@ def same_but_figures(first: dict[str, str], again: dict[str, str]) -> bool:
     empty = hashlib.sha256(b"").hexdigest()
     drawn = {name for name, digest in again.items() if digest != empty}
     return first.keys() == again.keys() and all(first[name] == again[name] for name in drawn)
+
+
+def write_frames(writer: Any, frames: Iterable[np.ndarray]) -> None:
+    """Write a film as a whole."""
+    with writer:
+        for frame in frames:
+            writer.write(frame)
+
+
+def save_svg(path: Path, inside: str) -> str:
+    """Write a drawing of 99 by 99 px; return its path."""
+    head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99">'
+    path.write_text(f"{head}{inside}</svg>", "utf-8")
+    return str(path)

@@ -15,6 +15,7 @@ from toy_film import (
     SPEED,
     STEP,
     TOUCH,
+    edit_of,
     film_of,
     film_with_dead_ends,
     learnt,
@@ -34,14 +35,12 @@ from toy_film import (
 
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
-from finloop.animate.kinematics import Target, rotate
+from finloop.animate.kinematics import rotate
 from finloop.animate.memory import NEVER, last_on_screen, remember_rows
 from finloop.animate.places import random_goals
-from finloop.animate.shoal import swim
 from finloop.animate.size import frame_hulls, reach
 from finloop.animate.state import Fish, State
 from finloop.distance.picture import BODY, FILM
-from finloop.edit.build import edit_list
 from finloop.edit.explain import in_words
 from finloop.edit.schema import (
     CONSIDERED,
@@ -64,15 +63,6 @@ from finloop.plan.plan import CandidateVerdicts, option_table
 def film_player(film_=None, room_=None, **changes):
     """A player of mode `matching` that shows the film alone."""
     return matching_of(waters_of(film_, room_, **changes))
-
-
-def spot(x, y):
-    return Target(float(x), float(y), TOUCH, HEAD)
-
-
-def edit_of(player, goals, ticks, seed):
-    found = swim(player, goals, ticks, np.random.default_rng(seed))
-    return found, edit_list(found, ticks, player.sources)
 
 
 def flat(found):

@@ -1,12 +1,9 @@
 """Several fish in one tank: a body is a few discs, and nobody swims through another."""
 
-from functools import cache
-
 import numpy as np
 import pytest
-from toy_film import HULL, LENGTH, matching_of, waters_of
+from toy_film import HULL, crowd_player, matching_of, narrow_tank, waters_of
 
-from finloop.animate.arena import tank as arena_tank
 from finloop.animate.company import (
     ALONE,
     Plans,
@@ -216,15 +213,6 @@ def test_alone_every_place_is_clear():
 # --- fish of one tank
 
 
-@cache
-def company_players(overlap_=False):
-    """A player of fish as wide as HULL, in a tank of ten lengths."""
-    arena = np.zeros((600, 800), bool)
-    arena[100:500, 200:600] = True
-    waters = waters_of(room_=arena_tank(arena, 0.6 * LENGTH), overlap=overlap_)
-    return {MODE: matching_of(waters)}
-
-
 def outlines_of(tank):
     """What all fish look like on screen."""
     for fish in tank.fish:
@@ -241,7 +229,7 @@ def overlaps(tank) -> int:
 def test_nobody_swims_through_another():
     met = {}
     for through in (False, True):
-        tank, rng = LiveTank(company_players(through), MODE, 6, 1), np.random.default_rng(3)
+        tank, rng = LiveTank({MODE: crowd_player(through)}, MODE, 6, 1), np.random.default_rng(3)
         met[through], still = 0, 0
         for tick in range(240):
             if tick % 7 == 0:  # sent about all the time, the moment before it meets another, too
@@ -260,7 +248,7 @@ def test_nobody_swims_through_another():
 
 
 def test_two_fish_sent_to_each_other_pass():
-    tank, passed = LiveTank(company_players(), MODE, 2, 5), 0
+    tank, passed = LiveTank({MODE: crowd_player()}, MODE, 2, 5), 0
     for _ in range(4):
         for number, x in enumerate((280.0, 520.0) if passed % 2 else (520.0, 280.0)):
             tank.send(number, x, 300.0)
@@ -274,7 +262,7 @@ def test_two_fish_sent_to_each_other_pass():
 
 
 def test_along_one_path_they_follow_each_other():
-    tank, angle = LiveTank(company_players(), MODE, 3, 5), np.linspace(0, 2 * np.pi, 40)
+    tank, angle = LiveTank({MODE: crowd_player()}, MODE, 3, 5), np.linspace(0, 2 * np.pi, 40)
     ring = np.column_stack([400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle)])
     tank.follow(None, [(float(x), float(y)) for x, y in ring])
     on_it = 0
@@ -286,7 +274,7 @@ def test_along_one_path_they_follow_each_other():
 
 
 def test_together_they_swim_on_from_the_past_as_they_did():
-    tank = LiveTank(company_players(), MODE, 4, 2)
+    tank = LiveTank({MODE: crowd_player()}, MODE, 4, 2)
     for _ in range(150):
         tank.advance()
     was = [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish]
@@ -310,7 +298,7 @@ def kept_plan(tank, monkeypatch, wish) -> int:
 
 
 def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
-    tank = LiveTank(company_players(), MODE, 1, 2)
+    tank = LiveTank({MODE: crowd_player()}, MODE, 1, 2)
     fish, kept = tank.fish[0], 0
     for number in range(8):
         tank.send(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
@@ -328,7 +316,7 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
 
 
 def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
-    tank = LiveTank(company_players(), MODE, 2, 2)
+    tank = LiveTank({MODE: crowd_player()}, MODE, 2, 2)
     for _ in range(30):
         tank.advance()
 
@@ -347,9 +335,7 @@ def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
 
 
 def test_more_fish_than_fit():
-    arena = np.zeros((80, 130), bool)
-    arena[10:70, 10:120] = True
-    player = matching_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH)))
+    player = matching_of(waters_of(room_=narrow_tank()))
     tank = LiveTank({MODE: player}, MODE, 40, 0)
     assert 1 <= len(tank.fish) < 40
     fish = [one.path_from(tank.tick) for one in tank.fish]

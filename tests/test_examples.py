@@ -94,7 +94,7 @@ def test_a_forecast_has_mirror_images_if_the_jumps_have(sides):
     poses = SimpleNamespace(codes=codes, shapes=SimpleNamespace(mirror=MIRROR))
     look = np.zeros((sides * len(features), 1), np.float32)
     jumps = FilmJumps(pd.DataFrame(), look, unseen, {})
-    forecast = verbs.foretell(features, poses, jumps, RATE, epochs=1, hidden=4)
+    forecast = verbs.foretell(features, poses, jumps, RATE, epochs=1, hidden_units=4)
     assert len(forecast.states) == sides * len(features)
     image = forecast.states[-399:] * ([-1, 1, 1, -1, -1] if sides == 2 else 1)
     assert np.allclose(forecast.states[1:400], image)

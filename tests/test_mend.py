@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scratch import write_frames
 
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
@@ -46,9 +47,7 @@ def clip_of(
     """What becomes of a film of these frames."""
     shot, home = folder / "film.mp4", folder / "clip"
     height, width = frames[0].shape[:2]
-    with VideoWriter(shot, width, height, Fraction(rate), frames[0].ndim == 3) as writer:
-        for frame in frames:
-            writer.write(frame)
+    write_frames(VideoWriter(shot, width, height, Fraction(rate), frames[0].ndim == 3), frames)
     home.mkdir(exist_ok=True)
     p = settings("clip", source="file", path=str(shot), **values)
     one = make_clip(p, open_source(p), home)

@@ -17,6 +17,7 @@ from toy_film import (
     STEP,
     TOUCH,
     Model,
+    edit_of,
     film_of,
     film_with_dead_ends,
     gateways,
@@ -35,6 +36,7 @@ from toy_film import (
     rich,
     rich_film,
     rich_table,
+    spot,
     sprites,
     table_of,
     turning_track,
@@ -44,7 +46,7 @@ from toy_film import (
 
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
-from finloop.animate.kinematics import Target, bearing, rotate, touches
+from finloop.animate.kinematics import bearing, rotate, touches
 from finloop.animate.places import random_goals
 from finloop.animate.route import Route
 from finloop.animate.shoal import swim
@@ -52,7 +54,6 @@ from finloop.animate.state import Fish
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY, FILM
-from finloop.edit.build import edit_list
 from finloop.edit.measures import (
     area_missed,
     longest_repeat,
@@ -120,16 +121,6 @@ def player_in(mode, pose=BODY, **changes):
     if mode == "matching":
         return matching_of(waters_of(film, **changes))
     return paper_player(hybrid_of(film, gates=posed_gateways(pose)))
-
-
-def edit_of(player, goals, ticks, seed):
-    """A swim, and its edit list."""
-    found = swim(player, goals, ticks, np.random.default_rng(seed))
-    return found, edit_list(found, ticks, player.sources)
-
-
-def spot(x, y, touch=TOUCH, head=HEAD):
-    return Target(float(x), float(y), touch, head)
 
 
 def in_film(film, rng, room=None):

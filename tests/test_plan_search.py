@@ -5,24 +5,23 @@ import pytest
 from toy_film import (
     ARENA,
     DELTA,
-    HEAD,
     LENGTH,
     RATE,
     STEP,
-    TOUCH,
     film_of,
     loops,
     matching_of,
     open_tank,
     random_film,
     rich_film,
+    spot,
     table_of,
     turning_track,
     waters_of,
 )
 
 from finloop.animate.arena import Tank, inside, tank
-from finloop.animate.kinematics import Target, bearing, touches
+from finloop.animate.kinematics import bearing, touches
 from finloop.animate.memory import NEVER, last_on_screen
 from finloop.animate.paths import lay
 from finloop.animate.state import State
@@ -51,10 +50,6 @@ WEIGHTS = CostWeights(3.0, 5.0, 4, 24, 6.0, 20.0, 300.0)
 NOTHING = np.zeros((0, 3), np.int64)
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
-
-
-def spot(x, y):
-    return Target(float(x), float(y), TOUCH, HEAD)
 
 
 def candidates_of(rows, rots, terms=None):

@@ -15,8 +15,10 @@ from av.video.reformatter import ColorRange, Colorspace
 from conftest import TINY_CARP
 from matplotlib.collections import LineCollection
 from PIL import Image
-from scratch import content, prepare
+from scratch import content, prepare, write_frames
 from tiny_run import copy_of
+from toy_fish import edit_list as toy_edit_list
+from toy_fish import mass_centre, rough_picture
 
 import stages.clip
 import stages.extract
@@ -24,7 +26,7 @@ import stages.plots.render
 import stages.render
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.edit.schema import EDIT, WHY, Goal
+from finloop.edit.schema import EDIT, Goal
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.numbers import load_numbers
@@ -63,15 +65,9 @@ def drop(size=31, channels=2, level=1.0):
     return np.round(np.dstack([*colours, alpha])).astype(np.uint8)
 
 
-def centre(image):
-    """The mass centre (x, y) of a grey picture."""
-    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
-    return np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
-
-
 def fish(pixels=None, **how):
     pixels = drop() if pixels is None else pixels
-    return Turned(picture(pixels, *centre(pixels[..., -1].astype(float))), **how)
+    return Turned(picture(pixels, *mass_centre(pixels[..., -1].astype(float))), **how)
 
 
 def paint_fish(x, y, one, partner=None, weight=0.0, tank=BLACK):
@@ -79,13 +75,6 @@ def paint_fish(x, y, one, partner=None, weight=0.0, tank=BLACK):
     painter = Painter(tank)
     painter.draw(x, y, one, partner, weight)
     return painter.frame.copy()
-
-
-def noise(rng, height, width, channels):
-    """A premultiplied picture that is as rough as can be."""
-    alpha = rng.choice([0, 0, 60, 255, 255], (height, width, 1))
-    colour = rng.random((height, width, channels - 1)) * alpha
-    return np.concatenate([colour, alpha], axis=2).astype(np.uint8)
 
 
 # --- the painter ---------------------------------------------------------------------------------
@@ -96,7 +85,7 @@ def test_a_fish_in_its_own_place_is_the_cutout_bit_for_bit(tank_channels):
     rng = np.random.default_rng(0)
     tank = rng.integers(0, 256, (60, 80, tank_channels), np.uint8).squeeze()
     for trial in range(20):
-        pixels = noise(rng, *rng.integers(5, 30, 2), tank_channels + 1)
+        pixels = rough_picture(rng, *rng.integers(5, 30, 2), tank_channels + 1)
         x0, y0 = (int(n) for n in rng.integers(0, 30, 2))
         x, y = x0 + rng.random() * 20, y0 + rng.random() * 20  # anywhere: a mass centre is no pixel
         cutout = Cutout(0, 0, x0, y0, pixels)
@@ -118,14 +107,16 @@ def test_every_alpha_over_every_level_is_rounded_as_the_cutout():
 @pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, 0.5), (0.25, -0.1), (3.9, 7.3)])
 def test_a_shift_by_a_part_of_a_pixel_moves_the_mass_centre_by_it(shift):
     one = fish()
-    moved = centre(paint_fish(60 + shift[0], 40 + shift[1], one)) - centre(paint_fish(60, 40, one))
+    moved = mass_centre(paint_fish(60 + shift[0], 40 + shift[1], one)) - mass_centre(
+        paint_fish(60, 40, one)
+    )
     assert moved == pytest.approx(shift, abs=0.02)  # levels are whole
 
 
 def test_the_mass_centre_is_where_it_is_asked_for_however_turned_and_scaled():
     for angle in range(0, 360, 17):
         for scale in (0.7, 1.0, 1.6):
-            at = centre(paint_fish(61.3, 44.8, fish(rotation_deg=angle, scale=scale)))
+            at = mass_centre(paint_fish(61.3, 44.8, fish(rotation_deg=angle, scale=scale)))
             assert at == pytest.approx([61.3, 44.8], abs=0.02), (angle, scale)
 
 
@@ -152,7 +143,7 @@ def test_quarter_turns_are_anticlockwise_and_exact(quarter):
 
 def test_a_turn_by_any_angle_turns_the_long_axis_by_it():
     def axis(image):
-        x, y = centre(image)
+        x, y = mass_centre(image)
         v, u = np.mgrid[: image.shape[0], : image.shape[1]] - np.array([y, x])[:, None, None]
         xx, yy, xy = ((image * m).sum() for m in (u * u, v * v, -u * v))  # y up
         return np.degrees(np.arctan2(2 * xy, xx - yy) / 2)
@@ -179,8 +170,8 @@ def test_a_turn_there_and_back_loses_little():
 def test_a_crossfade_is_linear_between_either_alone(weight, channels):
     rng = np.random.default_rng(1)
     tank = rng.integers(0, 256, (90, 120, channels - 1), np.uint8).squeeze()
-    a = Turned(picture(noise(rng, 20, 31, channels), 14.2, 9.1), 12.0, 1.1)
-    tall = picture(noise(rng, 31, 12, channels), 5.5, 16.0)
+    a = Turned(picture(rough_picture(rng, 20, 31, channels), 14.2, 9.1), 12.0, 1.1)
+    tall = picture(rough_picture(rng, 31, 12, channels), 5.5, 16.0)
     b = Turned(tall, 5.0, 1.5)  # stands out at both ends
     alone = [paint_fish(60.3, 44.6, one, tank=tank).astype(float) for one in (a, b)]
     faded = paint_fish(60.3, 44.6, a, b, weight, tank=tank)
@@ -216,7 +207,7 @@ def test_a_bright_fish_never_overflows():
     rng = np.random.default_rng(3)
     white = np.full((90, 120, 3), 255, np.uint8)
     for angle in range(0, 360, 31):
-        pixels = noise(rng, 20, 20, 4)
+        pixels = rough_picture(rng, 20, 20, 4)
         black = pixels * np.array([0, 0, 0, 1], np.uint8)
         bright, dark = (
             paint_fish(60.4, 44.3, Turned(picture(one, 9.5, 9.5), angle, 1.3), tank=white).astype(
@@ -251,7 +242,7 @@ def test_fish_that_overlap_hide_each_other_in_order():
 
 def test_what_lies_outside_is_cut_off():
     rng = np.random.default_rng(4)
-    one = Turned(picture(noise(rng, 15, 25, 2), 12.0, 7.0), 25.0)
+    one = Turned(picture(rough_picture(rng, 15, 25, 2), 12.0, 7.0), 25.0)
     wide = np.full((190, 220), 80, np.uint8)
     for x, y in (
         (-3.3, 20.0),
@@ -322,32 +313,21 @@ def test_the_box_holds_all_that_was_drawn():
 # --- edit lists ----------------------------------------------------------------------------------
 
 
-def edit_list(n, **columns):
-    """An edit list of n ticks on the film's own pictures, every column as given."""
-    usual = {
-        "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / 25, "kind": "frame", "source": 0,
-        "orientation": pd.array([pd.NA] * n, "Int8"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
-        "rotation_deg": 0.0, "scale": 1.0, "x_px": np.linspace(30, 90, n), "y_px": 45.0,
-        "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
-        "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "mirrored": False,
-        "partner_mirrored": False, "pose": None,
-        "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "network",
-        "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
-    }  # fmt: skip
-    why = dict.fromkeys(WHY)
-    return pd.DataFrame(usual | why | columns)
-
-
 def gallery(count=3, keep=512):
     """Pictures of the film: drops of the same size, lying at their own places."""
     store = [Cutout(0, i, 10 + 3 * i, 20, drop(level=1 - 0.2 * i)) for i in range(count)]
-    own = centre(drop()[..., -1].astype(float))
+    own = mass_centre(drop()[..., -1].astype(float))
     return Gallery(
         {"frame": Shelf(store, own + [[10 + 3 * i, 20] for i in range(count)])}, keep=keep
     )
 
 
 # --- several fish
+
+
+def edit_list(n, **columns):
+    """An edit list of n ticks of a fish that swims to the right."""
+    return toy_edit_list(n, **{"x_px": np.linspace(30, 90, n), "y_px": 45.0} | columns)
 
 
 def two_fish(n=3, **columns):
@@ -754,17 +734,11 @@ def clip(count, shape):
         yield frame
 
 
-def write(writer, frames):
-    with writer:
-        for frame in frames:
-            writer.write(frame)
-
-
 @pytest.mark.parametrize("shape", [(48, 64), (48, 64, 3), (47, 63), (47, 63, 3)])
 def test_an_mp4_comes_back(tmp_path, shape):
     path = tmp_path / "a.mp4"
     frames = list(clip(20, shape))
-    write(Mp4Writer(path, shape, RATE, 10), frames)
+    write_frames(Mp4Writer(path, shape, RATE, 10), frames)
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         assert (stream.average_rate, stream.frames, stream.codec_context.pix_fmt) == (
@@ -802,8 +776,8 @@ def test_colours_come_back(tmp_path):
         [(213, 94, 0), (0, 114, 178), (0, 158, 115), (255, 255, 255), (0, 0, 0)], np.uint8
     )
     frame = np.repeat(np.repeat(colours[None], 32, axis=0), 32, axis=1)
-    write(Mp4Writer(tmp_path / "a.mp4", frame.shape, RATE, 5), [frame] * 3)
-    write(WebpWriter(tmp_path / "a.webp", frame.shape, RATE, 160, 95), [frame] * 3)
+    write_frames(Mp4Writer(tmp_path / "a.mp4", frame.shape, RATE, 5), [frame] * 3)
+    write_frames(WebpWriter(tmp_path / "a.webp", frame.shape, RATE, 160, 95), [frame] * 3)
     film = next(_video_frames(tmp_path / "a.mp4")).to_ndarray(format="rgb24")
     webp = np.asarray(Image.open(tmp_path / "a.webp").convert("RGB"))
     for shown in (film, webp):
@@ -813,7 +787,7 @@ def test_colours_come_back(tmp_path):
 @pytest.mark.parametrize("shape", [(48, 64), (96, 127, 3)])
 def test_a_webp_comes_back(tmp_path, shape):
     path = tmp_path / "a.webp"
-    write(WebpWriter(path, shape, RATE, 64, 90), clip(20, shape))
+    write_frames(WebpWriter(path, shape, RATE, 64, 90), clip(20, shape))
     with Image.open(path) as film:
         assert (film.n_frames, film.size, film.info["loop"]) == (20, (64, 48), 0)
         lasts = []
@@ -828,8 +802,10 @@ def test_a_webp_comes_back(tmp_path, shape):
 
 def test_same_frames_give_the_same_bytes(tmp_path):
     for name in "ab":
-        write(Mp4Writer(tmp_path / f"{name}.mp4", (48, 64), RATE, 20), clip(20, (48, 64)))
-        write(WebpWriter(tmp_path / f"{name}.webp", (48, 64), RATE, 64, 75), clip(20, (48, 64)))
+        write_frames(Mp4Writer(tmp_path / f"{name}.mp4", (48, 64), RATE, 20), clip(20, (48, 64)))
+        write_frames(
+            WebpWriter(tmp_path / f"{name}.webp", (48, 64), RATE, 64, 75), clip(20, (48, 64))
+        )
     for kind in ("mp4", "webp"):
         assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
 
@@ -842,9 +818,9 @@ def test_an_unfinished_film_leaves_what_was_there(tmp_path, make):
     path = tmp_path / "a.film"
     path.write_bytes(b"before")
     with pytest.raises(ValueError, match="wanted"):
-        write(make(path), [np.zeros((48, 64), np.uint8), np.zeros((48, 65), np.uint8)])
+        write_frames(make(path), [np.zeros((48, 64), np.uint8), np.zeros((48, 65), np.uint8)])
     with pytest.raises(ValueError, match="wanted"):
-        write(make(path), [np.zeros((48, 64), float)])
+        write_frames(make(path), [np.zeros((48, 64), float)])
     assert path.read_bytes() == b"before" and len(list(tmp_path.iterdir())) == 1
 
 
@@ -989,7 +965,7 @@ def _spoil(path):
 def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     """The second of two sprites, which lies elsewhere in its picture."""
     pixels = [np.pad(drop(31, 4), ((5 * i, 0), (0, 0), (0, 0))) for i in range(2)]
-    own = centre(drop()[..., -1].astype(float))
+    own = mass_centre(drop()[..., -1].astype(float))
     with CutoutWriter(folder / "data/sprites/sprites.arrow", sprites=True) as store:
         for sprite in range(2):
             for number in range(1, 25):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from scratch import content, prepare
+from scratch import content, prepare, write_frames
 from toy_fish import line, outline, polygon_mask
 
 import stages.clip
@@ -167,9 +167,7 @@ WIDE = np.sqrt(np.abs(np.sin(np.pi * np.linspace(0, 1, 33) ** 0.7))) + 0.1
 def put_film(path, frames, rate=25):
     height, width = frames[0].shape
     facts = VideoFacts("file", width, height, len(frames), Fraction(rate), False, ())
-    with VideoWriter.from_facts(path, facts) as writer:
-        for frame in frames:
-            writer.write(frame)
+    write_frames(VideoWriter.from_facts(path, facts), frames)
     return path
 
 

@@ -13,7 +13,17 @@ import pandas as pd
 import pytest
 from conftest import TINY_CARP
 from scratch import prepare
-from toy_film import DELTA, HULL, LENGTH, RATE, TOUCH, matching_of, waters_of
+from toy_film import (
+    DELTA,
+    HULL,
+    LENGTH,
+    RATE,
+    TOUCH,
+    crowd_player,
+    matching_of,
+    narrow_tank,
+    waters_of,
+)
 
 import stages.animate
 import stages.export
@@ -49,14 +59,6 @@ from finloop.plan import fallback
 from finloop.plan.load_paths import load_lines
 from finloop.plan.path_measures import LEFT, SWUM
 from finloop.project import Project
-
-
-@cache
-def crowd_player(through=False):
-    """A player of fish as wide as HULL, in a tank of ten lengths."""
-    arena = np.zeros((600, 800), bool)
-    arena[100:500, 200:600] = True
-    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=through))
 
 
 @cache
@@ -303,17 +305,14 @@ def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
     assert len(planner_of(same | {"fish": 2, "overlap": True}).goals()) == 2
     assert len(planner_of(same | {"fish": 1}).goals()) == 2
     planner_of(same | {"fish": 3}).check_room([])
-    led = same | {"fish": 3, "follow": [[1, 2]]}  # the second and third swim to goals
+    led = same | {"fish": 3, "follow_pairs": [[1, 2]]}  # the second and third swim to goals
     with pytest.raises(FinloopError, match=r"A \(fish 2\) and B \(fish 3\)") as refused:
         planner_of(led).goals()
     assert "to the fish 2, 3" in refused.value.wanted
 
 
 def test_more_fish_than_fit_are_refused():
-    arena = np.zeros((80, 130), bool)
-    arena[10:70, 10:120] = True
-    small = tank(arena, 0.6 * LENGTH)
-    waters = waters_of(room_=small, fish=40)
+    waters = waters_of(room_=narrow_tank(), fish=40)
     plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
     with pytest.raises(FinloopError, match=r"matching\.fish=40: the tank has room for ") as refused:
         plans.check_room([])
@@ -324,9 +323,7 @@ def test_more_fish_than_fit_are_refused():
 
 
 def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch):
-    arena = np.zeros((80, 130), bool)
-    arena[10:70, 10:120] = True
-    waters = waters_of(room_=tank(arena, 0.6 * LENGTH), fish=3, seconds=0.2, trial_goals=1)
+    waters = waters_of(room_=narrow_tank(), fish=3, seconds=0.2, trial_goals=1)
     plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
 
     def room(seed):

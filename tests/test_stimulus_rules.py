@@ -68,41 +68,35 @@ def apart(scene, least=1.0):
 # --- symmetry
 
 
+def mirror(x, y):
+    return 1000 - x, y
+
+
 @pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("mirrored", [False, True])
 @laws
 @given(scenes, angles, st.floats(0.5, 30))
-def test_a_scene_that_is_turned_has_its_aim_turned(rule, scene, angle, distance):
+def test_a_scene_that_is_turned_or_mirrored_has_its_aim_turned_or_mirrored(
+    rule, mirrored, scene, angle, distance
+):
     how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
     x, y, heading, to_x, to_y, to_heading = scene
     at_distance = abs(math.hypot(x - to_x, y - to_y) - distance * SEA.length_px) < 1e-6
     if at_distance or not apart(scene):  # by the last bit near or far
         return
-    plain = aim(
-        spec(rule, **how), (x, y, heading), Sightings(animal(to_x, to_y, to_heading)), NOW, SEA
-    )
-    own = *rotate(x, y, angle), heading + angle
-    other = Sightings(animal(*rotate(to_x, to_y, angle), to_heading + angle))
-    wanted = None if plain is None else pytest.approx(rotate(*plain, angle), abs=1e-6)
+
+    def moved_place(x, y):
+        return mirror(x, y) if mirrored else rotate(x, y, angle)
+
+    def moved_heading(heading):
+        return math.pi - heading if mirrored else heading + angle
+
+    other = Sightings(animal(to_x, to_y, to_heading))
+    plain = aim(spec(rule, **how), (x, y, heading), other, NOW, SEA)
+    own = *moved_place(x, y), moved_heading(heading)
+    other = Sightings(animal(*moved_place(to_x, to_y), moved_heading(to_heading)))
+    wanted = None if plain is None else pytest.approx(moved_place(*plain), abs=1e-6)
     assert aim(spec(rule, **how), own, other, NOW, SEA) == wanted
-
-
-@pytest.mark.parametrize("rule", RULES)
-@laws
-@given(scenes, st.floats(0.5, 30))
-def test_a_scene_in_a_mirror_has_its_aim_mirrored(rule, scene, distance):
-    how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
-    x, y, heading, to_x, to_y, to_heading = scene
-    at_distance = abs(math.hypot(x - to_x, y - to_y) - distance * SEA.length_px) < 1e-6
-    if at_distance or not apart(scene):  # by the last bit near or far
-        return
-    plain = aim(
-        spec(rule, **how), (x, y, heading), Sightings(animal(to_x, to_y, to_heading)), NOW, SEA
-    )
-    other = Sightings(animal(1000 - to_x, to_y, math.pi - to_heading))
-    image = aim(spec(rule, **how), (1000 - x, y, math.pi - heading), other, NOW, SEA)
-    assert image == (
-        None if plain is None else pytest.approx((1000 - plain[0], plain[1]), abs=1e-6)
-    )
 
 
 @pytest.mark.parametrize("rule", RULES)

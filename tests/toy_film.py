@@ -14,14 +14,18 @@ import scipy
 
 from finloop.animate.arena import Tank, tank
 from finloop.animate.cast import Cast
+from finloop.animate.kinematics import Target
 from finloop.animate.motion import MotionStatistics, learn
 from finloop.animate.protocols import AnyPlayer
+from finloop.animate.shoal import swim
 from finloop.animate.world import World
 from finloop.base.settings import settings, values_of
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
+from finloop.edit.build import edit_list
 from finloop.edit.joins import joins
 from finloop.edit.schema import WHY
+from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph
@@ -323,6 +327,21 @@ def waters_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
 HULL = np.array([[20.0, 0], [-20, 5], [-20, -5]])
 
 
+@cache
+def crowd_player(overlap=False) -> Planner:
+    """A player of fish as wide as HULL, in a tank of ten lengths."""
+    arena = np.zeros((600, 800), bool)
+    arena[100:500, 200:600] = True
+    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=overlap))
+
+
+def narrow_tank() -> Tank:
+    """A tank with room for a few fish."""
+    arena = np.zeros((80, 130), bool)
+    arena[10:70, 10:120] = True
+    return tank(arena, 0.6 * LENGTH)
+
+
 def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
     """Outlines: every sprite has the first, every frame the second."""
     frames = np.repeat(hulls[1][None].astype(np.float32), len(film_.has_next), axis=0)
@@ -421,3 +440,14 @@ def shoaling(zones: Zones) -> Shoaling:
     turn = np.exp(1j * np.random.default_rng(1).normal(0, 0.5, 200))
     own = SocialSteps(np.full(200, 0.2 + 0j), np.full(200, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
     return Shoaling(zones, own, 15, 10)
+
+
+def spot(x, y, touch=TOUCH, head=HEAD) -> Target:
+    """A place to swim to."""
+    return Target(float(x), float(y), touch, head)
+
+
+def edit_of(player, goals, ticks, seed) -> tuple[Swim, pd.DataFrame]:
+    """A swim, and its edit list."""
+    found = swim(player, goals, ticks, np.random.default_rng(seed))
+    return found, edit_list(found, ticks, player.sources)
