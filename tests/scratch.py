@@ -16,14 +16,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from finloop.io.movie import VideoWriter
 from finloop.io.parameters import refusal
-from finloop.io.video import (
-    ARENA_NAME,
-    CLIP_NAME,
-    FACTS_NAME,
-    VideoFacts,
-    save_facts,
-    save_mask,
-)
+from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, VideoFacts, save_facts, save_mask
 from stages.compose import compose_params
 from stages.settings import CONF, PARAMS, all_problems
 

@@ -42,16 +42,7 @@ from finloop.animate.size import frame_hulls, reach
 from finloop.animate.state import Fish, State
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.explain import in_words
-from finloop.edit.schema import (
-    CONSIDERED,
-    EDIT,
-    FADE,
-    FRAME,
-    TERMS,
-    VERDICTS,
-    WHY,
-    Goal,
-)
+from finloop.edit.schema import CONSIDERED, EDIT, FADE, FRAME, TERMS, VERDICTS, WHY, Goal
 from finloop.edit.schema import FILM as IN_FILM
 from finloop.edit.stretch import Decision
 from finloop.features.table import wrap_deg

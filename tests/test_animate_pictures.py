@@ -12,14 +12,7 @@ from finloop.base.settings import settings
 from finloop.distance.picture import FILM, SPAN, distance, picture
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.pictures import (
-    Pictures,
-    draw_edit,
-    drawn_steps,
-    film_next,
-    seams,
-    without_ghosts,
-)
+from finloop.edit.pictures import Pictures, draw_edit, drawn_steps, film_next, seams, without_ghosts
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts

@@ -9,14 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 from skimage.morphology import skeletonize
 
-from finloop.extract.backbone import (
-    resample,
-    ring,
-    smoother,
-    trace,
-    upper_level,
-    without_notches,
-)
+from finloop.extract.backbone import resample, ring, smoother, trace, upper_level, without_notches
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
 ROOT2 = np.sqrt(2)

@@ -34,12 +34,7 @@ from finloop.bpn.back_propagation import (
     train,
     unit_output,
 )
-from finloop.bpn.held_out import (
-    assessment,
-    confusion,
-    errors,
-    linear,
-)
+from finloop.bpn.held_out import assessment, confusion, errors, linear
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,

@@ -34,10 +34,7 @@ from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 PX, OWN, STEP = 20.0, 0.6, 0.3
 ARENA = np.ones((300, 300), bool)
 TRUE = Zones(0.5, 2.0, 8.0, 90.0, 1.2, 0.5, 0.8)
-TRIED = {
-    "radii": (0.0, 0.5, 1.0, 2.0, 4.0, 8.0),
-    "blind_angles_deg": (0.0, 90.0, 180.0),
-}
+TRIED = {"radii": (0.0, 0.5, 1.0, 2.0, 4.0, 8.0), "blind_angles_deg": (0.0, 90.0, 180.0)}
 
 
 def swim(zones, fish=6, frames=1500, seed=0):

@@ -34,14 +34,7 @@ from finloop.clip.quality import Tally, psnr_db
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
 from finloop.io import wheel
-from finloop.io.footage import (
-    Footage,
-    Loss,
-    Timing,
-    nearest_in_time,
-    open_footage,
-    segments_of,
-)
+from finloop.io.footage import Footage, Loss, Timing, nearest_in_time, open_footage, segments_of
 from finloop.io.footage import film as footage_film
 from finloop.io.footage.coding import (
     CHROMA_FRACTION,

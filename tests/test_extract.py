@@ -46,14 +46,7 @@ from finloop.extract.background import (
     scale_brightness,
     survey_noise,
 )
-from finloop.extract.film import (
-    ClipStream,
-    Detector,
-    detections,
-    follow,
-    rows,
-    tracks,
-)
+from finloop.extract.film import ClipStream, Detector, detections, follow, rows, tracks
 from finloop.extract.samples import Typical, judge, survey, typical_fish
 from finloop.extract.segment import (
     Silhouette,

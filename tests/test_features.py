@@ -25,14 +25,7 @@ from finloop.features.area import bend, closed_spline, control_points, signed_ar
 from finloop.features.current import through_water
 from finloop.features.head import _posterior, _viterbi, head_first
 from finloop.features.memory import block_frames, measured_delta
-from finloop.features.metrics import (
-    against_truth,
-    forwards,
-    in_mm,
-    longest_track,
-    summary,
-    table1,
-)
+from finloop.features.metrics import against_truth, forwards, in_mm, longest_track, summary, table1
 from finloop.features.swimming_type import (
     BRISK,
     LEFT,

@@ -137,12 +137,7 @@ def test_what_is_far_from_the_silhouette_is_no_part_of_the_fish():
 
 @pytest.mark.parametrize(
     ("how", "fins"),
-    [
-        ({"fin": 0.2}, "all"),
-        ({"shadow": 0.4}, "none"),
-        ({"gloom": 0.3}, "none"),
-        ({}, "all"),
-    ],
+    [({"fin": 0.2}, "all"), ({"shadow": 0.4}, "none"), ({"gloom": 0.3}, "none"), ({}, "all")],
 )
 def test_fins_are_told_from_shadows_and_gloom_by_many_fish(how, fins):
     typical = survey(wheel(**how), WHOLE, settings("extract"))[1]

@@ -28,16 +28,7 @@ from finloop.forecast.learning import learn
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split
-from finloop.forecast.sampling import (
-    begin,
-    follow,
-    free_run,
-    go_over,
-    means,
-    sampler,
-    step,
-    ways,
-)
+from finloop.forecast.sampling import begin, follow, free_run, go_over, means, sampler, step, ways
 
 
 @pytest.fixture(scope="module")

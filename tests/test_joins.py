@@ -22,14 +22,7 @@ from finloop.animate.shoal import play
 from finloop.base.settings import settings
 from finloop.edit.joins import Joins, PictureSequence, inertialize, joins, sum_past
 from finloop.edit.modes import MODES
-from finloop.edit.schema import (
-    CUT,
-    FADE,
-    FRAME,
-    INERTIAL,
-    SPRITE,
-    Goal,
-)
+from finloop.edit.schema import CUT, FADE, FRAME, INERTIAL, SPRITE, Goal
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0

@@ -237,11 +237,7 @@ def both_sides():
     )
     ways = neighbour_jumps(jumps, n)
     motion = waters_of().motion
-    return (
-        table,
-        jumps,
-        motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)),
-    )
+    return (table, jumps, motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)))
 
 
 def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():

@@ -62,16 +62,7 @@ from finloop.edit.measures import (
     turn_measures,
 )
 from finloop.edit.modes import MODES, PAPER
-from finloop.edit.schema import (
-    ACCELERATE,
-    FADE,
-    FRAME,
-    SPRITE,
-    STATES,
-    STRAIGHT,
-    VERDICTS,
-    Goal,
-)
+from finloop.edit.schema import ACCELERATE, FADE, FRAME, SPRITE, STATES, STRAIGHT, VERDICTS, Goal
 from finloop.edit.schema import FILM as IN_FILM
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import direction_deg, orientation, wrap_deg
@@ -196,8 +187,7 @@ def test_a_seed_gives_one_animation_and_another_seed_another(mode):
 
 
 @pytest.mark.parametrize(
-    ("mode", "pose"),
-    [*product(PAPER[1:], (BODY, FILM)), ("network", BODY), ("matching", BODY)],
+    ("mode", "pose"), [*product(PAPER[1:], (BODY, FILM)), ("network", BODY), ("matching", BODY)]
 )
 def test_never_outside_the_tank(mode, pose):
     player = player_in(mode, pose)

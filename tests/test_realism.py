@@ -34,13 +34,7 @@ from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
 from finloop.realism.compare import Sample, verdict
 from finloop.realism.instrument import Instrument, Swimming, swimming
-from finloop.realism.windows import (
-    CHANNELS,
-    Windows,
-    channels,
-    cutting,
-    equal_blocks,
-)
+from finloop.realism.windows import CHANNELS, Windows, channels, cutting, equal_blocks
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from stages.realism import GalleryOpener

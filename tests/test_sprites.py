@@ -36,27 +36,9 @@ from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.candidates import beats, slides, turns
-from finloop.sprites.choice import (
-    Choice,
-    best_of_tracks,
-    choose,
-    closure,
-    combination,
-    sharpness,
-)
-from finloop.sprites.metrics import (
-    complete,
-    faults,
-    is_still,
-    loop_numbers,
-    numbers,
-    table1_after,
-)
-from finloop.sprites.orient import (
-    SPRITES,
-    sprite_cutouts,
-    sprite_table,
-)
+from finloop.sprites.choice import Choice, best_of_tracks, choose, closure, combination, sharpness
+from finloop.sprites.metrics import complete, faults, is_still, loop_numbers, numbers, table1_after
+from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
 from finloop.sprites.swimmers import smooth, swimmers

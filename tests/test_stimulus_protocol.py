@@ -36,22 +36,8 @@ from finloop.stimulus.drawn import (
 )  # fmt: skip
 from finloop.stimulus.listing import listing
 from finloop.stimulus.order import source, trials, trigger_text
-from finloop.stimulus.parts import (
-    Animals,
-    Change,
-    Condition,
-    Display,
-    Look,
-    Motion,
-    Trigger,
-)
-from finloop.stimulus.protocol import (
-    MOST_BYTES,
-    Protocol,
-    load_protocol,
-    motion_seed,
-    protocol_of,
-)
+from finloop.stimulus.parts import Animals, Change, Condition, Display, Look, Motion, Trigger
+from finloop.stimulus.protocol import MOST_BYTES, Protocol, load_protocol, motion_seed, protocol_of
 from finloop.stimulus.rules import RuleSpec
 from finloop.stimulus.yaml_text import read_yaml
 
