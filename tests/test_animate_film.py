@@ -15,11 +15,10 @@ from toy_film import (
     SPEED,
     STEP,
     TOUCH,
+    arc_track,
     edit_of,
     film_of,
     film_with_dead_ends,
-    learnt,
-    lessons,
     loops,
     matching_of,
     open_tank,
@@ -29,7 +28,6 @@ from toy_film import (
     rich_film,
     rich_table,
     table_of,
-    turning_track,
     waters_of,
 )
 
@@ -76,8 +74,8 @@ def on_the_spot(found):
 @pytest.mark.parametrize("rate", [0.0, 5.0, -5.0])
 def test_a_film_moves_as_its_fish_did_at_the_drawn_size(rate):
     small, large = (
-        turning_track([rate] * 20, 30.0, length=40.0),
-        turning_track([rate] * 20, 30.0, length=80.0),
+        arc_track([rate] * 20, 30.0, length=40.0),
+        arc_track([rate] * 20, 30.0, length=80.0),
     )
     found = film_of(table_of(small, large), loops((3, 30)))
     angle = np.radians(30.0 + rate * np.arange(20))
@@ -94,14 +92,13 @@ def test_a_film_moves_as_its_fish_did_at_the_drawn_size(rate):
 
 def test_speed_is_that_of_the_track_up_to_its_ends():
     found = film_of(
-        table_of(turning_track([0.0] * 9), turning_track([0.0] * 9, 90.0, at=(0, 0))),
-        loops((3, 12)),
+        table_of(arc_track([0.0] * 9), arc_track([0.0] * 9, 90.0, at=(0, 0))), loops((3, 12))
     )
     assert found.speed == pytest.approx(SPEED)
 
 
 def test_a_film_ends_with_each_track_and_before_each_barred_row():
-    table = table_of(turning_track([0.0] * 9), turning_track([0.0] * 9))
+    table = table_of(arc_track([0.0] * 9), arc_track([0.0] * 9))
     assert list(np.flatnonzero(~film_of(table, loops((3, 12))).has_next)) == [9, 19]
     found = film_of(table, loops((3, 12)), barred=[5, 16])
     assert list(np.flatnonzero(~found.has_next)) == [4, 5, 9, 15, 16, 19]
@@ -109,7 +106,7 @@ def test_a_film_ends_with_each_track_and_before_each_barred_row():
 
 
 def test_loops_lead_both_ways_but_never_to_a_barred_row_or_where_the_film_ends():
-    table = table_of(turning_track([0.0] * 19), turning_track([0.0] * 19))
+    table = table_of(arc_track([0.0] * 19), arc_track([0.0] * 19))
     pairs = loops(
         (3, 25, 0.4), (3, 10, 0.2), (8, 35, 0.6), (10, 30, 0.8), (15, 28, 0.5)
     )  # fmt: skip
@@ -230,18 +227,6 @@ def test_an_animation_lasts_as_many_seconds_as_are_asked_for_and_decisions_so_ma
     assert (waters.duration, waters.ticks(7.0)) == (7 * RATE, 7 * DELTA)
 
 
-def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike():
-    """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
-    swims = []
-    for rate in (RATE, 8 * RATE):
-        taught = learnt(lessons(), rate)
-        waters = waters_of(film_of(*rich(), taught=taught), taught=taught)
-        found, _ = edit_of(matching_of(waters), [Goal("A", 200.0, 200.0)], 600, 3)
-        swims.append((*flat(found)[:3], [one.decision.reason for one in found.stretches]))
-    for one, quicker in zip(*swims, strict=True):
-        np.testing.assert_array_equal(one, quicker)
-
-
 def with_dead_ends():
     """The film with dead ends, and the rows after which it goes on."""
     reel = film_with_dead_ends()
@@ -289,7 +274,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
 
 
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
-    mode = film_player(film_of(table_of(turning_track([0.0] * 199)), loops((20, 199))))
+    mode = film_player(film_of(table_of(arc_track([0.0] * 199)), loops((20, 199))))
     state = mode.begin(np.random.default_rng(0))
     fish = replace(state.fish, row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
     goal = Goal("A", 300.0, 300.0)
@@ -300,7 +285,7 @@ def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
 
 def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     """Loop ends so rare that between two of them lies more film than a look ahead."""
-    reel = film_of(table_of(turning_track([0.7] * 599)), loops((20, 560), (40, 580)))
+    reel = film_of(table_of(arc_track([0.7] * 599)), loops((20, 560), (40, 580)))
     assert np.diff(np.flatnonzero(reel.jump_slot >= 0)).max() > 5 * RATE
     for seed in range(3):
         found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
@@ -322,9 +307,7 @@ def test_goals_are_reached():
 
 
 def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
-    reel = film_of(
-        turning_track([4.0] * 199), loops((5, 95), (50, 140))
-    )  # one circle, 15 px across
+    reel = film_of(arc_track([4.0] * 199), loops((5, 95), (50, 140)))  # one circle, 15 px across
     goals = [Goal("A", 700.0, 60.0)]
     mode = film_player(reel)
     found, table = edit_of(mode, goals, 800, 1)
@@ -341,9 +324,7 @@ def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
 
 def three_ways(wall=False):
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
-    table = table_of(
-        turning_track([0.0] * 149), turning_track([3.0] * 149), turning_track([-3.0] * 149)
-    )
+    table = table_of(arc_track([0.0] * 149), arc_track([3.0] * 149), arc_track([-3.0] * 149))
     pairs = [(20, 170, 0.2), (20, 320, 0.2), (140, 21, 0.2), (290, 171, 0.2), (440, 321, 0.2)]
     reel = film_of(table, loops(*pairs))
     arena = ARENA.copy()
@@ -410,7 +391,7 @@ def test_a_decision_counts_how_many_ways_fail_which_test():
 
 @pytest.mark.parametrize(("heading", "quadrant"), [(30.0, 1), (120.0, 2), (210.0, 3), (300.0, 4)])
 def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadrant):
-    table = table_of(turning_track([0.0] * 99), turning_track([0.0] * 99))
+    table = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
     player = film_player(film_of(table, loops((20, 120), (60, 21), (160, 121))))
     fish = Fish(400.0, 300.0, heading, SPEED, IN_FILM, -1, row=30, rot=heading)
     angle = np.radians(heading)

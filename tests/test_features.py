@@ -13,7 +13,7 @@ import pytest
 from conftest import TINY_CARP
 from scipy.integrate import quad
 from scipy.interpolate import BSpline
-from scratch import content, prepare, same_but_figures
+from scratch import content, prepare
 from tiny_run import copy_of, stage_run
 
 import stages.features
@@ -1010,12 +1010,6 @@ def test_the_stage_makes_its_table_and_reports(workspace):
     assert pd.read_csv(report / "fig7.csv")["frame"].tolist() == list(range(100))
     sheet = load_picture(report / "contact_sheet.png")
     assert sheet.shape == (24 + 8 * 220, 6 * 220, 3) and sheet.std() > 10
-
-
-def test_the_stage_makes_the_same_again(workspace):
-    once = content(workspace / "data") | content(workspace / "reports")
-    stages.features.main()
-    assert same_but_figures(once, content(workspace / "data") | content(workspace / "reports"))
 
 
 def test_film_without_truth_has_no_errors_against_it(workspace):

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from toy_film import matching_of, table_of, turning_track, waters_of
+from toy_film import arc_track, matching_of, table_of, waters_of
 
 from finloop.base.nearest import parts_of
 from finloop.base.settings import settings
@@ -230,7 +230,7 @@ def test_who_turns_one_way_more_often_is_handed(rng, rates, least, most):
 
 def both_sides():
     """A film of two circles and a line, which can go on anywhere as its mirror image."""
-    table = table_of(*(turning_track([rate] * 149) for rate in (0.0, 3.0, -5.0)))
+    table = table_of(*(arc_track([rate] * 149) for rate in (0.0, 3.0, -5.0)))
     n, rows = len(table), np.arange(10, 440, 10)
     jumps = pd.DataFrame(
         {"row": rows, "to": (rows + 37) % 430, "mirrored": rows % 20 == 0, "seam": 0.5}

@@ -17,11 +17,13 @@ from toy_film import (
     STEP,
     TOUCH,
     Model,
+    arc_track,
     edit_of,
     film_of,
     film_with_dead_ends,
     gateways,
     hybrid_of,
+    learnt,
     lesson,
     lessons,
     loops,
@@ -39,7 +41,6 @@ from toy_film import (
     spot,
     sprites,
     table_of,
-    turning_track,
     waters_of,
     world_of,
 )
@@ -198,23 +199,32 @@ def test_never_outside_the_tank(mode, pose):
         assert measures.outside(table, player) == 0
 
 
-@pytest.mark.parametrize("mode", PAPER)
+def player_of_a_film_at(rate, mode):
+    """A player of a mode, by a film that is said to be of another frame rate."""
+    if mode == "matching":
+        taught = learnt(lessons(), rate)
+        return matching_of(waters_of(film_of(*rich(), taught=taught), taught=taught))
+    taught = replace(lesson(), rate_hz=rate)
+    world = world_of(taught=taught)
+    network = Network(world, order(rate), phases(rate), Model(), settings("network"))
+    made = hybrid_of(film_of(*rich(), taught=taught), world)
+    made = Hybrid(network, made.loops, made.gateways)
+    return paper_player(made if mode == "hybrid" else getattr(made, mode))
+
+
+@pytest.mark.parametrize("mode", MODES)
 def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode):
     """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
     swims = []
     for rate in (RATE, 8 * RATE):
-        taught = replace(lesson(), rate_hz=rate)
-        world = world_of(taught=taught)
-        network = Network(world, order(rate), phases(rate), Model(), settings("network"))
-        made = hybrid_of(film_of(*rich(), taught=taught), world)
-        made = Hybrid(network, made.loops, made.gateways)
-        one = made if mode == "hybrid" else getattr(made, mode)
-        found = swim(paper_player(one), A, 600, np.random.default_rng(3))
-        swims.append((
-            np.concatenate([part.way for part in found.stretches]),
-            np.concatenate([part.number for part in found.stretches]),
-            [part.decision.reason for part in found.stretches],
-        ))  # fmt: skip
+        parts = swim(player_of_a_film_at(rate, mode), A, 600, np.random.default_rng(3)).stretches
+        columns = [
+            np.concatenate([getattr(one, name) for one in parts]) for name in ("way", "number")
+        ]
+        rots = np.concatenate(
+            [np.zeros(len(one.way)) if one.rot is None else one.rot for one in parts]
+        )
+        swims.append((*columns, rots, [one.decision.reason for one in parts]))
     for one, quicker in zip(*swims, strict=True):
         np.testing.assert_array_equal(one, quicker)
 
@@ -437,7 +447,7 @@ STRAIGHT_LOOPS = loops((20, 95), (22, 120), (60, 160), (104, 165), (110, 185))
 
 def straight_on():
     """A straight film in two tracks, with loops in the beginning and the end of each."""
-    table = table_of(turning_track([0.0] * 99), turning_track([0.0] * 99))
+    table = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
     return film_of(table, STRAIGHT_LOOPS)
 
 
@@ -471,15 +481,13 @@ def test_a_dead_end_is_never_played_into():
 
 def test_a_film_whose_loops_lead_to_its_end_alone_is_not_played():
     assert loops_of().can_play and not loops_of(film_of(rich_table(), loops())).can_play
-    tail = table_of(turning_track([0.0] * 99), turning_track([0.0] * 99))
+    tail = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
     assert not loops_of(film_of(tail, loops((20, 150)))).can_play
 
 
 def three_ways():
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
-    table = table_of(
-        turning_track([0.0] * 149), turning_track([2.0] * 149), turning_track([-2.0] * 149)
-    )
+    table = table_of(arc_track([0.0] * 149), arc_track([2.0] * 149), arc_track([-2.0] * 149))
     pairs = [(20, 170), (20, 320), (41, 201), (41, 351), (60, 231), (60, 381), (25, 225), (25, 375)]
     return film_of(table, loops(*pairs))
 

@@ -9,11 +9,11 @@ from toy_film import (
     LENGTH,
     RATE,
     SPEED,
+    arc_track,
     film_of,
     loops,
     matching_of,
     open_tank,
-    turning_track,
     waters_of,
 )
 
@@ -96,7 +96,7 @@ def test_what_is_no_path_is_refused_in_words(tmp_path, name, text, came):
 
 def test_a_track_of_the_film_has_times_and_headings_and_an_unknown_one_is_refused():
     table = pd.concat(
-        [turning_track([5.0] * 30, track=3), turning_track([0.0] * 9, track=8)], ignore_index=True
+        [arc_track([5.0] * 30, track=3), arc_track([0.0] * 9, track=8)], ignore_index=True
     )
     table["time_s"] = table["frame"] / RATE
     line = track_line(table, "track:8")
@@ -328,7 +328,7 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
 
 def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins():
     """Every way of it leaves the tank in the end: the fish turns on the spot, and says so."""
-    table = turning_track([0.0] * 300, at=(100.0, 100.0))
+    table = arc_track([0.0] * 300, at=(100.0, 100.0))
     waters = waters_of(film_of(table, loops((20, 280))))
     player, path = matching_of(waters), lay_line(EIGHT)
     made = swim(player, [], 200, np.random.default_rng(0), path.route)

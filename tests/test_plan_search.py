@@ -8,6 +8,7 @@ from toy_film import (
     LENGTH,
     RATE,
     STEP,
+    arc_track,
     film_of,
     loops,
     matching_of,
@@ -16,7 +17,6 @@ from toy_film import (
     rich_film,
     spot,
     table_of,
-    turning_track,
     waters_of,
 )
 
@@ -218,11 +218,7 @@ def test_turning_the_tank_turns_the_plan():
 def test_a_mirrored_tank_gives_the_mirrored_plan():
     """Film, tank and fish upside down: the same rows at the same cost."""
     rng = np.random.default_rng(6)
-    parts = (
-        turning_track([4.0] * 200),
-        turning_track([-3.0] * 200, 30.0),
-        turning_track([0.0] * 200, 200.0),
-    )
+    parts = (arc_track([4.0] * 200), arc_track([-3.0] * 200, 30.0), arc_track([0.0] * 200, 200.0))
     pairs = loops(*((int(a), int(b)) for a, b in rng.integers(5, 595, (60, 2)) if abs(a - b) > 20))
     table, other_table = table_of(*parts), table_of(*parts)
     other_table["y_px"] = 600 - other_table["y_px"]
@@ -372,9 +368,7 @@ def test_the_best_way_is_the_film_s_between_jumps_that_the_film_has():
 def test_the_way_that_turns_as_the_path_does_is_taken():
     """A straight film, whose fish may jump to one that turns left, or to one that turns right."""
     for side in (1, -1):
-        table = table_of(
-            turning_track([0.0] * 60), turning_track([4.0] * 90), turning_track([-4.0] * 90)
-        )
+        table = table_of(arc_track([0.0] * 60), arc_track([4.0] * 90), arc_track([-4.0] * 90))
         world = waters_of(film_of(table, loops((20, 66), (20, 157), (70, 140), (162, 230))))
         radius = STEP / np.radians(4.0)
         bend = np.linspace(0, np.pi, 90)
@@ -387,9 +381,7 @@ def test_the_way_that_turns_as_the_path_does_is_taken():
 
 
 def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
-    table = table_of(
-        *(turning_track([rate] * 13, 40.0 * rate) for rate in (0.0, 3.0, -3.0, 6.0, -6.0))
-    )
+    table = table_of(*(arc_track([rate] * 13, 40.0 * rate) for rate in (0.0, 3.0, -3.0, 6.0, -6.0)))
     rng = np.random.default_rng(0)
     ends = np.concatenate([14 * k + np.array([2, 9, 13]) for k in range(5)])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 6) if abs(int(a) - b) > 13}

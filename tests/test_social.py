@@ -36,7 +36,7 @@ def neighbour_pull(place, heading, zones=ZONES):
     return pull(neighbours(place, heading), zones)
 
 
-def pull_at_origin(*others, zones=ZONES):
+def pull_of(*others, zones=ZONES):
     """What a fish at 0 that heads to the right is wished by others: place, heading in degrees."""
     places = np.array([place for place, _ in others], complex)
     headings = np.exp(1j * np.radians([heading for _, heading in others]))
@@ -73,22 +73,20 @@ def test_it_does_not_matter_how_the_others_are_numbered(seed):
 
 def test_repulsion_beats_all():
     crowd = [(2 + 0j, 90.0), (5 + 1j, 0.0)]
-    assert pull_at_origin((0.5j, 0.0), *crowd) == pull_at_origin((0.5j, 0.0))
-    assert pull_at_origin((0.5j, 0.0)) == pytest.approx(-1.5j)  # away from who is to the left
+    assert pull_of((0.5j, 0.0), *crowd) == pull_of((0.5j, 0.0))
+    assert pull_of((0.5j, 0.0)) == pytest.approx(-1.5j)  # away from who is to the left
 
 
 def test_each_zone_wishes_what_it_is_called():
-    assert pull_at_origin((2 + 0j, 90.0)) == pytest.approx(0.7j)  # aligned: takes on the heading
-    assert pull_at_origin((5j, 17.0)) == pytest.approx(
-        0.4j
-    )  # attracted: towards it, however it heads
-    assert pull_at_origin((2 + 0j, 90.0), (5j, 17.0)) == pytest.approx(1.1j)
-    assert pull_at_origin((9j, 0.0)) == 0  # beyond all zones
+    assert pull_of((2 + 0j, 90.0)) == pytest.approx(0.7j)  # aligned: takes on the heading
+    assert pull_of((5j, 17.0)) == pytest.approx(0.4j)  # attracted: towards it, however it heads
+    assert pull_of((2 + 0j, 90.0), (5j, 17.0)) == pytest.approx(1.1j)
+    assert pull_of((9j, 0.0)) == 0  # beyond all zones
 
 
 def test_a_zone_pulls_no_more_the_more_fish_are_in_it():
-    assert pull_at_origin((5j, 0.0), (6j, 0.0)) == pytest.approx(pull_at_origin((5j, 0.0)))
-    assert pull_at_origin((5j, 0.0), (-5j, 0.0)) == pytest.approx(0)
+    assert pull_of((5j, 0.0), (6j, 0.0)) == pytest.approx(pull_of((5j, 0.0)))
+    assert pull_of((5j, 0.0), (-5j, 0.0)) == pytest.approx(0)
 
 
 @pytest.mark.parametrize("blind", [0.0, 90.0, 200.0, 360.0])
@@ -98,8 +96,8 @@ def test_nobody_in_the_blind_angle_is_seen(blind):
         if not 0 < behind < 180:
             continue
         place = -5 * np.exp(1j * np.radians(behind))
-        assert (pull_at_origin((place, 0.0), zones=zones) == 0) == (behind < blind / 2)
-        assert pull_at_origin((place / 10, 0.0), zones=zones) != 0  # who is that near is felt
+        assert (pull_of((place, 0.0), zones=zones) == 0) == (behind < blind / 2)
+        assert pull_of((place / 10, 0.0), zones=zones) != 0  # who is that near is felt
 
 
 def test_who_is_alone_is_wished_nothing():

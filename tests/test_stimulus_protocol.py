@@ -377,7 +377,7 @@ def complaint(folder, content):
     return caught.value.came.splitlines()[1:]
 
 
-def assert_complaints(folder, content, *wanted):
+def refuse(folder, content, *wanted):
     """All complaints, each of which must begin with what is wanted of it."""
     lines = [line.strip() for line in complaint(folder, content)]
     assert len(lines) == len(wanted), lines
@@ -429,7 +429,7 @@ CONDITION = "  a: {seconds: 10, motion: {wander: true}}\n"
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_line(tmp_path, text, wanted):
-    assert_complaints(tmp_path, HEAD + text + "conditions:\n" + CONDITION, wanted)
+    refuse(tmp_path, HEAD + text + "conditions:\n" + CONDITION, wanted)
 
 
 @pytest.mark.parametrize(
@@ -464,16 +464,14 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, text, wanted):
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_condition_is_said(tmp_path, condition, wanted):
-    assert_complaints(tmp_path, f"{HEAD}conditions:\n  a: {condition}\n", f"line 5: conditions.a.{wanted}"
+    refuse(tmp_path, f"{HEAD}conditions:\n  a: {condition}\n", f"line 5: conditions.a.{wanted}"
             if not wanted.startswith("should be keys") else f"line 5: conditions.a: {wanted}")  # fmt: skip
 
 
 def test_what_contradicts_itself_is_refused(tmp_path):
     start = HEAD + "animals: {}\nconditions:\n"
     rule = "  a: {seconds: 10, motion: {rule: {rule: follow}}, change: {reversed: true}}\n"
-    assert_complaints(
-        tmp_path, start + rule, "line 6: conditions.a.change: wants a motion that is known"
-    )
+    refuse(tmp_path, start + rule, "line 6: conditions.a.change: wants a motion that is known")
     circle = "".join(
         f"  {a}: {{seconds: 1, motion: {{again: {b}}}}}\n" for a, b in ("ab", "bc", "ca")
     )
@@ -481,29 +479,23 @@ def test_what_contradicts_itself_is_refused(tmp_path):
     wanted = [
         f"line {6 + at}: conditions.{name}.motion.again: {said}" for at, name in enumerate("abc")
     ]
-    assert_complaints(tmp_path, start + circle, *wanted)
+    refuse(tmp_path, start + circle, *wanted)
     lasso = "  d: {seconds: 1, motion: {again: a}}\n"  # leads into the circle
-    assert_complaints(tmp_path, start + circle + lasso, *wanted)
+    refuse(tmp_path, start + circle + lasso, *wanted)
     before = "  b: {seconds: 1, motion: {again: a}}\n" + CONDITION
-    assert_complaints(
-        tmp_path, start + before, "line 6: conditions.b.motion.again: comes before a in the"
-    )
+    refuse(tmp_path, start + before, "line 6: conditions.b.motion.again: comes before a in the")
     load = start.replace("animals: {}", "order: shuffled") + before
     (tmp_path / "good.yaml").write_text(load)
     assert names(load_protocol(tmp_path / "good.yaml")) == ("a", "b")
     longer = CONDITION + "  b: {seconds: 6, motion: {again: a}, change: {speed: 2}}\n"
-    assert_complaints(
-        tmp_path, start + longer, "line 7: conditions.b.seconds: takes 12 s of the motion of a"
-    )
+    refuse(tmp_path, start + longer, "line 7: conditions.b.seconds: takes 12 s of the motion of a")
     still = longer.replace("speed: 2", "still: true")
     (tmp_path / "good.yaml").write_text(start + still)
     load_protocol(tmp_path / "good.yaml")
     fades = start.replace("animals: {}", "fade_s: 6") + CONDITION
-    assert_complaints(
-        tmp_path, fades, "line 6: conditions.a.seconds: should be two fades of 6 s at least"
-    )
+    refuse(tmp_path, fades, "line 6: conditions.a.seconds: should be two fades of 6 s at least")
     many = start.replace("animals: {}", "repeats: 5001") + CONDITION + CONDITION.replace("a:", "b:")
-    assert_complaints(tmp_path, many, "line 4: repeats: gives more than 10000 trials")
+    refuse(tmp_path, many, "line 4: repeats: gives more than 10000 trials")
 
 
 def test_all_that_is_wrong_is_said_at_once_in_the_order_of_its_lines(tmp_path):
@@ -528,28 +520,22 @@ def test_a_file_that_is_no_yaml_is_refused(tmp_path):
         load_protocol(tmp_path / "none.yaml")
     with pytest.raises(FinloopError, match="cannot be read"):
         load_protocol(tmp_path)
-    assert_complaints(tmp_path, "", "the file is empty")
-    assert_complaints(tmp_path, "# a comment\n", "the file is empty")
-    assert_complaints(tmp_path, "- 1\n", "line 1: should be keys with values, got [1]")
-    assert_complaints(tmp_path, "a: [1\n", "line 2, column 1: no YAML")
-    assert_complaints(
-        tmp_path, "a: b: c\n", "line 1, column 5: no YAML: mapping values are not allowed"
-    )
-    assert_complaints(
-        tmp_path, "a: 1\n---\nb: 2\n", "line 2, column 1: no YAML: expected a single document"
-    )
-    assert_complaints(tmp_path, "a: *b\n", "line 1, column 4: no YAML: found undefined alias")
-    assert_complaints(tmp_path, "a: \x00\n", "no YAML: unacceptable character")
-    assert_complaints(tmp_path, b"name: a\nseed: \xff\n", "line 2: no UTF-8")
-    assert_complaints(tmp_path, b"#" * (MOST_BYTES + 1), "larger than 1 MB")
-    assert_complaints(tmp_path, "[" * 100_000, "it is nested too deeply")
-    assert_complaints(
-        tmp_path, "a: &a {b: *a}\n", "line 1: nested too deeply, or an anchor within itself"
-    )
+    refuse(tmp_path, "", "the file is empty")
+    refuse(tmp_path, "# a comment\n", "the file is empty")
+    refuse(tmp_path, "- 1\n", "line 1: should be keys with values, got [1]")
+    refuse(tmp_path, "a: [1\n", "line 2, column 1: no YAML")
+    refuse(tmp_path, "a: b: c\n", "line 1, column 5: no YAML: mapping values are not allowed")
+    refuse(tmp_path, "a: 1\n---\nb: 2\n", "line 2, column 1: no YAML: expected a single document")
+    refuse(tmp_path, "a: *b\n", "line 1, column 4: no YAML: found undefined alias")
+    refuse(tmp_path, "a: \x00\n", "no YAML: unacceptable character")
+    refuse(tmp_path, b"name: a\nseed: \xff\n", "line 2: no UTF-8")
+    refuse(tmp_path, b"#" * (MOST_BYTES + 1), "larger than 1 MB")
+    refuse(tmp_path, "[" * 100_000, "it is nested too deeply")
+    refuse(tmp_path, "a: &a {b: *a}\n", "line 1: nested too deeply, or an anchor within itself")
     bomb = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
         f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 12)
     )
-    assert_complaints(tmp_path, bomb, "more than 100000 values, anchors written out")
+    refuse(tmp_path, bomb, "more than 100000 values, anchors written out")
 
 
 @pytest.mark.parametrize(

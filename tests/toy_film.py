@@ -196,7 +196,7 @@ def order(rate: float = RATE) -> Sprites:
 # --- a film to swim by
 
 
-def turning_track(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
+def arc_track(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
     """A track that turns by so many degrees from row to row, at a constant speed."""
     headings = heading + np.cumsum([0.0, *turns])
     angle = np.radians(headings)
@@ -244,14 +244,14 @@ def film_with_dead_ends() -> MotionGraph:
         *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
         *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
     )  # fmt: skip
-    return film_of(table_of(*(turning_track([rate] * 200) for rate in (4.0, -4.0, 0.0))), pairs)
+    return film_of(table_of(*(arc_track([rate] * 200) for rate in (4.0, -4.0, 0.0))), pairs)
 
 
 def rich(seed=0, heading=True):
     """Circles to both sides and straight lines, 150 rows each; loops between any of them."""
     rng = np.random.default_rng(seed)
     rates = (0.0, 2.0, -2.0, 4.0, -4.0, 7.0, -7.0, 0.5)
-    tracks = table_of(*(turning_track([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
+    tracks = table_of(*(arc_track([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
     ends = np.concatenate([150 * i + np.arange(4, 146, 6) for i in range(len(rates))])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 4) if abs(int(a) - b) > 12}
     if not heading:  # FILM: both fish of a loop must head alike
@@ -297,7 +297,7 @@ def random_film(rng, most_rows=24):
     """A few short tracks with a few random loops, and perhaps a barred row."""
     lengths = rng.integers(2, 9, rng.integers(1, 5))
     table = table_of(
-        *(turning_track(rng.uniform(-30, 30, n - 1), rng.uniform(0, 360)) for n in lengths)
+        *(arc_track(rng.uniform(-30, 30, n - 1), rng.uniform(0, 360)) for n in lengths)
     )
     n = len(table)
     drawn = {tuple(sorted(rng.choice(n, 2, replace=False))) for _ in range(rng.integers(1, 7))}
