@@ -27,8 +27,8 @@ from finloop.base.line import TANK, Line
 from finloop.base.parallel import Processes, ordered_map
 from finloop.edit.schema import by_fish
 from finloop.modes.matching import MatchingAnimator, matching_animator
+from finloop.plan.matching_settings import merge_settings
 from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
-from finloop.plan.settings import merge_settings
 from finloop.project import Project
 from stages.animation import measure_pictures
 
@@ -41,9 +41,9 @@ PARTS: dict[str, dict[str, Any]] = {
     "no random choice": {"choice_noise": 1e-6},
     "no predictions": {"uses": ("film",)},
     "predictions alone": {"uses": ("forecast",)},
-    "a new plan after every stride": {"replan_interval": 0.75, "path_commit": 0.75},
+    "a new plan after every stride": {"replan_interval_deltas": 0.75, "path_commit": 0.75},
     "a beam of 24": {"beam": 24},
-    "a look half as far ahead": {"look_ahead": 7.5},
+    "a look half as far ahead": {"look_ahead_deltas": 7.5},
     "no correction on paths": {"path_max_correction_ratio": 0.0},
     "no cost of correction": {"path_correction_cost": 0.0},
 }

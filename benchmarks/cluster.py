@@ -96,7 +96,7 @@ def times(folder: Path) -> pd.DataFrame:
     """Seconds of `extract`, and of processors, by who works; the bytes are compared."""
     wheres = {
         "2 processes": [],
-        "2 workers of Dask": [f"cluster.address=tcp://127.0.0.1:{PORT}"],
+        "2 workers of Dask": [f"cluster.scheduler_address=tcp://127.0.0.1:{PORT}"],
         "cluster=local": ["cluster=local"],
     }
     rows, made = [], []

@@ -4,7 +4,7 @@ from typing import Any
 
 from finloop.modes.matching import MatchingData
 from finloop.plan.load_paths import load_lines
-from finloop.plan.settings import AllSettings, merge_settings
+from finloop.plan.matching_settings import AllSettings, merge_settings
 from finloop.project import Project
 from stages.settings import load
 

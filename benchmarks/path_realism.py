@@ -23,8 +23,8 @@ from finloop.animate.route import Route
 from finloop.animate.shoal import swim
 from finloop.edit.build import edit_lists
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
+from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
-from finloop.plan.settings import AllSettings
 from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM

@@ -33,7 +33,7 @@ def main() -> None:
         facts, background = project.facts, project.background
         every, times = swum_fish(p, project)
         fish = every[0]
-        depth, aspect = p.depth * fish.length_px, SIZE[0] / SIZE[1]
+        depth, aspect = p.water_depth_bl * fish.length_px, SIZE[0] / SIZE[1]
         room = Room(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
         count = min(TICKS, len(fish))
         with TankScene(background, room, SIZE) as scene:

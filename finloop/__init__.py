@@ -14,7 +14,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """A verb when it is used (PEP 562): importing a part of finloop brings none of the others."""
+    """Import a verb when it is used (PEP 562): a part of finloop does not import the others."""
     if name in __all__:
         return getattr(import_module("finloop.verbs"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""A film and its tracks, as the verbs hand them on, and the folders and stores that they lie in."""
+"""A film and its tracks, as verbs exchange them, and their folders and stores."""
 
 import atexit
 import tempfile
@@ -20,7 +20,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, open_cutouts
 from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 
-_OPEN = ExitStack()  # stores and temporary folders, till the program ends
+_OPEN = ExitStack()  # stores and temporary folders, until the program ends
 atexit.register(_OPEN.close)
 
 
@@ -34,11 +34,11 @@ class Film:
 
     @property
     def rate_hz(self) -> float:
-        """Frames per second."""
+        """Return frames per second."""
         return self.facts.frame_rate_hz
 
     def __iter__(self) -> Iterator[NDArray[np.uint8]]:
-        """The frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
+        """Yield the frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
         return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
 
 
@@ -48,7 +48,7 @@ class Tracks:
 
     table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
     frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
-    given (n rows): columns of `GIVEN`, what another program's tracks say of the same rows.
+    given (n rows): columns of `GIVEN`, from another program's tracks of the same rows.
     """
 
     film: Film
@@ -59,15 +59,18 @@ class Tracks:
 
 
 def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
-    """A film, a folder of pictures or a TIFF stack, as the normalised clip in `folder`/clip.
+    """Open a film, a folder of pictures or a TIFF stack; write its clip to `folder`/clip.
 
-    `changes`: of `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
+    `changes` override `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
     """
     return _film(folder, source="file", path=str(path), **changes)
 
 
 def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
-    """A film of drawn carp, in `folder`/clip; `changes`: of `finloop.clip.settings.Carp`."""
+    """Draw a film of carp; write it to `folder`/clip.
+
+    `changes` override `finloop.clip.settings.Carp`.
+    """
     return _film(folder, source="carp", **changes)
 
 
@@ -80,12 +83,12 @@ def _film(folder: str | Path | None, **values: Any) -> Film:
 
 
 def make_folder(folder: str | Path | None) -> Path:
-    """Return the folder that is given, or a new temporary one."""
+    """Return `folder`, or a new temporary one."""
     if folder is not None:
         return Path(folder)
     return Path(_OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-")))
 
 
 def open_store(path: Path) -> CutoutStore:
-    """Open a store of cut-outs till the program ends."""
+    """Open a store of cut-outs until the program ends."""
     return _OPEN.enter_context(open_cutouts(path))

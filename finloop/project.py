@@ -1,8 +1,8 @@
-"""One view of a run: what its stages have made, loaded when it is used.
+"""One view of a run: the outputs of its stages, loaded when used.
 
-Each property imports the room that it needs inside itself, here and in finloop/run_files.py. So a
-stage depends on the rooms of the properties that it uses, and on no others;
-tests/test_pipeline.py reads that from these two files.
+Each property imports the package that it needs inside itself, here and in finloop/run_files.py. So
+a stage depends only on the packages of the properties that it uses; tests/test_pipeline.py reads
+that from these two files.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ class EditSources(NamedTuple):
 
 
 class Project(RunFiles):
-    """What the stages of a run have made; each file is loaded once, at its first use.
+    """The outputs of a run's stages; each file is loaded once, at its first use.
 
-    As a context manager it closes the stores that it has opened. Pickled, it is its root alone; all
+    As a context manager it closes the stores that it has opened. Pickled, it is only its root; all
     copies that one process unpickles are the same project.
 
     Every property and method raises FinloopError if a file is missing, damaged, or of another film.
@@ -67,7 +67,7 @@ class Project(RunFiles):
     """
 
     def edit(self, mode: str, stage: str) -> pd.DataFrame:
-        """Return the edit list of a mode, columns of `EDIT`; `stage` asks for it."""
+        """Return the edit list of a mode, columns of `EDIT`; errors name `stage`.mode."""
         from finloop.edit.modes import RETARGET
         from finloop.edit.schema import EDIT
 
@@ -81,19 +81,19 @@ class Project(RunFiles):
             )  # fmt: skip
             raise FinloopError(
                 f"{stage}.mode is {mode}, and there is no animation of it: {why}",
-                "a mode that the film is long and varied enough for",
+                "a mode for which the film is long and varied enough",
                 f"take another mode: {stage}.mode=network",
             )
         if self._kept[key].empty:
             raise FinloopError(
                 f"{stage}.mode is retarget, and no track is retargeted",
-                "a track whose motion is swum",
+                "a track whose motion the fish follows",
                 f"name one (retarget.tracks), or another mode: {stage}.mode=hybrid",
             )
         return self._kept[key]
 
     def goals(self, mode: str) -> list[Goal]:
-        """Return the goals that the edit list of a mode leads to; a recorded track has none."""
+        """Return the goals of a mode's edit list; a recorded track has none."""
         from finloop.edit.schema import Goal
 
         return load_records(self.data / f"animate/{mode}/goals.json", Goal, f"modes-{mode}")
@@ -112,15 +112,15 @@ class Project(RunFiles):
         Parameters
         ----------
         mode
-            Of the edit list.
+            The mode of the edit list.
         stage
-            Asks for it; errors name its parameter.
+            The stage whose parameter errors name.
         columns
-            Of the table of tracks.
+            Columns of the table of tracks.
         sprites
-            Load their table even where the list draws none.
+            Load their table even if the list draws none.
         bodies
-            Load the postures even where the list needs none.
+            Load the postures even if the list needs none.
         """
         from finloop.edit.bodies import Bodies
         from finloop.edit.schema import SPRITE
@@ -140,14 +140,14 @@ class Project(RunFiles):
 
     @cached_property
     def bodies(self) -> Bodies:
-        """The film's postures, and the rows behind its sprites."""
+        """Return the film's postures, and the rows behind its sprites."""
         from finloop.edit.bodies import Bodies
 
         return Bodies(self.poses, self.reel.goes_on, self.sprites)
 
     @cached_property
     def whole_gallery(self) -> Gallery:
-        """Every picture that an edit list can draw: cut-outs, sprites, and postures."""
+        """Return every picture that an edit list can draw: cut-outs, sprites, and postures."""
         from finloop.edit.schema import FRAME, SPRITE
         from finloop.render.gallery import Gallery, shelves
 

@@ -1,4 +1,4 @@
-"""What the stages of a run have made, file by file, loaded when used; see finloop/project.py."""
+"""The outputs of a run's stages, file by file, loaded when used; see finloop/project.py."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # what properties return; they import it themselves
 class RunFiles:
     """The files of a run; each is loaded once, at its first use.
 
-    `finloop.project.Project` is this with the edit lists, and says how it is closed and pickled.
+    `finloop.project.Project` adds the edit lists, and documents how to close and pickle it.
     """
 
     def __init__(self, root: str | Path = ".") -> None:
@@ -65,42 +65,42 @@ class RunFiles:
             vars(self).pop(name, None)
 
     def settings(self, word: str) -> Any:
-        """Return the parameters of a stage word, as its settings."""
+        """Return the parameters of a stage word as its settings dataclass."""
         return parameters(word, read_parameters(self.root / "params.yaml"))
 
     # --- clip
 
     @cached_property
     def facts(self) -> VideoFacts:
-        """Facts of the clip."""
+        """Return facts of the clip."""
         return load_facts(self.data / "clip" / FACTS_NAME)
 
     @property
     def rate_hz(self) -> float:
-        """Frames per second."""
+        """Return frames per second."""
         return self.facts.frame_rate_hz
 
     @cached_property
     def arena(self) -> Mask:
-        """Where animals can be (h, w)."""
+        """Return where animals can be (h, w)."""
         return load_mask(self.data / "clip" / ARENA_NAME, self.facts.width_px, self.facts.height_px)
 
     # --- extract
 
     @cached_property
     def background(self) -> Picture:
-        """The empty tank (h, w) or (h, w, 3), uint8."""
+        """Return the empty tank (h, w) or (h, w, 3), uint8."""
         return load_picture(self.data / "extract/background.png")
 
     @cached_property
     def scene(self) -> SceneFacts:
-        """Facts of the film that extraction has measured."""
+        """Return the facts of the film that the stage `extract` has measured."""
         from finloop.extract.table import SceneFacts
 
         return load_record(self.data / "extract/scene.json", SceneFacts, "extract")
 
     def tracks(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return columns of the table of tracks (n rows), all where none are named."""
+        """Return columns of the table of tracks (n rows), all if none are named."""
         from finloop.extract.table import tracks_schema
 
         key = "tracks", *(columns or ())
@@ -111,7 +111,7 @@ class RunFiles:
 
     @cached_property
     def external_tracks(self) -> pd.DataFrame | None:
-        """Return what another program's tracks say of the n rows; None where there are none."""
+        """Return another program's tracks of the n rows; None if there are none."""
         from finloop.extract.table import GIVEN, GIVEN_NAME
 
         path = self.data / "extract" / GIVEN_NAME
@@ -119,28 +119,28 @@ class RunFiles:
 
     @cached_property
     def cutouts(self) -> CutoutStore:
-        """The n cut-outs of the film."""
+        """Return the n cut-outs of the film."""
         return self._stores.enter_context(open_cutouts(self.data / "extract/cutouts.arrow"))
 
     # --- features, identity, pose
 
     @cached_property
     def features(self) -> pd.DataFrame:
-        """The feature table (n rows)."""
+        """Return the feature table (n rows)."""
         from finloop.features.table import FEATURES
 
         return load_table(self.data / "features/features.parquet", FEATURES)
 
     @cached_property
     def identities(self) -> pd.DataFrame:
-        """Whose each track is."""
+        """Return the animal of each track."""
         from finloop.identity.film import IDENTITIES
 
         return load_table(self.data / "identity/identities.parquet", IDENTITIES)
 
     @cached_property
     def poses(self) -> FilmPoses:
-        """The postures of the n rows."""
+        """Return the postures of the n rows."""
         from finloop.pose.film import POSES, restore_poses
 
         folder, features = self.data / "pose", self.features
@@ -154,7 +154,7 @@ class RunFiles:
 
     @cached_property
     def outlines(self) -> Floats:
-        """Outlines (n, k, 2) x, y px of the n rows."""
+        """Return outlines (n, k, 2) x, y px of the n rows."""
         shape = len(self.features), None, 2
         return open_array(self.data / "pose/outlines.npy", shape, "float32")
 
@@ -162,26 +162,26 @@ class RunFiles:
 
     @cached_property
     def sprites(self) -> pd.DataFrame:
-        """The table of sprites."""
+        """Return the table of sprites."""
         from finloop.sprites.orient import SPRITES
 
         return load_table(self.data / "sprites/sprites.parquet", SPRITES)
 
     @cached_property
     def sprite_cutouts(self) -> CutoutStore:
-        """The sprites in all orientations."""
+        """Return the sprites in all orientations."""
         return self._stores.enter_context(open_cutouts(self.data / "sprites/sprites.arrow"))
 
     @cached_property
     def film_reel(self) -> Reel:
-        """The film's pictures by row."""
+        """Return the film's pictures by row."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts)
 
     @cached_property
     def reel(self) -> Reel:
-        """The film's pictures by row, and its sprites."""
+        """Return the film's pictures by row, and its sprites."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts, self.sprites, self.sprite_cutouts)
@@ -190,49 +190,49 @@ class RunFiles:
 
     @cached_property
     def map_facts(self) -> MapFacts:
-        """How the film's pictures are compared."""
+        """Return how the film's pictures are compared."""
         from finloop.distance.map import MapFacts
 
         return load_record(self.data / "distance/facts.json", MapFacts, "distance")
 
     @cached_property
     def steps(self) -> pd.DataFrame:
-        """The distance from each compared row to the next."""
+        """Return the distance from each compared row to the next."""
         from finloop.distance.map import STEPS
 
         return load_table(self.data / "distance/steps.parquet", STEPS)
 
     @cached_property
     def pairs(self) -> pd.DataFrame:
-        """The pairs of rows that are alike, and how far apart they are."""
+        """Return the pairs of similar rows, and their distances."""
         from finloop.distance.map import PAIRS
 
         return load_table(self.data / "distance/pairs.parquet", PAIRS)
 
     @cached_property
     def loops(self) -> pd.DataFrame:
-        """The loops; none where the film shows none."""
+        """Return the loops; an empty table if the film shows none."""
         from finloop.loops.search import LOOPS
 
         return load_table(self.data / "loops/loops.parquet", LOOPS)
 
     @cached_property
     def jumps(self) -> pd.DataFrame:
-        """The jumps between rows that look and move alike."""
+        """Return the jumps between rows that look and move alike."""
         from finloop.jumps.table import JUMPS
 
         return load_table(self.data / "jumps/jumps.parquet", JUMPS)
 
     @cached_property
     def look(self) -> Floats:
-        """Looks of the n rows, (n, k), or (2 n, k) with mirror images."""
+        """Return looks of the n rows, (n, k), or (2 n, k) with mirror images."""
         from finloop.jumps.table import LOOK
 
         return load_lists(self.data / "jumps/look.parquet", LOOK, "look")[0]
 
     @cached_property
     def gateways(self) -> pd.DataFrame:
-        """The jumps from film to sprites and back."""
+        """Return the jumps from film to sprites and back."""
         from finloop.gateways.find import GATEWAYS
 
         return load_table(self.data / "gateways/gateways.parquet", GATEWAYS)
@@ -241,14 +241,14 @@ class RunFiles:
 
     @cached_property
     def model(self) -> MotionModel:
-        """The motion model of the stage `bpn`."""
+        """Return the motion model of the stage `bpn`."""
         from finloop.bpn.model import motion_model
 
         return load_record(self.data / "bpn/model.json", motion_model, "bpn")
 
     @cached_property
     def states(self) -> FilmStates:
-        """The states of the film, with mirror images if `look` has them.
+        """Return the states of the film, with mirror images if `look` has them.
 
         FinloopError if the film shows too little.
         """
@@ -260,12 +260,12 @@ class RunFiles:
 
     @property
     def has_forecast(self) -> bool:
-        """Whether the film showed enough for the model of the stage `forecast`."""
+        """Return whether the film showed enough for the model of the stage `forecast`."""
         return not (self.data / "forecast/reason.json").exists()
 
     @cached_property
     def forecast(self) -> Sampler | None:
-        """The sampler of the stage `forecast`; None where the film showed too little."""
+        """Return the sampler of the stage `forecast`; None if the film showed too little."""
         from finloop.forecast.model import forecast_model
         from finloop.forecast.sampling import sampler
 
@@ -281,7 +281,7 @@ class RunFiles:
 
     @cached_property
     def rule(self) -> Shoaling:
-        """The rule of the stage `calibrate`, by which fish of one tank act on each other."""
+        """Return the rule by which fish of a tank act on each other, of the stage `calibrate`."""
         from finloop.social.rule import Shoaling
         from finloop.social.steps import STEPS, steps_of
         from finloop.social.zones import Zones

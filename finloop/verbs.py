@@ -1,4 +1,4 @@
-"""The verbs of the library, from a film to a video; `import finloop` hands them out.
+"""The verbs of the library, from a film to a video; `import finloop` exports them.
 
     film = open_film("film.mp4")                    the normalised clip
     tracks = track(film)                            where every fish is, in every frame (§2.1)
@@ -7,21 +7,21 @@
     reel = make_sprites(tracks, features)           film and sprites (§3.3)
     similar = compare(reel)                         how alike the frames are (§4.1)
     loops = find_loops(similar, features, film.rate_hz)
-    gateways = find_gateways(similar, reel)          (§4.2)
+    gateways = find_gateways(similar, reel)         (§4.2)
     poses = find_poses(tracks, features)            how every fish is bent
-    jumps = find_jumps(reel, poses)   which frames look and move alike
+    jumps = find_jumps(reel, poses)                 which frames look and move alike
     forecast = foretell(features, poses, jumps, film.rate_hz)   the next pose and motion
     shoaling = find_zones(features, film)           how its fish act on each other
     edit = steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=[[0.2, 0.3]])
     write_video("fish.mp4", edit, tracks, reel, poses)
 
 Sections are those of the fish paper. A verb takes the parameters of its stage by name, as in
-`finloop/<word>/settings.py`; those not given have their values in conf/. What the pipeline's stages
-would write to `data/`, verbs hand over, the same to the last bit. Big results lie in a folder: one
-that is given, or a temporary one that goes when the program ends.
+`finloop/<word>/settings.py`; the others keep their values in conf/. Verbs return what the
+pipeline's stages write to `data/`, identical to the last bit. Big results lie in `folder`, or in a
+temporary folder that is deleted when the program ends.
 
-Every verb raises FinloopError, which says what came, what was wanted and what to do: if a parameter
-is unknown or out of range, a file cannot be read, or the film does not show what is needed.
+Every verb raises FinloopError with what came, what was wanted and what to do: if a parameter is
+unknown or out of range, a file cannot be read, or the film does not show enough.
 """
 
 import warnings
@@ -74,7 +74,7 @@ from finloop.modes.loops import loops_animator
 from finloop.modes.matching import MatchingData, matching_animator
 from finloop.modes.network import network_animator
 from finloop.plan.load_paths import load_lines
-from finloop.plan.settings import merge_settings
+from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
@@ -92,11 +92,10 @@ __all__ = [
 
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
-    """Cut out the fish of every frame, and follow each; table and cut-outs go to `folder`/extract.
+    """Cut out the fish of every frame, and follow each; write both to `folder`/extract.
 
-    A frame that cannot be decoded is as one without fish, and a warning names it.
-    `workers`: threads.
-    `changes`: of `finloop.extract.settings.ExtractSettings`.
+    A frame that cannot be decoded counts as one without fish, and a warning names it. `workers`:
+    threads. `changes` override `finloop.extract.settings.ExtractSettings`.
     """
     p, home = settings("extract", **changes), make_folder(folder) / "extract"
     with whole_folder(home) as part:
@@ -111,9 +110,9 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
-    """The feature table, columns of `FEATURES`, row by row of the tracks: heading, type, bend, …
+    """Compute the feature table, columns of `FEATURES`: heading, swimming type, bend and others.
 
-    `changes`: of `finloop.features.settings.FeaturesSettings`.
+    It has the rows of the tracks. `changes` override `finloop.features.settings.FeaturesSettings`.
     """
     p = settings("features", **changes)
     table, _ = measured(tracks.table, tracks.film.rate_hz, p, tracks.given)
@@ -123,7 +122,7 @@ def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
 def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel:
     """Train the network 4-20-2 on a feature table of `rate_hz` rows a second.
 
-    `changes`: of `finloop.bpn.settings.BpnSettings`.
+    `changes` override `finloop.bpn.settings.BpnSettings`.
     """
     p = settings("bpn", **changes)
     rows = motion_rows(features, delta_of(features))
@@ -134,9 +133,10 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
 def make_sprites(
     tracks: Tracks, features: pd.DataFrame, folder: str | Path | None = None, **changes: Any
 ) -> Reel:
-    """The film's pictures by row, with sprites in all orientations, which go to `folder`/sprites.
+    """Make sprites in all orientations in `folder`/sprites; return them with the film by row.
 
-    `changes`: of `finloop.sprites.settings.SpritesSettings`, such as straight_frames="8:120-140".
+    `changes` override `finloop.sprites.settings.SpritesSettings`, for example
+    straight_frames="8:120-140".
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmers(features, tracks.table, p)
@@ -150,9 +150,9 @@ def make_sprites(
 
 
 def compare(reel: Reel, **changes: Any) -> Similar:
-    """Which frames are alike (Eqs. 5-8): columns of `PAIRS` and `STEPS`, distances of 0 … 1 pixels.
+    """Compare frames (Eqs. 5-8): columns of `PAIRS` and `STEPS`, distances of 0 … 1 pixels.
 
-    `changes`: of `finloop.distance.settings.DistanceSettings`.
+    `changes` override `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compared(reel, settings("distance", **changes))
     return Similar(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
@@ -161,10 +161,10 @@ def compare(reel: Reel, **changes: Any) -> Similar:
 def find_loops(
     similar: Similar, features: pd.DataFrame, rate_hz: float, **changes: Any
 ) -> pd.DataFrame:
-    """Where the film can jump to a similar frame: columns of `LOOPS`, best first.
+    """Find where the film can jump to a similar frame: columns of `LOOPS`, best first.
 
-    Where there is none, a warning says what would give some, and the table is empty.
-    `changes`: of `finloop.loops.settings.LoopsSettings`.
+    If there is none, a warning says which parameter would give some, and the table is empty.
+    `changes` override `finloop.loops.settings.LoopsSettings`.
     """
     p, pairs = settings("loops", **changes), as_map(similar.pairs, len(features))
     try:
@@ -176,9 +176,9 @@ def find_loops(
 
 
 def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
-    """The jumps from the film to a sprite and back: columns of `GATEWAYS`.
+    """Find the jumps from the film to a sprite and back: columns of `GATEWAYS`.
 
-    `changes`: of `finloop.gateways.settings.GatewaysSettings`.
+    `changes` override `finloop.gateways.settings.GatewaysSettings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
     near = nearness(reel, map_rows(reel.features, similar.steps), facts.size, facts.pose)
@@ -187,17 +187,17 @@ def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
 
 
 def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
-    """How every fish is bent in every frame, as a few codes.
+    """Compute how every fish is bent in every frame, as a few codes.
 
-    `changes`: of `finloop.pose.settings.PoseSettings`.
+    `changes` override `finloop.pose.settings.PoseSettings`.
     """
     return film_poses(tracks.table, features, settings("pose", **changes))
 
 
 def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
-    """The jumps between frames that look and move alike, and the looks of all rows.
+    """Find the jumps between frames that look and move alike, and the looks of all rows.
 
-    `changes`: of `finloop.jumps.settings.JumpsSettings`.
+    `changes` override `finloop.jumps.settings.JumpsSettings`.
     """
     p = settings("jumps", **changes)
     result = film_jumps(InMemory.from_reel(reel, poses, p.look_px), p)
@@ -207,31 +207,30 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
 def foretell(
     features: pd.DataFrame, poses: FilmPoses, jumps: FilmJumps, rate_hz: float, **changes: Any
 ) -> Sampler:
-    """A network of the next pose and motion, trained, and what is sampled beside it.
+    """Train a network that predicts the next pose and motion; return its sampler.
 
-    `changes`: of `finloop.forecast.settings.ForecastSettings`. FinloopError also if the film is
-    too short, no fish in it moves or turns, or no two rows of it look alike.
+    `changes` override `finloop.forecast.settings.ForecastSettings`. FinloopError also if the film
+    is too short, no fish in it moves or turns, or no two rows of it look alike.
     """
     p = settings("forecast", **changes)
     mirror = posture_mirror(poses, jumps.look)
     states = film_states(features, poses.codes, mirror, rate_hz, p)
-    foreteller, _ = train(states, hold_out(states, p), p)
-    return sampler(states, foreteller, similar_rows(states, jumps.look, jumps.visible, p), p)
+    predictor, _ = train(states, hold_out(states, p), p)
+    return sampler(states, predictor, similar_rows(states, jumps.look, jumps.visible, p), p)
 
 
 def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
-    """How the fish of a film act on each other: zones (Couzin et al. 2002), and own steps.
+    """Measure how the fish of a film act on each other: zones (Couzin et al. 2002), and own steps.
 
-    Where it shows too little company, a warning says so, and the zones are those of the paper.
-    `changes`: of `finloop.calibrate.settings.CalibrateSettings`, for example
-    attraction_radius_bl=8.0.
-    FinloopError also if no track is long enough for a step.
+    If it shows too few fish near each other, a warning says so, and the zones are those of the
+    paper. `changes` override `finloop.calibrate.settings.CalibrateSettings`, for example
+    attraction_radius_bl=8.0. FinloopError also if no track is long enough for a step.
     """
     p = settings("calibrate", **changes)
-    company = film_shoal(features, film.arena, delta_of(features), p.horizon)
-    if lack := shortage(company):
+    group = film_shoal(features, film.arena, delta_of(features), p.horizon)
+    if lack := shortage(group):
         warnings.warn(lack, stacklevel=2)
-    rule = rule_of(film_rule(company, p)[0])
+    rule = rule_of(film_rule(group, p)[0])
     steps = as_loaded(pd.DataFrame(rows_of(rule.steps)), SHOAL_STEPS)
     return replace(rule, steps=steps_of(steps, rule.steps.forward, rule.steps.onward))
 
@@ -250,14 +249,14 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     shoaling: Shoaling | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Send fish to their goals: an edit list, columns of `EDIT`, a row a tick and fish.
+    """Send fish to their goals: return an edit list, columns of `EDIT`, a row per tick and fish.
 
     `mode`: "network" (Fig. 18), "loops" (§4.1-4.2), "hybrid" (Fig. 19) or "matching" (all frames,
-    their mirror images and, with a `forecast`, predictions). `changes`: of the groups `animate`,
-    for example goals=[[0.2, 0.3]] (shares of the tank's width and height) and seconds=30.0, and of
-    the mode, for example join="inertial"; of matching also path="way.csv", in place of goals, and
-    fish=8. `shoaling`: of `find_zones`, for rule="zones". FinloopError also if the film shows too
-    little for the mode.
+    their mirror images and, with a `forecast`, predictions). `changes` override the groups
+    `animate`, for example goals=[[0.2, 0.3]] (shares of the tank's width and height) and
+    seconds=30.0, and the mode's, for example join="inertial"; of matching also path="way.csv",
+    instead of goals, and fish=8. `shoaling`: from `find_zones`, for rule="zones". FinloopError also
+    if the film shows too little for the mode.
     """
     if mode not in GROUPS_OF:
         raise FinloopError(
@@ -298,13 +297,13 @@ GROUPS_OF = {
     "hybrid": ("network", "loops", "hybrid"),
     "matching": ("matching",),
 }
-"""The groups of parameters that a mode knows beside `animate`; the last is its own."""
+"""The groups of parameters of a mode beside `animate`; the last is its own."""
 
 
 def group_settings(groups: tuple[str, ...], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of some groups; a change is of the last of them that has its name.
+    """Return the settings of some groups; a change applies to the last group that has its name.
 
-    FinloopError if a name is in none, or a value has a wrong type or is out of range.
+    FinloopError if no group has a name, or a value has a wrong type or is out of range.
     """
     names = {group: set(values_of(group, "default")) for group in groups}
     own: dict[str, dict[str, Any]] = {group: {} for group in groups}
@@ -320,14 +319,14 @@ def write_video(
 ) -> None:  # fmt: skip
     """Draw an edit list over the empty tank: an MP4 of H.264, a frame a tick.
 
-    `changes`: of `finloop.render.settings.RenderSettings`; here count crf, shadow and shadow_blur.
+    `changes` override crf and shadow_darkness of `finloop.render.settings.RenderSettings`.
     """
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
     bodies = Bodies(poses, reel.goes_on, reel.sprites)
     gallery = Gallery(shelves(stores, tracks.table, reel.sprites), bodies)
     length_px = reel.length_px * float(edit["scale"].median())
-    shadow = Shadow(p.shadow, p.shadow_blur * length_px)
+    shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
     painter = Painter(tracks.background, shadow=shadow)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:

@@ -1,13 +1,12 @@
 """Every mode opened at once, for programs that change over between them."""
 
 import sys
-from collections.abc import Callable
-from functools import partial
+from importlib import import_module
 
+from finloop.edit.modes import MODES
 from finloop.modes.animator import Animator
 from finloop.modes.matching import NothingToUse
 from finloop.project import Project
-from stages.modes import hybrid, loops, matching, network
 
 
 def open_modes(project: Project) -> dict[str, Animator]:
@@ -15,17 +14,14 @@ def open_modes(project: Project) -> dict[str, Animator]:
 
     NothingToUse where it is enough for none. What a mode lacks is told on stderr.
     """
-    rows = project.sprites["row"].to_numpy()
-    makers: dict[str, Callable[[Project], Animator]] = {
-        "network": network.open_mode,
-        "loops": loops.open_mode,
-        "hybrid": hybrid.open_mode,
-        "matching": partial(matching.open_mode, sprite_rows=rows),
-    }
     made: dict[str, Animator] = {}
-    for mode, open_mode in makers.items():
+    # A fish that another mode left as a sprite goes on from the row behind it.
+    more = {"matching": {"sprite_rows": project.sprites["row"].to_numpy()}}
+    for mode in MODES:
         try:
-            made[mode] = open_mode(project)
+            made[mode] = import_module(f"stages.modes.{mode}").open_mode(
+                project, **more.get(mode, {})
+            )
         except NothingToUse as none:
             print(f"{mode}: {none.came}", file=sys.stderr)
             lack = none

@@ -30,14 +30,14 @@ def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
     FinloopError if a cluster is wanted that is not there, or does not fit.
     """
     p: ClusterSettings = load("cluster")
-    if isinstance(p, Default) and p.address is None:
+    if isinstance(p, Default) and p.scheduler_address is None:
         if THREADS > 1 and not threads:
             warm_up(need)
         yield Threads(THREADS) if threads else Processes(THREADS)
         return
     from finloop.cluster import Home, dask_workers  # loads packages of the extra `cluster`
 
-    start = START.format(p.address if isinstance(p, Default) else "")
+    start = START.format(p.scheduler_address if isinstance(p, Default) else "")
     home = Home.here(Path.cwd(), start, THREAD_VARIABLES)
     with dask_workers(p, home, THREADS, need) as cluster:
         watch = f"; watch them at {cluster.dashboard}" if cluster.dashboard else ""

@@ -17,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from finloop.base.settings import GROUPS, SETTINGS_AT
+from finloop.base.settings import GROUPS, settings_file
 from finloop.io.atomic import whole_folder
 
 ROOT = Path(__file__).parents[1]
@@ -26,7 +26,7 @@ OURS = re.compile(r"(finloop|stages)(\.\w+)+")
 LAZY = "finloop/__init__.py"  # imports only what is asked for
 PROJECT = "finloop/project.py"
 PARTS = {PROJECT: "Project", "finloop/run_files.py": "RunFiles"}  # its class, and the base of that
-DECLARATIONS = [f"finloop/{SETTINGS_AT.get(one, f'{one}/settings.py')}" for one in GROUPS]
+DECLARATIONS = [f"finloop/{settings_file(one)}" for one in GROUPS]
 BY_NAME = {"stages/params.py": {*DECLARATIONS, "finloop/edit/modes.py"}}
 """What a file reads without an import: every declaration, and the modes that one names."""
 

@@ -123,8 +123,10 @@ def main() -> None:
         )
         edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
         length_px = project.size(p.mode) * float(features["body_length_px"].median())
-        least, animals = round(p.tracks_least_s * facts.frame_rate), names(project, tracks)
-        points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most, animals)
+        least, animals = round(p.tracks_min_s * facts.frame_rate), names(project, tracks)
+        points = poses(
+            tracks, features, facts.frames, p.tracks_body_points, least, p.tracks_most, animals
+        )
         made = films(folder, p, project, drawn)
         save_json(folder / "films.json", made)
         save_alone(folder, p, project, drawn)

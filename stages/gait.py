@@ -81,7 +81,7 @@ def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sourc
     """A gait fitted to a film, and to parts of it for the errors on held-out frames."""
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare(film, **basis)
-    gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.per_scale)
+    gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.gamma_per_scale)
     gait = replace(gait, source=source, confidence=beat.confidence, residuals=errors.rms)
     return GaitFit(film, gait, keys, errors)
 
@@ -94,7 +94,9 @@ def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
     rows, fits = [], []
     with progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
         for number, track in tracks.groupby("track_id"):
-            fish = swim(*track_outlines(track, heads[heads["track_id"] == number]), rate, p.points)
+            fish = swim(
+                *track_outlines(track, heads[heads["track_id"] == number]), rate, p.contour_points
+            )
             beat, name = fish.period, f"track {number}"
             row = {
                 "track_id": number, "frames": len(track), "frequency_hz": beat.frequency_hz,
@@ -184,7 +186,9 @@ def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
         regions, rate = Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
     traces = load_regions(regions, region_contour, trace_contour)
-    walk, beat, contours = film_of_regions(traces.frames, rate, p.points, p.split, traces.first)
+    walk, beat, contours = film_of_regions(
+        traces.frames, rate, p.contour_points, p.split, traces.first
+    )
     for note in contours.notes:
         print(f"gait: {note}")
     return fit_film(walk, name, beat, p, source), pictures
@@ -196,7 +200,7 @@ def animate_drawing(
     """Save a drawing in motion in every format, and return how far its feet slide."""
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
-    result = transfer(first, second, gait, frames, p.points)
+    result = transfer(first, second, gait, frames, p.contour_points)
     rate = Fraction(frames * gait.frequency_hz).limit_denominator(1001)
     cycles = repeat(result.morph, max(1, round(SECONDS * gait.frequency_hz)))
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again
@@ -210,15 +214,15 @@ def animate_drawing(
     return numbers
 
 
-def fish_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
+def swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
     """The gait that drives the drawn fish: a shipped one, or the clip's own."""
-    if p.fish_gait is not None:
-        return load_gait(Path(p.fish_gait))
+    if p.swimmer_gait is not None:
+        return load_gait(Path(p.swimmer_gait))
     if swimmer is None:
         raise FinloopError(
-            "gait.fish_gait is null, and no track of the clip has an outline that repeats",
+            "gait.swimmer_gait is null, and no track of the clip has an outline that repeats",
             "a clip with a steady tail beat, or the path of a gait",
-            "see why in reports/gait/tracks.csv, or set gait.fish_gait=data/gaits/trout.json",
+            "see why in reports/gait/tracks.csv, or set gait.swimmer_gait=data/gaits/trout.json",
         )
     return swimmer.gait
 
@@ -230,7 +234,7 @@ def main() -> None:
         walker, pictures = limbs(p, folder)  # first: here a person gives most, and errs most
         swimmer, tracks = outlines(p)
         save_csv(REPORT / "tracks.csv", tracks, decimals=4)
-        fish = fish_gait(p, swimmer)
+        fish = swimmer_gait(p, swimmer)
         fits = {"limbs": walker} | ({"outline": swimmer} if swimmer else {})
         numbers: dict[str, float] = {
             "tracks": len(tracks),
@@ -252,9 +256,9 @@ def main() -> None:
             with whole_folder(REPORT / "outline") as empty:
                 (empty / "none.txt").write_text(why + "\n", encoding="utf-8")
         with progress("gait", 2, "drawings") as advance:
-            numbers |= animate_drawing("dog", (p.dog_1, p.dog_2), walker.gait, p, folder)
+            numbers |= animate_drawing("dog", p.walker_drawings, walker.gait, p, folder)
             advance()
-            numbers |= animate_drawing("fish", (p.fish_1, p.fish_2), fish, p, folder)
+            numbers |= animate_drawing("fish", p.swimmer_drawings, fish, p, folder)
             advance()
     save_csv(REPORT / "gamma.csv", pd.concat(tables.values(), ignore_index=True), decimals=4)
     for name in ("by_contour", "by_scale"):

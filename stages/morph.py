@@ -113,12 +113,12 @@ def main() -> None:
     p: MorphSettings = load("morph")
     numbers = curves(p) | hoop(p)
     save_csv(REPORT / "connection.csv", tables(), decimals=DECIMALS, exact=True)
-    drawings = load_svg(Path(p.a)), load_svg(Path(p.b))
-    scales, own = Scales(p.level, p.wavelet), Physics(p.elastic, p.damping, p.mass)
+    drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
+    scales, own = Scales(p.linear_level, p.wavelet), Physics(p.elasticity, p.damping, p.mass)
     with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
         morphs = {}
         for method in METHODS:
-            morphs[method] = morph(*drawings, method, p.frames, p.points, scales, own)
+            morphs[method] = morph(*drawings, method, p.frames, p.contour_points, scales, own)
             advance()
         film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
         rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
@@ -128,7 +128,7 @@ def main() -> None:
                 advance()
     save_picture(REPORT / "fig4.png", sheet(morphs))
     swings = {
-        name: morph(*drawings, "physical", p.frames, p.points, physics=physics)
+        name: morph(*drawings, "physical", p.frames, p.contour_points, physics=physics)
         for name, physics in SETTINGS.items()
     }
     save_picture(REPORT / "fig5.png", sheet({"linear": morphs["linear"]} | swings))

@@ -1,9 +1,8 @@
-"""Parameters as a table, in the terminal and as docs/parameters.md; their ranges in conf/."""
+"""Parameters as a table, in the terminal and as docs/parameters.md."""
 
 from stages.run import run  # isort: skip
 
 import argparse
-import re
 import shutil
 import textwrap
 from collections.abc import Iterable
@@ -14,7 +13,7 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.base.parameter_help import ParameterHelp, every_parameter, parameter_help
-from finloop.base.settings import CONF, GROUPS
+from finloop.base.settings import GROUPS
 from finloop.io.atomic import whole_file
 
 PAGE = Path("docs/parameters.md")
@@ -64,29 +63,12 @@ def page(entries: Iterable[ParameterHelp]) -> str:
     return "".join(parts)
 
 
-def write_brackets() -> None:
-    """Write the range of each parameter behind its unit in the brackets of its comment in conf/."""
-    for entry in every_parameter():
-        if entry.brackets.endswith(entry.range):
-            continue
-        path = CONF / entry.word / f"{entry.option}.yaml"
-        above, key, below = re.split(
-            rf"^({entry.name}:)", path.read_text(encoding="utf-8"), maxsplit=1, flags=re.MULTILINE
-        )
-        comment = above.rstrip("\n").removesuffix(f"[{entry.brackets}]").rstrip()
-        inside = ", ".join(filter(None, [entry.brackets, entry.range]))
-        path.write_text(f"{comment} [{inside}]\n{key}{below}", encoding="utf-8")
-
-
 def main() -> None:
     """Print, or write."""
     parser = argparse.ArgumentParser(prog="python -m stages.parameters", description=__doc__)
     parser.add_argument("--write", action="store_true", help=f"write {PAGE}")
-    parser.add_argument("--brackets", action="store_true", help="write the ranges into conf/")
     parser.add_argument("words", nargs="*", help="groups of parameters to print")
     given = parser.parse_args()
-    if given.brackets:
-        write_brackets()
     if given.write:
         with whole_file(PAGE) as part:
             part.write_text(page(every_parameter()), encoding="utf-8")

@@ -47,7 +47,7 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
         pictures = next(iter(animators.values())).pictures
         most = p.fade_steps * next(iter(animators.values())).step
         size, scene = pictures.reel.size, project.scene
-        shadow = Shadow(q.shadow, q.shadow_blur * size * scene.typical_length_px)
+        shadow = Shadow(q.shadow_darkness, q.shadow_blur * size * scene.typical_length_px)
         painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
         shelved = shelves(stores, project.tracks(PLACE), project.sprites)

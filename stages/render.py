@@ -34,11 +34,11 @@ def films(
     rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
     steps = FrameChangeMeter(clean)
-    seen = Painter(background, colour=True, shadow=shadow) if p.marks else clean
+    seen = Painter(background, colour=True, shadow=shadow) if p.marked_film else clean
     with whole_folder(OUT) as folder, ExitStack() as stack:
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
         outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, ticks)]
-        if p.marks:
+        if p.marked_film:
             marks = MarkPainter(seen, edit, project.goals(p.mode))
             mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", seen.frame.shape, rate, p.crf)
             outputs.append((mp4, seen, ticks))
@@ -49,7 +49,7 @@ def films(
             stack.enter_context(writer)
         for tick, fish in enumerate(shown):
             change.append(steps.measure_step(clean.show(*fish)))
-            if p.marks:
+            if p.marked_film:
                 marks.show(tick, *fish)
             for writer, painter, most in outputs:
                 if tick < most:
@@ -62,7 +62,7 @@ def films(
 def save_beside(folder: Path, p: RenderSettings, project: Project) -> None:
     """Write modes.mp4: the film's own fish and every mode side by side."""
     rate = project.facts.frame_rate
-    ticks = round(p.beside_seconds * rate)
+    ticks = round(p.comparison_seconds * rate)
     if not ticks:
         return
     tracks, edits = project.tracks(PLACES), dict[str, pd.DataFrame]()
@@ -91,7 +91,7 @@ def main() -> None:
         drawn = project.edit_with_sources(p.mode, "render")
         gallery, ticks = project.gallery(drawn), drawn.edit["tick"].nunique()
         length_px = project.size(p.mode) * drawn.scene.typical_length_px
-        shadow = Shadow(p.shadow, p.shadow_blur * length_px)
+        shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
         with progress("render", ticks) as advance:
             change = films(p, drawn.edit, project, gallery, shadow, advance)
             natural = film_steps(Painter(project.background), gallery, drawn.tracks)

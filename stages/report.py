@@ -67,7 +67,7 @@ def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, We
     """The chapters of which there are pictures, with their pictures and tables."""
 
     def load_webp(figure: Figure) -> WebP:
-        return webp(load_picture(REPORTS / figure.path), p.picture_width_px, p.picture_quality)
+        return webp(load_picture(REPORTS / figure.path), p.max_picture_width_px, p.picture_quality)
 
     for chapter in CHAPTERS:
         figures = [figure for figure in chapter.figures if (REPORTS / figure.path).is_file()]
@@ -129,13 +129,13 @@ def main() -> None:
     mode, source = values["render"]["mode"], values["clip"]["source"]
     marked_film = RENDER / f"{mode}_marked.mp4"
     film_path = marked_film if marked_film.is_file() else RENDER / f"{mode}.mp4"
-    film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
+    film, poster = small_film(film_path, round(p.max_film_mb * 1e6))
     beside: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
     if (RENDER / "modes.mp4").is_file():
-        panels, first = small_film(RENDER / "modes.mp4", round(p.film_most_mb * 1e6 / 2))
+        panels, first = small_film(RENDER / "modes.mp4", round(p.max_film_mb * 1e6 / 2))
         beside |= {
             "beside": data_uri("video/mp4", panels),
-            "beside_poster": webp(first, p.picture_width_px, p.picture_quality),
+            "beside_poster": webp(first, p.max_picture_width_px, p.picture_quality),
         }
     numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
     chapters = list(sections(p))
@@ -144,7 +144,7 @@ def main() -> None:
         "title": "A fish, filmed once and steered for ever",
         "facts": facts_in_words(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
         "film": data_uri("video/mp4", film),
-        "poster": webp(poster, p.picture_width_px, p.picture_quality),
+        "poster": webp(poster, p.max_picture_width_px, p.picture_quality),
         "film_text": film_in_words(mode, film_path == marked_film),
         "headline": headline(numbers["animate"] | numbers["realism"], mode),
         "doubts": data_frame_table(pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"),
@@ -162,11 +162,11 @@ def main() -> None:
         "licence": SOURCES[source][1],
     }
     text = render_template("report.html.j2", page).encode()
-    if len(text) > p.most_mb * 1e6:
+    if len(text) > p.max_page_mb * 1e6:
         raise FinloopError(
             f"the page would be {len(text) / 1e6:.1f} MB",
-            f"at most {p.most_mb:.1f} MB (report.most_mb)",
-            "smaller report.picture_width_px, report.picture_quality or report.film_most_mb",
+            f"at most {p.max_page_mb:.1f} MB (report.max_page_mb)",
+            "smaller report.max_picture_width_px or report.max_film_mb",
         )
     with whole_file(OUT) as part:
         part.write_bytes(text)

@@ -46,7 +46,7 @@ def swum_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Flo
     swum = [poses(one, film, table, bodies) for one in each]
     typical = typical_width(film.half_width, film.backbone)
     length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in swum])))
-    depth = p.depth * length
+    depth = p.water_depth_bl * length
     places = [np.c_[pose.centre, heights(time, depth, fish)] for fish, pose in enumerate(swum)]
     centres = tracks[["x_px", "y_px"]].to_numpy(float)
     skins = Skins(film, typical, centres, project.cutouts.__getitem__)
@@ -78,7 +78,7 @@ def main() -> None:
         facts, background, rate = project.facts, project.background, project.rate_hz
         fish, time = swum_fish(p, project)
         first, ticks = fish[0], len(time)
-        depth, size = p.depth * first.length_px, (p.width_px, p.height_px)
+        depth, size = p.water_depth_bl * first.length_px, (p.width_px, p.height_px)
         room = Room(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])
         cameras = {  # those that follow follow the first fish
             name: views(name, room, first.place, first.poses.heading, rate)

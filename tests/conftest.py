@@ -41,34 +41,28 @@ TINY_CARP = [
     "bpn.epochs=5",
     "bpn.held_out_block_deltas=3",
     "forecast.epochs=2",
-    "forecast.held_out_block=3",
+    "forecast.held_out_block_deltas=3",
     "animate.seconds=2",
     "animate.trials=2",
     "render.webp_seconds=1",
-    "render.beside_seconds=0.4",
+    "render.comparison_seconds=0.4",
     "realism.seconds=4",
-    "realism.window=1",
-    "realism.stride=0.5",
-    "realism.blocks=2",
-    "realism.gap=0.5",
-    "realism.rounds=5",
-    "realism.bins=8",
+    "realism.window_deltas=1",
+    "realism.cross_validation_folds=2",
+    "realism.classifier_trees=5",
     "realism.examples=1",
     "tank.seconds=0.3",
     "tank.width_px=160",
     "tank.height_px=96",
     "export.webp_seconds=0.5",
     "morph.frames=6",
-    "morph.points=64",
-    "morph.size_px=64",
-    "gait.dog_frames=32",
-    "gait.dog_cycles=2",
-    "gait.dog_width_px=160",
-    "gait.points=64",
-    "gait.frame_rate_hz=8.0",
-    "gait.size_px=64",
-    "report.picture_width_px=200",
+    "morph.contour_points=64",
+    "gait.contour_points=64",
+    "report.max_picture_width_px=200",
 ]
+SMALL_GAIT = {
+    "dog_frames": 32, "dog_cycles": 2.0, "dog_width_px": 160, "frame_rate_hz": 8.0, "size_px": 64,
+}  # fmt: skip
 
 # On a busy machine any example takes long, and so does drawing it.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -189,6 +183,19 @@ def no_waiting_for_the_disk() -> Iterator[None]:
     """Nothing a test writes in this process must outlast a failure of power."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda _: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def small_films() -> Iterator[None]:
+    """The drawn dog and the drawings in motion are small where a stage runs in this process."""
+    from finloop.gait.settings import GaitSettings
+    from finloop.morph.settings import MorphSettings
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MorphSettings, "size_px", 64)
+        for name, value in SMALL_GAIT.items():
+            patch.setattr(GaitSettings, name, value)
         yield
 
 

@@ -6,7 +6,6 @@ up; the grey of its background says which frame it is.
 
 import hashlib
 import io
-import json
 import math
 import subprocess
 import sys
@@ -45,6 +44,7 @@ from finloop.io.footage.coding import (
     turn_of,
 )
 from finloop.io.footage.timing import frame_rate_of
+from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 from finloop.io.video import FRAMES, load_facts, load_mask, read_frames
 from stages import clip as stage
@@ -678,9 +678,9 @@ def test_pictures_need_a_rate(tmp_path):
     ("start_s", "end_s", "said"),
     [
         (2.0, None, "is 2.000 s long, and 2 s to the end"),
-        (1.0, 1.0, "1 s to 1 s was asked for"),
-        (1.0, 0.5, "1 s to 0.5 s was asked for"),
-        (0.0, 3.0, "0 s to 3 s was asked for"),
+        (1.0, 1.0, "1 s to 1 s was requested"),
+        (1.0, 0.5, "1 s to 0.5 s was requested"),
+        (0.0, 3.0, "0 s to 3 s was requested"),
         (1.0, 1.02, r"shows 1 frame\(s\) from"),
     ],
 )
@@ -848,7 +848,7 @@ def parameters(source: str, **changes):
 
 @pytest.fixture
 def run_stage(tmp_path, monkeypatch):
-    """Run the stage in an empty folder; gives what it printed."""
+    """Run the stage in an empty folder; gives its numbers."""
     monkeypatch.chdir(tmp_path)
 
     def run(source: str, **changes) -> dict[str, float]:
@@ -856,7 +856,7 @@ def run_stage(tmp_path, monkeypatch):
         assert not problems
         monkeypatch.setattr(stage, "load", lambda *_: given)
         stage.main()
-        return json.loads(stage.METRICS.read_text())
+        return load_numbers(stage.METRICS.parent)
 
     return run
 

@@ -128,7 +128,7 @@ def cluster(folder):
 
 def of_address(cluster):
     """The parameters that name the scheduler of a cluster that runs."""
-    return settings("cluster", address=cluster.client.scheduler.address)
+    return settings("cluster", scheduler_address=cluster.client.scheduler.address)
 
 
 @needs_dask
@@ -184,7 +184,7 @@ def test_a_cluster_of_other_code_or_folder_is_refused_before_it_works(cluster, f
 def test_no_scheduler_is_one_message(home, monkeypatch):
     monkeypatch.setattr(at_client, "_CONNECT_S", 0.2)
     with pytest.raises(FinloopError, match="no scheduler") as caught:
-        with dask_workers(settings("cluster", address="tcp://127.0.0.1:9"), home, 2):
+        with dask_workers(settings("cluster", scheduler_address="tcp://127.0.0.1:9"), home, 2):
             pass
     assert START in caught.value.do
 
@@ -213,7 +213,7 @@ class Posted:
     count, alone = 2, False
 
     @contextmanager
-    def employ(self, work):
+    def submitter(self, work):
         there = pickle_copy(work)
         yield lambda item: Done(pickle_copy(there(pickle_copy(item))))
 
@@ -254,8 +254,8 @@ def test_extract_gives_the_same_bytes(cluster, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(stages.cluster, "THREADS", 1)
     made = {}
-    address = of_address(cluster).address
-    for where in ([], [f"cluster.address={address}"]):
+    address = of_address(cluster).scheduler_address
+    for where in ([], [f"cluster.scheduler_address={address}"]):
         prepare(tmp_path, *TINY_CARP, "clip.frames=60", *where)
         if not made:
             stages.clip.main()

@@ -157,6 +157,13 @@ def parameters(group: str) -> set[str]:
     return {field.name for variant in variants(group).values() for field in fields(variant)}
 
 
+@cache
+def settings_classes() -> dict[str, type]:
+    """Return the classes that declare parameters, those they inherit from too, by name."""
+    options = [option for group in GROUPS for option in variants(group).values()]
+    return {one.__name__: one for option in options for one in option.__mro__}
+
+
 def anchors(text: str) -> set[str]:
     """Return the anchors of a page's headings, as GitHub makes them."""
     titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
@@ -202,7 +209,7 @@ def test_every_page_is_in_the_table_and_in_the_list():
 
 @pytest.mark.parametrize("name", sorted(PAGES))
 def test_what_a_page_names_is_there(name):
-    """Links, parameters with their values, modules, and functions by their dotted path."""
+    """Links, parameters with their values, constants, modules, and functions by dotted path."""
     page = PAGES[name]
     for link in re.findall(r"\]\(([^)]+)\)", page):
         path, _, place = link.partition("#")
@@ -218,6 +225,8 @@ def test_what_a_page_names_is_there(name):
         is_module = (ROOT / "finloop" / dotted.replace(".", "/")).with_suffix(".py").is_file()
         is_parameter = group in GROUPS and key in parameters(group)
         assert is_module or is_parameter or inner in definitions(module), dotted
+    for group, constant in re.findall(r"`(\w+Settings)\.(\w+)`", page):
+        assert hasattr(settings_classes()[group], constant), f"{group}.{constant}"
 
 
 def test_a_row_that_is_not_true_is_found():

@@ -54,10 +54,10 @@ def test_an_experiment_composes_as_any_group_of_hydra(name):
 
 def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
-    own = "# @package _global_\nbpn:\n  hidden: 7\n"
+    own = "# @package _global_\nbpn:\n  hidden_units: 7\n"
     (tmp_path / "conf/experiment/seven.yaml").write_text(own)
     monkeypatch.chdir(tmp_path)
-    assert compose_mapping("+experiment=seven")["bpn"]["hidden"] == 7
+    assert compose_mapping("+experiment=seven")["bpn"]["hidden_units"] == 7
     with pytest.raises(FinloopError, match="has no sweep"):
         experiment("seven")
 
@@ -136,7 +136,7 @@ def test_what_is_usual_composes_from_no_override():
 @pytest.mark.parametrize(
     "overrides",
     [TINY_CARP, ["clip=file", "clip.path='a: b,c.mp4'", 'sprites.straight_frames="8:120-140"',
-                     "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.max_distance_steps=null", "morph.back=false"]],
+                     "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.max_distance_steps=null", "tank.camera=top"]],
 )  # fmt: skip
 def test_what_was_changed_composes_to_the_same_again(overrides):
     text = compose_params(["~local", *overrides])
@@ -201,7 +201,8 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
     _, numbers = random_runs(4)
     numbers.iloc[3, 0] = np.nan
     parameters = pd.DataFrame(
-        {"features.delta_s": MIXED, "morph.back": [True, False, True, False]}, numbers.index
+        {"features.delta_s": MIXED, "gait.gamma_per_scale": [True, False, True, False]},
+        numbers.index,
     )
     found = comparison(parameters, numbers, [])
     assert list(found.parameters["features.delta_s"]) == [0.1, 2.0, 10.0, "auto"]

@@ -309,7 +309,7 @@ def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
     few = poses(*tables, 20, 1, 4, 2)
     assert few.individuals == ("track_2", "track_4") and len(few.frame) == 16
     with pytest.raises(
-        FinloopError, match=r"no track has 10 frames; the longest has 9(.|\n)*tracks_least_s"
+        FinloopError, match=r"no track has 10 frames; the longest has 9(.|\n)*tracks_min_s"
     ):
         poses(*tables, 20, 1, 10, 9)
 
@@ -620,7 +620,7 @@ def test_a_second_run_gives_the_same_bytes_and_clears_what_was_there(folder):
         (lambda f: (f / "data/animate/network.parquet").unlink(), "there is no data.animate.network.parquet(.|\n)*export.mode"),
         (lambda f: save_table(f / "data/animate/network.parquet", edit_list(3, source=99), EDIT), "wanted a frame"),
         (lambda f: save_table(f / "data/sprites/sprites.parquet", sprite_table(2), SPRITES), "mass centre for every"),
-        (lambda f: prepare(f, *TINY_CARP, "export.mode=network", "export.stimulus_seconds=0", "export.tracks_least_s=60.0"), "tracks_least_s"),
+        (lambda f: prepare(f, *TINY_CARP, "export.mode=network", "export.stimulus_seconds=0", "export.tracks_min_s=60.0"), "tracks_min_s"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said):

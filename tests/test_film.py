@@ -37,7 +37,7 @@ def test_a_path_is_taken_as_it_is_and_several_between_spaces(tmp_path, monkeypat
 @pytest.mark.parametrize(
     ("text", "said"),
     [("", "names no film"), ("gone.mp4", "nothing at .*gone.mp4"), ("it's gone.mp4", "quot"),
-     ("/gone/*.mp4", "fits no file")],
+     ("/gone/*.mp4", "matches no file")],
 )  # fmt: skip
 def test_what_is_no_film_is_said(text, said):
     with pytest.raises(FinloopError, match=said):

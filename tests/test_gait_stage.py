@@ -17,6 +17,7 @@ from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
+from finloop.gait.settings import GaitSettings
 from finloop.gait.tool import load_gait
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
@@ -164,14 +165,16 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        (("gait.points=100",), "power of two"),
+        (("gait.contour_points=100",), "power of two"),
         (("gait.limbs=regions",), "regions_rate_hz"),
         (
             ("gait.limbs=regions", "gait.regions=none", "gait.regions_rate_hz=24"),
             "none is no folder",
         ),
-        (("gait.dog_2=data/drawings/fish_2.svg",), "do not belong together"),
-        (("gait.dog_cycles=0.4",), "not periodic"),
+        (
+            ("gait.walker_drawings=[data/drawings/dog_1.svg,data/drawings/fish_2.svg]",),
+            "do not belong together",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_and_nothing_is_lost(folder, asked, said):
@@ -182,3 +185,11 @@ def test_what_is_wrong_is_said_and_nothing_is_lost(folder, asked, said):
         prepare(folder, *SMALL, *asked)
         stages.gait.main()
     assert (folder / "data/gait/kept.txt").read_text() == "kept"
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_a_film_with_less_than_a_step_is_refused(folder, monkeypatch):
+    monkeypatch.setattr(GaitSettings, "dog_cycles", 0.4)
+    prepare(folder, *SMALL)
+    with pytest.raises(FinloopError, match="not periodic"):
+        stages.gait.main()

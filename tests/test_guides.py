@@ -1,6 +1,7 @@
 """README and guides against the program: values, files, metrics, links and pictures are real."""
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import yaml
 from scratch import prepare
 
 from docs.draw.flow import svg
-from finloop.base.settings import GROUPS
+from finloop.base.settings import GROUPS, variants
 from finloop.edit.schema import EDIT
 from finloop.io.numbers import load_numbers
 
@@ -16,6 +17,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PICTURES = DOCS / "pictures"
 GUIDES = [ROOT / "README.md", *(one for one in DOCS.glob("*.md") if one.stem != "equations")]
+PARAMETERS = DOCS / "parameters.md"  # generated: names files of any film, in conf/'s own words
 STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 VALUE = re.compile(rf"\b((?:{'|'.join(GROUPS)})\.\w+)=([^\s`\"]+)")
 
@@ -64,7 +66,9 @@ def test_every_value_that_is_advised_is_allowed(guide, tmp_path):
         prepare(tmp_path, "clip=file", *(f"{key}={value}" for key, value in sorted(now.items())))
 
 
-@pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "guide", [one for one in GUIDES if one != PARAMETERS], ids=lambda path: path.stem
+)
 def test_every_file_that_is_named_is_made(guide):
     made = outputs()
     named = set(re.findall(r"`((?:data|reports)/[\w./-]+)`", guide.read_text(encoding="utf-8")))
@@ -93,7 +97,9 @@ def test_every_command_is_there(guide):
     assert set(re.findall(r"(?:^|`)make ([a-z-]+)", text, re.MULTILINE)) <= targets
     for module in re.findall(r"python -m ((?:finloop|stages|benchmarks|docs)[\w.]*)", text):
         path = ROOT / module.replace(".", "/")
-        assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file(), module
+        is_there = path.with_suffix(".py").is_file() or (path / "__main__.py").is_file()
+        is_written = f"| `{module.replace('.', '/')}.py` |" in text  # by those who follow the guide
+        assert is_there or is_written, module
 
 
 def test_the_readme_is_short_and_the_map_names_every_room():
@@ -117,12 +123,14 @@ def test_every_picture_is_used_and_all_are_small():
 
 
 def test_metrics_that_are_named_exist():
-    """Those kept in git, of the default film, and the columns of the edit list."""
+    """Those kept in git, of the default film; a name may also be a column or a parameter."""
     known = set(EDIT.names)
     for path in ROOT.glob("reports/*"):
         known |= set(load_numbers(path))
     if "hybrid_seam_ratio_median" not in known:
         pytest.skip("reports/ holds no metrics of a whole run")
+    options = [option for group in GROUPS for option in variants(group).values()]
+    known |= {field.name for option in options for field in fields(option)}
     ending = r"_(?:pct|frames|grey|median|fish|pale|sd|s|first|repeated|missing|hz)"
     for guide in GUIDES:
         text = guide.read_text(encoding="utf-8")

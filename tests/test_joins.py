@@ -239,7 +239,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     monkeypatch.setattr(AnimateSettings, "join_frames", 6)
     assert decay(0.01) == pytest.approx(6 / RATE)
     assert decay(9.0) == pytest.approx(0.4)
-    assert decay(0.25, join_time=4.0) == pytest.approx(0.8)
+    assert decay(0.25, join_time_deltas=4.0) == pytest.approx(0.8)
     assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.helps).fade == 0
 
 

@@ -282,7 +282,7 @@ def test_who_wanders_takes_the_film_as_it_comes(rng):
     state = planner.begin(rng)
     stretch, _ = planner.plan(state, None, rng)
     value = stretch.options.value[stretch.options.taken] * planner.world.motion.rate_hz
-    assert value >= planner.world.ticks(planner.world.settings.look_ahead)
+    assert value >= planner.world.ticks(planner.world.settings.look_ahead_deltas)
     assert not stretch.touched
     to_come = stretch.options.terms[:, TERMS.index("to_come")]
     assert (to_come == 0).all()

@@ -835,13 +835,15 @@ def test_a_sprite_has_an_orientation_and_a_frame_has_none():
 )
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode, ticks):
     matching = (
-        {} if ticks is None else {"search_step": 2.0, "fade_time": ticks / DELTA, "join": FADE}
+        {}
+        if ticks is None
+        else {"search_step_deltas": 2.0, "cross_fade_deltas": ticks / DELTA, "join": FADE}
     )
     player = player_in(mode, **matching)
     found, table = edit_of(player, A, 1500, 2)
     fade = player.joins.fade if ticks is None else ticks
     film = rich_film() if mode == "matching" else player.film
-    assert ticks is not None or fade == round(settings("animate").fade_time * DELTA) > 1
+    assert ticks is not None or fade == round(settings("animate").cross_fade_deltas * DELTA) > 1
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
     rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)
     starts = np.cumsum([0, *(len(one.way) for one in found.stretches)])

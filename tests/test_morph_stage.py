@@ -56,7 +56,8 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
 @pytest.mark.usefixtures("no_drawing")
 def test_numbers_tell_what_was_made(folder, monkeypatch):
     monkeypatch.setattr(stages.morph, "hoop", lambda _: {})  # as above, whatever the method
-    prepare(folder, *SMALL, "morph.method=linear", "morph.back=false")
+    monkeypatch.setattr(stages.morph.MorphSettings, "back", False)
+    prepare(folder, *SMALL, "morph.method=linear")
     stages.morph.main()
     numbers = load_numbers(folder / "reports/morph")
     assert (numbers["contours"], numbers["frames"]) == (11, 6)
@@ -74,10 +75,10 @@ def test_numbers_tell_what_was_made(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ("morph.points=100", "power of two"),
+        ("morph.contour_points=100", "power of two"),
         ("morph.wavelet=db2", "H"),
-        ("morph.a=data/drawings/none.svg", "none.svg"),
-        ("morph.b=data/drawings/hoop.svg", "hoop"),
+        ("morph.first_drawing=data/drawings/none.svg", "none.svg"),
+        ("morph.last_drawing=data/drawings/hoop.svg", "hoop"),
         ("morph.method=fold", "morph.method"),
     ],
 )

@@ -1,7 +1,6 @@
 """Parameters: what is refused, by which name, when; and params.yaml is the composition of conf/."""
 
 import ast
-import inspect
 import os
 import re
 import shutil
@@ -9,7 +8,7 @@ import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from itertools import chain, pairwise
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
@@ -19,12 +18,14 @@ from pydantic import Field
 
 import stages.stamps
 from finloop.base.errors import FinloopError
-from finloop.base.settings import CONF, GONE, GROUPS, check, settings, values_of, variants
+from finloop.base.parameter_help import every_parameter, problems
+from finloop.base.settings import GONE, GROUPS, check, settings, values_of, variants
 from finloop.edit.modes import MODES
 from finloop.io.parameters import refusal
 from stages import settings as door
 from stages.compose import compare, compose_params
 from stages.experiment import FOLDER
+from stages.parameters import page, terminal_table
 from stages.settings import LOCAL, STAMP, all_problems, load, stamp
 from stages.stamps import film_stamp, path_stamp, tracks_stamp
 
@@ -111,7 +112,7 @@ def test_an_unknown_key_like_no_other_names_all():
         ("matching.from", "it is matching.uses now"),
         ("animate.sprites", "the modes network, loops and hybrid are the paper's; matching.uses "),
         ("animate.jumps", "the modes network, loops and hybrid are the paper's; matching.uses "),
-        ("export.shadow_blur", "did you mean render.shadow_blur?"),
+        ("export.shadow_darkness", "did you mean render.shadow_darkness?"),
         ("matching.beem", "did you mean matching.beam?"),
     ],
 )
@@ -206,7 +207,7 @@ def test_every_option_composes_into_its_dataclass(word, option):
 def test_every_parameter_is_wanted_typed_and_finite(word, option):
     values = composed_values(word, option)
     hints = get_type_hints(VARIANTS[word][option])
-    for key in [field.name for field in fields(VARIANTS[word][option]) if field.name != "source"]:
+    for key in {field.name for field in fields(VARIANTS[word][option])} - {"source"}:
         kind = hints[key]
         without = {name: value for name, value in values.items() if name != key}
         assert check(word, VARIANTS[word], without)[1] == [f"{word}.{key}: has no value"]
@@ -229,39 +230,39 @@ def test_a_parameter_stands_in_two_places(word, option):
     assert sorted(values_of(word, option)) == sorted(declared)
 
 
-@pytest.mark.parametrize(("word", "option"), EVERY)
-def test_every_parameter_says_its_unit_and_meaning_beside_or_above(word, option):
-    told = set()
-    for one in filter(is_dataclass, VARIANTS[word][option].__mro__):
-        lines = ["", *inspect.getsource(one).splitlines()]
-        for above, line in pairwise(lines):
-            field = re.match(r"    (\w+): .*?(  # .+)?$", line)
-            if field and (field[2] or above.startswith("    # ")):
-                told.add(field[1])
-    assert told == {field.name for field in fields(VARIANTS[word][option])}
+def test_every_value_in_conf_has_its_meaning_and_range_above_it():
+    assert "\n".join(problems()) == ""
 
 
-def test_conf_says_of_matching_what_its_dataclass_says():
-    """The same words beside every value; only where lines break differs."""
+def test_parameters_are_few():
+    """Of `clip` some stand in several variants."""
+    names = {(one.word, one.name) for one in every_parameter() if one.name != "source"}
+    assert len(names) <= 220
+    assert sum(word == "sprites" for word, _ in names) <= 12
+    assert sum(word == "matching" for word, _ in names) <= 35
 
-    def field_comments(lines, value):
-        told, comment = {}, []
-        for line in lines:
-            text = line.strip()
-            if text.startswith("#"):
-                comment.append(text[1:].strip())
-            elif field := re.match(value, text):
-                told[field[1]] = " ".join([*comment, *([field[2]] if field[2] else [])])
-                comment = []
-        return told
 
-    source = inspect.getsource(VARIANTS["matching"]["default"]).splitlines()[2:]
-    conf = (CONF / "matching/default.yaml").read_text(encoding="utf-8").split("_self_")[1]
-    declared = field_comments(source, r"(\w+): .+?(?:  # (.+))?$")
-    assert field_comments(conf.splitlines(), r"(\w+):( )?").keys() == declared.keys()
-    given = field_comments(conf.splitlines(), r"(\w+): ()")
-    assert {name: text.strip() for name, text in given.items()} == declared
-    assert len(declared) <= 35
+def test_a_table_of_parameters_has_value_range_and_meaning(capsys):
+    text = terminal_table("gateways", 60)
+    assert "gateways.distance_threshold=" in text and "[natural steps, > 0]" in text
+    assert max(map(len, text.splitlines())) <= 90
+    with pytest.raises(FinloopError, match="no group of parameters gatways"):
+        terminal_table("gatways", 60)
+    assert (ROOT / "docs/parameters.md").read_text(encoding="utf-8") == page(every_parameter())
+
+
+def test_old_names_are_answered_by_the_new_ones():
+    """And a parameter that is a constant now says so; no new name is a name that has gone."""
+    for word, option in EVERY:
+        group = VARIANTS[word][option]
+        now = {field.name for field in fields(group)}
+        for old, new in getattr(group, "RENAMED", {}).items():
+            assert old not in now and new in now, (word, old)
+            (problem,) = check(word, VARIANTS[word], composed_values(word, option) | {old: 1})[1]
+            assert problem == f"{word}.{old}: unknown; it is {word}.{new} now"
+    whole = composed_values("sprites", "default") | {"drift_deg": 6.0}
+    (problem,) = check("sprites", VARIANTS["sprites"], whole)[1]
+    assert problem.endswith("it is a constant now, SpritesSettings.drift_deg")
 
 
 def test_a_library_gets_its_parameters_without_hydra_and_params_yaml(tmp_path, monkeypatch):

@@ -28,9 +28,9 @@ from finloop.io.line import load_line
 from finloop.io.table import save_table
 from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
+from finloop.plan.matching_settings import MatchingSettings
 from finloop.plan.objectives import ANYWHERE, along_path
 from finloop.plan.path_measures import LEFT, SWUM, limits, path_metrics, swum_path, where_left
-from finloop.plan.settings import MatchingSettings
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
 
@@ -78,12 +78,12 @@ def test_an_svg_has_one_path_in_px_or_in_shares_of_its_picture(tmp_path):
         ("a.csv", "x,y\n1,2\n", "1 place,"),
         ("a.csv", "x,y\n1,2\n1,2\n", "2 places, none of which lies apart"),
         ("a.csv", "x,y\n1,2\n,3\n4,5\n", "1 of 3 rows have no x, row 1 first"),
-        ("a.csv", "x,y,time_s\n1,2,0\n3,4,2\n5,6,1\n", "time runs backwards 1 times"),
+        ("a.csv", "x,y,time_s\n1,2,0\n3,4,2\n5,6,1\n", "time decreases 1 times"),
         ("a.csv", "x,z\n1,2\n3,4\n", "the columns x, z"),
         ("a.csv", "x,y\n1,2\nhere,4\n", "holds no numbers"),
         ("a.csv", "", "cannot be read as a table"),
         ("a.parquet", "x,y\n", "cannot be read as a table"),
-        ("a.txt", "1 2", "no file that a path is read from"),
+        ("a.txt", "1 2", "no file that finloop can read a path from"),
         ("a.svg", drawing(), "has no contour"),
         ("a.svg", drawing("M 1 1 L 2 2", "M 3 3 L 4 4"), "has 2 paths"),
     ],

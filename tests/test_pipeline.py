@@ -188,7 +188,7 @@ def test_a_stage_is_one_word_everywhere(word):
     own, *others = groups  # others: of stages whose work it does again, or it works for
     if word in PLAYED:
         mode = word.removeprefix("modes-")
-        assert own == mode
+        assert own == mode or mode not in WORDS
         assert {f"data/animate/{mode}", f"data/animate/{mode}.parquet"} == set(outputs(word))
         return
     assert own == word

@@ -269,7 +269,7 @@ def test_along_a_path_more_ways_are_followed_where_none_leads_on():
     ring = EIGHT._replace(x=100 + 30 * np.cos(angle), y=100 + 30 * np.sin(angle))
     route = lay_route(ring, world)
     p = world.settings
-    horizon = world.ticks(p.path_commit) + world.ticks(p.look_ahead)
+    horizon = world.ticks(p.path_commit) + world.ticks(p.look_ahead_deltas)
     planner, rng, ends, alone = matching_of(world), np.random.default_rng(6), 0, 0
     for _ in range(60):
         state = planner.begin(rng)
@@ -385,7 +385,7 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
     rng = np.random.default_rng(0)
     ends = np.concatenate([14 * k + np.array([2, 9, 13]) for k in range(5)])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 6) if abs(int(a) - b) > 13}
-    world = waters_of(film_of(table, loops(*sorted(pairs))), search_step=2.0)
+    world = waters_of(film_of(table, loops(*sorted(pairs))), search_step_deltas=2.0)
     planner, route = matching_of(world), lay_route(EIGHT, world)
     rng = np.random.default_rng(1)
     state = planner.begin(rng, route)
@@ -435,7 +435,7 @@ def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
 
 def test_nothing_is_swum_that_was_not_looked_at():
     for commit, ahead in ((1.0, 0.2), (4.0, 0.2), (8.0, 3.0)):
-        world = waters_of(replan_interval=commit, look_ahead=ahead)
+        world = waters_of(replan_interval_deltas=commit, look_ahead_deltas=ahead)
         planner, rng = matching_of(world), np.random.default_rng(1)
         state = State(planner.begin(rng).fish, np.zeros(2))
         for _ in range(40):

@@ -391,7 +391,7 @@ def test_it_listens_to_this_machine_alone_and_says_so_where_the_port_is_taken():
     with bind_socket(0) as one:
         assert one.getsockname()[0] == "127.0.0.1"
         one.listen()
-        with pytest.raises(FinloopError, match=f"port {one.getsockname()[1]} cannot be had"):
+        with pytest.raises(FinloopError, match=f"port {one.getsockname()[1]} is not available"):
             bind_socket(one.getsockname()[1])
     for port in (70_000, -1):
         with pytest.raises(FinloopError):
@@ -551,7 +551,7 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         wait(
             f"{rows}.length > 1 && {rows}.every(row => row.cells.length === 12 || row.cells[0].colSpan === 12)"
         )
-        said = "document.getElementById('why').textContent.includes('It swims what it planned')"
+        said = "document.getElementById('why').textContent.includes('It follows a plan made')"
         wait(f"{said} && {rows}.filter(row => row.className === 'taken').length === 1")
         page.select_option("#count", "2")
         wait("state.fish[1]")

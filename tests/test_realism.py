@@ -1,8 +1,9 @@
 """Realism: laws of the area and its interval, of blocks and windows, of the instrument, the stage."""
 
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -34,6 +35,7 @@ from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
 from finloop.realism.compare import Sample, verdict
 from finloop.realism.instrument import Instrument, Swimming, swimming
+from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import CHANNELS, Windows, channels, cutting, equal_blocks
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
@@ -41,7 +43,17 @@ from stages.realism import GalleryOpener
 from stages.settings import load
 
 RATE, DELTA = 25.0, 5
-P = settings("realism", rounds=20, bins=8, step=0.6)
+
+
+@dataclass(frozen=True)
+class Coarse(RealismSettings):
+    """Fewer bins and steps, so that a classifier learns quickly."""
+
+    bins: ClassVar[int] = 8
+    step: ClassVar[float] = 0.6
+
+
+P = Coarse(**vars(settings("realism", classifier_trees=20)))
 
 
 # --- the area and its interval
@@ -175,7 +187,7 @@ def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
     cut = cutting(5.0, 1.25, 0.6, DELTA)
     assert cut == (24, 6, 3)
     sample = sample_of(pd.concat([fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)],
-                                 ignore_index=True), replace(P, step=0.6))  # fmt: skip
+                                 ignore_index=True))  # fmt: skip
     made = sample.windows(sample.film, sample.blocks())
     assert made.first.tolist() == [0, 6, 12, 38 + 22]
     assert made.x.shape == (4, 8, len(CHANNELS))
@@ -206,7 +218,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
     film, made = sample.beside(swimming_of(fish(2), row))
     own = sample.film.row
     inside = np.arange(sample.cut.length + 1)
-    for block in range(P.blocks):
+    for block in range(P.cross_validation_folds):
         tested, learnt = [], []
         for windows, rows in ((film, own), (made, row)):
             shown = rows[windows.first[:, None] + inside]
@@ -268,7 +280,7 @@ def test_permuted_labels_cannot_be_told():
 
 
 def test_a_film_too_short_is_refused_with_what_would_do():
-    with pytest.raises(FinloopError, match=r"a longer film, fewer realism.blocks"):
+    with pytest.raises(FinloopError, match=r"a longer film, fewer realism.cross_validation_folds"):
         verdict(sample_of(fish(0, 3.0)).beside(swimming_of(fish(1, 3.0), None)), P)
 
 
@@ -446,7 +458,7 @@ def test_the_pictures_are_drawn(carp, name):
 
 
 def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, capsys):
-    prepare(carp, *TINY_CARP, "realism.gap=25.0")
+    prepare(carp, *TINY_CARP, "realism.window_deltas=8")
     stages.realism.main()
     assert "no numbers for network" in capsys.readouterr().err
     numbers = load_numbers(carp / "reports/realism")

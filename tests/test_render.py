@@ -479,7 +479,7 @@ def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
     painter.draw(2, 2, bend_fish(fish(), 0.0, curl))
     painter.wipe()
     assert not painter.frame.any()
-    with pytest.raises(ValueError, match="both in a pose"):
+    with pytest.raises(ValueError, match="both drawn in a pose"):
         painter.draw(20, 20, fish(), bend_fish(fish()), 0.5)
 
 
@@ -615,7 +615,7 @@ def test_step_numbers_are_one_where_nothing_differs():
 # --- marks and pictures --------------------------------------------------------------------------
 
 TANK = np.full((240, 320), 150, np.uint8)
-NETWORK = (*TINY_CARP, "render.mode=network", "render.beside_seconds=0")
+NETWORK = (*TINY_CARP, "render.mode=network", "render.comparison_seconds=0")
 GOALS = [Goal("A", 90.0, 60.0), Goal("B", 230.0, 120.0)]
 
 
@@ -916,7 +916,7 @@ def test_the_same_edit_list_gives_the_same_bytes(folder):
 def test_without_marks_and_webp_there_is_only_the_film(folder):
     Path("data/render").mkdir(parents=True)
     Path("data/render/old.mp4").write_text("of another run")
-    prepare(folder, *NETWORK, "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.marked_film=false", "render.webp_seconds=0.0")
     stages.render.main()
     assert set(content(Path("data/render"))) == {"network.mp4"}
 
@@ -989,7 +989,7 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
         y_px=120.0,
         rotation_deg=np.float32(0),
     )
-    prepare(folder, *NETWORK, "render.crf=1", "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.crf=1", "render.marked_film=false", "render.webp_seconds=0.0")
     stages.render.main()
     tank = load_picture(Path("data/extract/background.png"))
     wanted = paint_fish(160.0, 120.0, fish(drop(31, 4)), tank=tank).astype(int)
@@ -1087,7 +1087,7 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
         partner_rotation_deg=np.where(fade, 0.0, np.nan).astype(np.float32),
         partner_scale=np.where(fade, 1.0, np.nan).astype(np.float32),
     )  # fmt: skip
-    prepare(folder, *NETWORK, "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.marked_film=false", "render.webp_seconds=0.0")
     stages.render.main()
     stages.plots.render.main()
     sheet = load_picture(Path("reports/render/switches.png"))
@@ -1097,6 +1097,6 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
 
 @pytest.mark.usefixtures("no_drawing")
 def test_an_animation_without_a_switch_is_rendered_all_the_same(folder):
-    prepare(folder, *NETWORK, "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.marked_film=false", "render.webp_seconds=0.0")
     stages.render.main()
     assert Path("reports/render/metrics.json").exists()

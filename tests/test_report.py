@@ -148,7 +148,7 @@ def test_a_film_is_made_smaller_only_if_it_must(tmp_path: Path):
     less, _ = small_film(path, size // 2)
     assert len(less) <= size // 2
     assert small_film(path, size // 2)[0] == less  # the same bytes each time
-    with pytest.raises(FinloopError, match="film_most_mb"):
+    with pytest.raises(FinloopError, match="max_film_mb"):
         small_film(path, 1000)
 
 
@@ -166,8 +166,8 @@ def test_stage_makes_one_whole_page_the_same_each_time(folder: Path):
     assert not re.search(r"""(src|href)=["']?(https?:)?//""", page)
     stages.report.main()
     assert content(folder / "reports") == first
-    prepare(folder, "clip=carp", "report.most_mb=0.01")
-    with pytest.raises(FinloopError, match="most_mb"):
+    prepare(folder, "clip=carp", "report.max_page_mb=0.01")
+    with pytest.raises(FinloopError, match="max_page_mb"):
         stages.report.main()
     assert content(folder / "reports") == first
 

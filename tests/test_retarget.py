@@ -35,6 +35,7 @@ from finloop.retarget.motion import forward_share, motion_of
 from finloop.retarget.place import find_placement, outside, shift_into
 from finloop.retarget.posture import align_postures, asked_postures, likely_codes, on_body
 from finloop.retarget.rows import FilmRows, cheapest
+from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import body_points, lines
 from stages.stamps import retarget_stamp
 
@@ -45,7 +46,7 @@ STEPS = 32  # of a backbone
 
 
 def how(**changes):
-    return settings("retarget", **({"tracks": "x", "place": "given"} | changes))
+    return settings("retarget", **({"tracks": "x", "placement": "given"} | changes))
 
 
 folder = stage_run("distance", "jumps")
@@ -121,17 +122,17 @@ def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(mirrore
     part = own._replace(
         frame=own.frame[half], points=own.points[half], codes=own.codes[half], rows=half
     )
-    swum = retarget_track(part, mirrored_material, how(own_frames=False, scale=1.0), OTHERS)
+    swum = retarget_track(part, mirrored_material, how(allow_own_frames=False, scale=1.0), OTHERS)
     assert (swum.edit["source"] >= len(half)).all()
     assert swum.numbers["apart_p95_pct"] < 0.1
     with pytest.raises(FinloopError, match="no frames but those"):
-        retarget_track(own, mirrored_material, how(own_frames=False), OTHERS)
+        retarget_track(own, mirrored_material, how(allow_own_frames=False), OTHERS)
 
 
-def test_a_mirrored_track_gives_the_mirrored_animation(mirrored_material, carp):
-    plain, other = (
-        of_poses(tracker_poses(carp), mirrored_material, mirrored=flag) for flag in (False, True)
-    )
+def test_a_mirrored_track_gives_the_mirrored_animation(mirrored_material, carp, monkeypatch):
+    plain = of_poses(tracker_poses(carp), mirrored_material)
+    monkeypatch.setattr(RetargetSettings, "mirrored", True)
+    other = of_poses(tracker_poses(carp), mirrored_material)
     width = mirrored_material.arena.shape[1]
     assert np.allclose(other.edit["x_px"], width - 1 - plain.edit["x_px"], atol=1e-6)
     assert np.allclose(other.edit["y_px"], plain.edit["y_px"], atol=1e-6)
@@ -140,7 +141,7 @@ def test_a_mirrored_track_gives_the_mirrored_animation(mirrored_material, carp):
     codes, flipped = (np.stack(one.edit["pose"]) for one in (plain, other))
     assert np.allclose(codes @ mirrored_material.poses.shapes.mirror, flipped, atol=1e-4)
     own = load_track(mirrored_material, how(tracks="track:0"))
-    again = retarget_track(own, mirrored_material, how(scale=1.0, mirrored=True), OTHERS).edit
+    again = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS).edit
     assert again["source"].tolist() == own.rows.tolist() and again["mirrored"].all()
     assert np.allclose(
         np.stack(again["pose"]), own.codes @ mirrored_material.poses.shapes.mirror, atol=1e-5
@@ -156,7 +157,8 @@ def test_twice_the_rate_and_twice_the_size_are_the_same_motion(mirrored_material
     assert np.abs(asked_points(quick) - asked_points(plain)).max() < 1e-2
     assert (quick.edit["source"] == plain.edit["source"]).all()
     own, large = (
-        of_poses(tracker_poses(size * carp), mirrored_material, place="shrink") for size in (1, 2)
+        of_poses(tracker_poses(size * carp), mirrored_material, placement="shrink")
+        for size in (1, 2)
     )
     assert large.numbers["scale"] == pytest.approx(own.numbers["scale"] / 2)
     assert np.abs(asked_points(large) - asked_points(own)).max() < 1e-3
@@ -201,8 +203,7 @@ def test_a_csv_of_deeplabcut_gives_what_its_poses_give(mirrored_material, carp, 
 def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material, carp, points):
     changes = {} if len(points) > 1 else {"scale": 1.4}
     poses = tracker_poses(carp)
-    head = "auto" if "Nose" in points else "none"
-    swum = of_poses(poses, mirrored_material, points=points, head=head, **changes)
+    swum = of_poses(poses, mirrored_material, body_keypoints=points, **changes)
     scale = swum.numbers["scale"]
     assert scale == pytest.approx(1.4, rel=0.1)
     asked = scale * poses.places[:, [NAMES.index(one) for one in points]]
@@ -222,11 +223,11 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material
     notes = stages.retarget.notes(swum.numbers)
     assert any("no posture" in one for one in notes)
     with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
-        of_poses(poses, mirrored_material, points=("centre",))
+        of_poses(poses, mirrored_material, body_keypoints=("centre",))
 
 
 def test_postures_of_the_film_go_on_over_a_switch(mirrored_material, carp):
-    p = how(points=("Nose", "tail_tip"))
+    p = how(body_keypoints=("Nose", "tail_tip"))
     track = track_of(tracker_poses(carp), 25.0, STEPS, p)
     cut = OTHERS._replace(join="cut")
     jumps = []
@@ -242,14 +243,15 @@ def test_points_of_the_body_are_told_from_eyes_and_ordered_from_head_to_tail(car
     poses = tracker_poses(carp)
     order = body_points(NAMES, poses.places, how())
     assert [NAMES[one] for one in order] == ["Nose", "b1", "b2", "b3", "tail_tip"]
-    named = body_points(NAMES, poses.places, how(points=("b1", "b2", "b3")))
+    named = body_points(NAMES, poses.places, how(body_keypoints=("b1", "b2", "b3")))
     assert [NAMES[one] for one in named] == ["b1", "b2", "b3"]
-    assert [NAMES[one] for one in body_points(NAMES, poses.places, how(tail="none"))] == ["Nose"]
+    without = ["nowhere" if one == "tail_tip" else one for one in NAMES]
+    assert [without[one] for one in body_points(without, poses.places, how())] == ["Nose"]
 
 
 def test_points_that_reach_part_of_the_body_leave_the_rest_to_the_film(mirrored_material, carp):
     whole = of_poses(tracker_poses(carp), mirrored_material)
-    share = {"points": ("Nose", "b1", "b2", "b3"), "last_share": 0.75}
+    share = {"body_keypoints": ("Nose", "b1", "b2", "b3"), "keypoint_range": (0.0, 0.75)}
     part = of_poses(tracker_poses(carp), mirrored_material, **share)
     assert part.numbers["scale"] == pytest.approx(whole.numbers["scale"], rel=0.02)
     off = (
@@ -398,19 +400,21 @@ def test_a_way_is_moved_into_the_tank_or_made_smaller():
     at = np.linspace(0, 2 * np.pi, 50)
     centre = np.stack([30 * np.cos(at), 25 * np.sin(at)], -1)
     bodies = centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
-    shift, size = find_placement(bodies - 500, arena, 16, how(place="fit"))
+    shift, size = find_placement(bodies - 500, arena, 16, how(placement="fit"))
     assert size == 1 and not outside(bodies - 500 + shift, arena).any()
     assert np.allclose((bodies - 500 + shift).mean((0, 1)), [79.5, 49.5], atol=1.5)  # the middle
     assert find_placement(bodies, arena, 16, how())[1] == 1  # as given
     large = 2 * centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
     assert shift_into(large, arena, 16) is None
-    with pytest.raises(FinloopError, match=r"8.5 × 6.2 body lengths[\s\S]*retarget.place=shrink"):
-        find_placement(large, arena, 16, how(place="fit"))
-    _, size = find_placement(large, arena, 16, how(place="shrink"))
+    with pytest.raises(
+        FinloopError, match=r"8.5 × 6.2 body lengths[\s\S]*retarget.placement=shrink"
+    ):
+        find_placement(large, arena, 16, how(placement="fit"))
+    _, size = find_placement(large, arena, 16, how(placement="shrink"))
     assert 0.7 < size <= 0.8
     with pytest.raises(FinloopError, match="however small"):
         find_placement(
-            bodies + np.array([[-300, 0], [0, 0], [300, 0]]), arena, 16, how(place="shrink")
+            bodies + np.array([[-300, 0], [0, 0], [300, 0]]), arena, 16, how(placement="shrink")
         )
 
 
@@ -433,29 +437,31 @@ def test_a_fish_that_rests_and_crosses_once_is_moved_to_where_it_fits(height, ce
     assert len(places) == 4 and -(-max(arena.shape) // 240) == cell
     shift = shift_into(bodies, arena, length)
     assert shift is not None and tuple(shift) in places
-    assert find_placement(bodies, arena, length, how(place="shrink"))[1] == 1
+    assert find_placement(bodies, arena, length, how(placement="shrink"))[1] == 1
     assert shift_into(bodies * 1.05, arena, length) is None
 
 
-@pytest.mark.parametrize("place", ["fit", "shrink"])
+@pytest.mark.parametrize("placement", ["fit", "shrink"])
 @pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
-def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(mirrored_material, carp, points, place):
-    changes = {"points": points, "scale": 1.4, "head": "auto" if len(points) > 1 else "none"}
+def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(
+    mirrored_material, carp, points, placement
+):
+    changes = {"body_keypoints": points, "scale": 1.4}
     free = asked_points(of_poses(tracker_poses(carp), mirrored_material, **changes))
     arena = np.zeros_like(mirrored_material.arena)
     pixels = np.round(free - free.reshape(-1, 2).min(0) + 2).astype(int)
     arena[pixels[..., 1], pixels[..., 0]] = True
     tight = mirrored_material._replace(arena=scipy.ndimage.binary_dilation(arena, np.ones((3, 3))))
-    swum = of_poses(tracker_poses(carp), tight, place=place, **changes)
+    swum = of_poses(tracker_poses(carp), tight, placement=placement, **changes)
     assert swum.numbers["outside_ticks"] == 0 and swum.numbers["way_size"] == 1
     assert np.ptp(asked_points(swum) - free, axis=(0, 1)).max() < 1e-3  # moved, all ticks alike
 
 
 @pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
 def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(mirrored_material, carp, points):
-    changes = {"points": points, "scale": 1.4, "head": "auto" if len(points) > 1 else "none"}
+    changes = {"body_keypoints": points, "scale": 1.4}
     tight = mirrored_material._replace(arena=np.pad(np.ones((90, 90), bool), ((20, 60), (30, 90))))
-    swum = of_poses(tracker_poses(carp), tight, place="shrink", **changes)
+    swum = of_poses(tracker_poses(carp), tight, placement="shrink", **changes)
     assert swum.numbers["outside_ticks"] == 0 and 0 < swum.numbers["way_size"] < 1
 
 
@@ -470,25 +476,28 @@ def test_bad_tracks_are_refused_with_what_to_do(mirrored_material, carp, tmp_pat
         load_track(mirrored_material, how(tracks="track:99"))
     with pytest.raises(FinloopError, match=r"no animal 'bert'[\s\S]*anna"):
         of_poses(poses, mirrored_material, animal="bert")
-    with pytest.raises(FinloopError, match=r"keypoint 'snout'[\s\S]*retarget.head"):
-        of_poses(poses, mirrored_material, head="snout")
-    with pytest.raises(FinloopError, match=r"no keypoint fin[\s\S]*retarget.points"):
-        of_poses(poses, mirrored_material, points=("Nose", "fin"))
+    with pytest.raises(FinloopError, match=r"no keypoint fin[\s\S]*retarget.body_keypoints"):
+        of_poses(poses, mirrored_material, body_keypoints=("Nose", "fin"))
     with pytest.raises(FinloopError, match="no point of the tracks"):
         of_poses(replace(poses, places=np.full_like(poses.places, np.nan)), mirrored_material)
     lost = poses.places.copy()
     lost[:, NAMES.index("tail_tip")] = np.nan
     with pytest.raises(FinloopError, match="no frame in which Nose"):
-        of_poses(replace(poses, places=lost), mirrored_material, points=("Nose", "b1", "tail_tip"))
-    with pytest.raises(FinloopError, match=r"without a gap has 1 frames[\s\S]*retarget.gap_s"):
+        of_poses(
+            replace(poses, places=lost),
+            mirrored_material,
+            body_keypoints=("Nose", "b1", "tail_tip"),
+        )
+    with pytest.raises(FinloopError, match=r"without a gap has 1 frames[\s\S]*shorter gaps"):
         of_poses(tracker_poses(carp[:1]), mirrored_material)
+    tail_first = ("tail_tip", "b3", "b2", "b1", "Nose")
     with pytest.raises(FinloopError, match=r"tail first for \d+% of its way[\s\S]*backwards=true"):
-        of_poses(poses, mirrored_material, head="tail_tip", tail="Nose")
-    of_poses(poses, mirrored_material, head="tail_tip", tail="Nose", backwards=True)
-    with pytest.raises(FinloopError, match=r"back and forth[\s\S]*retarget.points"):
-        of_poses(poses, mirrored_material, points=("Nose", "b3", "b1", "tail_tip"))
+        of_poses(poses, mirrored_material, body_keypoints=tail_first)
+    of_poses(poses, mirrored_material, body_keypoints=tail_first, allow_backwards=True)
+    with pytest.raises(FinloopError, match=r"back and forth[\s\S]*retarget.body_keypoints"):
+        of_poses(poses, mirrored_material, body_keypoints=("Nose", "b3", "b1", "tail_tip"))
     with pytest.raises(FinloopError, match=r"the tank[\s\S]*nowhere"):
-        of_poses(tracker_poses(carp), mirrored_material, scale=9.0, place="fit")
+        of_poses(tracker_poses(carp), mirrored_material, scale=9.0, placement="fit")
     assert forward_share(carp[:, ::-1]) == pytest.approx(1 - forward_share(carp))
 
 
@@ -497,7 +506,7 @@ def test_bad_tracks_are_refused_with_what_to_do(mirrored_material, carp, tmp_pat
 
 def run(folder, *changes):
     prepare(folder, *TINY_CARP, "render.mode=retarget", "render.webp_seconds=0",
-            "render.beside_seconds=0", *changes)  # fmt: skip
+            "render.comparison_seconds=0", *changes)  # fmt: skip
     stages.retarget.main()
     stages.plots.retarget.main()
     return load_numbers(folder / "reports/retarget")
@@ -519,7 +528,7 @@ def test_without_a_track_the_stage_writes_empty_results_and_says_nothing(
 def test_a_track_of_another_film_is_swum_and_drawn(folder, tmp_path, monkeypatch):
     shutil.copytree(folder / "data", tmp_path / "data")
     monkeypatch.chdir(tmp_path)
-    told = run(tmp_path, f"retarget.tracks={folder / 'data'}", "retarget.place=given")
+    told = run(tmp_path, f"retarget.tracks={folder / 'data'}", "retarget.placement=given")
     edit = load_table(tmp_path / "data/animate/retarget.parquet", EDIT)
     assert told["ticks"] == len(edit) > 50 and told["apart_median_pct"] < 1
     assert {"step_ratio_median", "jumps"} <= set(told)

@@ -63,7 +63,7 @@ def test_a_pattern_gives_what_it_fits(tmp_path):
     assert len(list_films(f"{home}/**/b*.mp4")) == 3
     assert list_films(f"{home}/c[1].mp4") == [home / "c[1].mp4"]  # a file of that very name
     assert list_films(f"{home}/gone.mp4") == [home / "gone.mp4"]
-    with pytest.raises(FinloopError, match="fits no file"):
+    with pytest.raises(FinloopError, match="matches no file"):
         list_films(f"{home}/z*.mp4")
 
 

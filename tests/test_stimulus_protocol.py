@@ -334,7 +334,7 @@ def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
     assert lines[0] == "motion or looks: 35 trials, in blocks; seed 2026"
     assert "takes 0:52:00" in lines  # 35 trials of 60 s, 34 pauses of 30 s
     assert "the very same motion in each repeat: fish, dot, still, backwards, empty" in lines
-    assert "demanded: fish that are 30 mm long on the display" in lines
+    assert "required: fish that are 30 mm long on the display" in lines
     assert not any(line != line.rstrip() for line in lines)
     rows = lines[-35:]
     assert [int(row.split()[0]) for row in rows] == list(range(1, 36))
@@ -358,7 +358,7 @@ def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
     )  # fmt: skip
     text = listing(protocol, trials(protocol))
     for word in (
-        "to (0, 1), (0, 1), (0, 1) and 2 more", "along way.csv", "2 times as fast", "in company",
+        "to (0, 1), (0, 1), (0, 1) and 2 more", "along way.csv", "2 times as fast", "in a group",
         "still", "follow, animal 7", "dot, contrast 0.5, size 2, colour 1-2-3", "space bar",
         "any display", "waits for a start", "from, at the earliest", "places in mm",
     ):  # fmt: skip
@@ -405,7 +405,7 @@ CONDITION = "  a: {seconds: 10, motion: {wander: true}}\n"
         ("pause_s: 1:30\n", 'line 4: pause_s: should be a valid number, got "1:30"'),
         ("display: {calibrated: no}\n", 'line 4: display.calibrated: should be a valid boolean, got "no"'),
         ("display: 5\n", "line 4: display: should be keys with values, got 5"),
-        ("display:\n  fish_mm: 3\n  calibrated: false\n", "line 5: display.fish_mm: wants a display that is calibrated"),
+        ("display:\n  fish_mm: 3\n  calibrated: false\n", "line 5: display.fish_mm: requires a calibrated display"),
         ("order: random\n", "line 4: order: should be 'given', 'shuffled' or 'blocks', got"),
         ("start: soon\n", "line 4: start: should be 'auto', got"),
         ("start: {}\n", "line 4: start: should be exactly one of key, message"),
@@ -421,8 +421,8 @@ CONDITION = "  a: {seconds: 10, motion: {wander: true}}\n"
         ("triggers:\n  - {at: start, to: socket, text: '{trial:>999999999}'}\n", "line 5: triggers[0].text: may name"),
         ("animals: {unit: inch}\n", "line 4: animals.unit: should be 'px' or 'mm'"),
         ("animals: {units: mm}\n", "line 4: animals.units: unknown; did you mean unit?"),
-        ("animals:\n  points:\n    - {tracker: [1, 2], tank: [3, 4]}\n", "line 4: animals: the tracker's calibration does not hold"),
-        ("name: ' a'\n", "line 4: name stands twice, first in line 2"),
+        ("animals:\n  points:\n    - {tracker: [1, 2], tank: [3, 4]}\n", "line 4: animals: the tracker's calibration is invalid"),
+        ("name: ' a'\n", "line 4: name is repeated, first in line 2"),
         ("order: !random given\n", "line 4: the tag !random is not known here"),
         ("<<: {fish: 2}\n", "line 4: << (a merge) is not known here"),
         ("[1, 2]: 3\n", "line 4: a list or a group is no key"),
@@ -449,8 +449,8 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, text, wanted):
         (f"{{seconds: 10, motion: {{path: {'n' * 300}.csv}}}}", "motion.path: there is no file"),
         ("{seconds: 10, motion: {again: b}}", "motion.again: there is no condition b"),
         ("{seconds: 10, motion: {again: a}}", "motion.again: never has a motion of its own: a shows a again"),
-        ("{seconds: 10, motion: {company: true}}", "motion.company: wants two fish"),
-        ("{seconds: 10, motion: {rule: {rule: follow}}}", "motion.rule: wants live animals"),
+        ("{seconds: 10, motion: {company: true}}", "motion.company: requires at least two fish"),
+        ("{seconds: 10, motion: {rule: {rule: follow}}}", "motion.rule: requires live animals"),
         ("{seconds: 10, motion: {rule: {rule: obey}}}", "motion.rule.rule: should be 'approach'"),
         ("{seconds: 10, motion: {rule: {rule: follow, ruel: 1}}}", "motion.rule.ruel: unknown; did you mean rule?"),
         ("{seconds: 10, motion: {wander: true}, look: {colour: [1, 2, 3]}}", "look: colour is of a dot"),
@@ -471,7 +471,7 @@ def test_what_is_wrong_with_a_condition_is_said(tmp_path, condition, wanted):
 def test_what_contradicts_itself_is_refused(tmp_path):
     start = HEAD + "animals: {}\nconditions:\n"
     rule = "  a: {seconds: 10, motion: {rule: {rule: follow}}, change: {reversed: true}}\n"
-    refuse(tmp_path, start + rule, "line 6: conditions.a.change: wants a motion that is known")
+    refuse(tmp_path, start + rule, "line 6: conditions.a.change: requires a motion that is known")
     circle = "".join(
         f"  {a}: {{seconds: 1, motion: {{again: {b}}}}}\n" for a, b in ("ab", "bc", "ca")
     )
@@ -493,7 +493,7 @@ def test_what_contradicts_itself_is_refused(tmp_path):
     (tmp_path / "good.yaml").write_text(start + still)
     load_protocol(tmp_path / "good.yaml")
     fades = start.replace("animals: {}", "fade_s: 6") + CONDITION
-    refuse(tmp_path, fades, "line 6: conditions.a.seconds: should be two fades of 6 s at least")
+    refuse(tmp_path, fades, "line 6: conditions.a.seconds: should be at least two fades of 6 s")
     many = start.replace("animals: {}", "repeats: 5001") + CONDITION + CONDITION.replace("a:", "b:")
     refuse(tmp_path, many, "line 4: repeats: gives more than 10000 trials")
 
@@ -507,7 +507,7 @@ def test_all_that_is_wrong_is_said_at_once_in_the_order_of_its_lines(tmp_path):
     )
     lines = [line.strip().split(":")[:2] for line in complaint(tmp_path, text)]
     assert [(line, what.strip()) for line, what in lines] == [
-        ("line 5", "fish stands twice, first in line 4"),
+        ("line 5", "fish is repeated, first in line 4"),
         ("line 1", "version"), ("line 3", "seed"), ("line 6", "speed"),
         ("line 8", "conditions.a.seconds"), ("line 11", "conditions.b.motion.again"),
         ("line 12", "conditions.c.motion.path"),

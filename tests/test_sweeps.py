@@ -19,10 +19,9 @@ SWEEPS = sorted((ROOT / "conf/experiment").glob("*.yaml"))
 FILM = [
     "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
     "clip.body_length_px=70", "clip.colour=false", "clip.seed=7", "features.orientations=12",
-    "bpn.epochs=5", "bpn.held_out_block_deltas=3", "forecast.epochs=2", "forecast.held_out_block=3", "loops.distance_threshold=1",
-    "animate.seconds=8", "animate.trials=4", "realism.seconds=8", "realism.window=1",
-    "realism.stride=0.5", "realism.blocks=2", "realism.gap=0.5", "realism.rounds=3",
-    "realism.bins=8", "realism.examples=1",
+    "bpn.epochs=5", "bpn.held_out_block_deltas=3", "forecast.epochs=2", "forecast.held_out_block_deltas=3", "loops.distance_threshold=1",
+    "animate.seconds=8", "animate.trials=4", "realism.seconds=8", "realism.window_deltas=1",
+    "realism.cross_validation_folds=2", "realism.classifier_trees=3", "realism.examples=1",
 ]  # fmt: skip
 """A film with loops and gateways, short enough to be animated again for every value."""
 VALUES = {

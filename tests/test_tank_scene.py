@@ -214,7 +214,7 @@ def test_the_files_own_numbers_are_true():
 
 
 def test_numbers_that_are_none_are_not_written():
-    with pytest.raises(ValueError, match="numbers"):
+    with pytest.raises(ValueError, match="NaN"):
         Glb("test").add_array(np.array([0.0, np.nan], np.float32))
 
 

@@ -36,8 +36,8 @@ from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites, make_sprites
 from finloop.plan.graph import MotionGraph, loop_jumps, motion_graph
+from finloop.plan.matching_settings import AllSettings, merge_settings
 from finloop.plan.planner import Planner
-from finloop.plan.settings import AllSettings, merge_settings
 from finloop.plan.sources import FilmSource
 from finloop.plan.world import Brisk, FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses

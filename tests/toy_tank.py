@@ -19,7 +19,7 @@ from finloop.render.painter import Painter
 
 @cache
 def toy_players(join="inertial"):
-    return players_of(waters_of(fade_time=0.6, join=join))
+    return players_of(waters_of(cross_fade_deltas=0.6, join=join))
 
 
 def resting_players(share):

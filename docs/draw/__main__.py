@@ -102,7 +102,7 @@ def draw_panels(folder: Path) -> None:
     first = film[film["track_id"] == film["track_id"].iloc[0]]
     save_film(PICTURES / "film.webp", panel(folder / "data/clip/clip.mp4", first))
     for mode in sorted(MODES, key=lambda name: name == SHOWN):  # that one last: films stay of it
-        run(folder, [*CARP, f"render.mode={mode}", "render.beside_seconds=0"], ["render"])
+        run(folder, [*CARP, f"render.mode={mode}", "render.comparison_seconds=0"], ["render"])
         moving = panel(folder / f"data/render/{mode}.mp4", edit_list(folder, mode))
         save_film(PICTURES / f"{mode}.webp", moving)
 

@@ -20,15 +20,17 @@ _LOOK_PX = 2.0  # step along a line of sight
 _ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
 _SETTLED = 2 / 3  # of the area; measured: carp of 20 s 0.52, of 60 s 0.79, mouse 0.91
 _ALIKE = 0.5  # of the picture beyond; measured: pieces of the carp 0.86-0.91, mouse 0.16-0.36
-_ROOM = 0.5  # of the way from wall to middle that a fish drawn smaller reaches at most
+_ROOM = 0.5  # of the way from wall to middle; a fish that reaches farther is drawn smaller
 _LOT = 10_000  # outlines at a time
-_CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side
+_CELLS = 200  # cells a side, at most, of the map for the way round a wall
 
 
 @dataclass(frozen=True)
 class Tank:
-    """`arena` (h, w): where animals can be. `legal`: where their centre can be, so that no part of
-    them leaves the arena; `nearest` (2, h, w): row and column of the legal pixel nearest to each.
+    """Where animals can be (`arena`, (h, w)), and where their centre can be (`legal`, (h, w)).
+
+    At a legal centre no part of the fish leaves the arena. `nearest` (2, h, w): row and column of
+    the legal pixel nearest to each.
     """
 
     arena: Mask
@@ -37,11 +39,11 @@ class Tank:
 
     @cached_property
     def depth_px(self) -> NDArray[np.float32]:
-        """How far (h, w) the middle of each pixel is from that of the nearest one outside."""
+        """Return how far (h, w) the middle of each pixel is from that of the next one outside."""
         return _depth_px(self.arena)
 
     def into(self, x: float, y: float) -> tuple[float, float]:
-        """The point itself where it is legal, else the legal pixel nearest to it."""
+        """Return the point itself where it is legal, else the legal pixel nearest to it."""
         row, column = self._pixel(x, y)
         if self.legal[row, column]:
             return x, y
@@ -52,7 +54,7 @@ class Tank:
         return min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
 
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
-        """The target where it is in sight, else the farthest point in sight of the way to it."""
+        """Return the target if it is in sight, else the farthest point in sight on the way."""
         if self.sees(x, y, to_x, to_y):
             return to_x, to_y
         cell = max(1, -(-max(self.legal.shape) // _CELLS))
@@ -72,11 +74,11 @@ class Tank:
         return seen
 
     def sees(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Whether a fish can swim straight from a point to another one; see `in_sight`."""
+        """Return whether a fish can swim straight from a point to another one; see `in_sight`."""
         return bool(in_sight(self.legal, self.arena, x, y, to_x, to_y))
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
-        """A legal pixel, all equally likely."""
+        """Draw a legal pixel, all equally likely."""
         height, width = self.legal.shape
         while True:
             row, column = int(rng.integers(height)), int(rng.integers(width))
@@ -86,16 +88,16 @@ class Tank:
 
 @leaf_kernel
 def inside(legal: Mask, x: float, y: float) -> bool:
-    """Whether the pixel that holds a point is there and legal."""
+    """Return whether the pixel of a point is in the picture and legal."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
 
 
 @leaf_kernel
 def in_sight(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
-    """Whether every point between two is legal.
+    """Return whether every point between two is legal.
 
-    The way may begin beside a wall: there it need only be in the arena, till it is legal.
+    The way may begin beside a wall: up to the first legal point it need only be in the arena.
     """
     far = np.hypot(to_x - x, to_y - y)
     steps, begun = int(far / _LOOK_PX) + 1, False
@@ -110,7 +112,7 @@ def in_sight(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: fl
 
 
 def tank(arena: Mask, reach_px: float) -> Tank:
-    """The tank for a fish no part of which is farther than `reach_px` from its centre.
+    """Return the tank of a fish no part of which is farther than `reach_px` from its centre.
 
     FinloopError if such a fish does not fit in.
     """
@@ -131,14 +133,13 @@ def tank(arena: Mask, reach_px: float) -> Tank:
 
 
 def _depth_px(arena: Mask) -> NDArray[np.float32]:
-    """See `Tank.depth_px`."""
     walled = np.pad(arena.astype(np.uint8), 1)
     depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(depth[1:-1, 1:-1], np.float32)
 
 
 def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
-    """The part (h, w) of an arena where animals were filmed: the convex hull of their outlines.
+    """Return the part (h, w) of an arena where animals were filmed: the hull of their outlines.
 
     outline_px (n, k, 2): x, y of all.
     """
@@ -150,8 +151,8 @@ def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
 def is_area_complete(outline_px: Reals) -> bool:
     """Return whether half of the outlines (n, k, 2) fills nearly as much as all of them do.
 
-    The mean of the first half and the last one. If not, animals have not been everywhere where they
-    can be: a longer film would show more.
+    The mean of the first half and the last one counts. If not, the animals have not been everywhere
+    that they can be: a longer film would show more.
     """
     half = len(outline_px) // 2
     if half == 0:
@@ -162,10 +163,10 @@ def is_area_complete(outline_px: Reals) -> bool:
 
 
 def goes_on(floor: Picture, filmed: Mask) -> bool:
-    """Whether most of a picture beyond where animals were `filmed` (h, w) looks like the floor.
+    """Return whether most of a picture outside where animals were `filmed` looks like the floor.
 
-    floor: (h, w) or (h, w, 3), without animals. Its grey there is within the range (5-95 %) that it
-    has where they were filmed, or as much again beyond it.
+    floor: (h, w) or (h, w, 3), without animals; filmed (h, w). It does if its grey there is within
+    the range (5-95 %) that it has where they were filmed, widened by that range on either side.
     """
     if filmed.all():
         return False
@@ -177,7 +178,6 @@ def goes_on(floor: Picture, filmed: Mask) -> bool:
 
 
 def _hull(outline_px: Reals) -> NDArray[np.int32]:
-    """The convex hull (m, 1, 2) of outlines (n, k, 2), in whole pixels."""
     corners = []
     for first in range(0, len(outline_px), _LOT):
         points = np.round(np.asarray(outline_px[first : first + _LOT]).reshape(-1, 2))
@@ -187,10 +187,10 @@ def _hull(outline_px: Reals) -> NDArray[np.int32]:
 
 @kernel
 def _ends(points: Reals, low: int, high: int) -> NDArray[np.int32]:
-    """The leftmost and the rightmost (k, 2) of whole points (n, 2) in each row of pixels.
+    """Return the leftmost and rightmost (k, 2) of whole points (n, 2) in each row of pixels.
 
-    No other can be a corner of their convex hull, which of all would take 15 s of a million
-    outlines. low, high: the first and the last row.
+    No other can be a corner of their convex hull, which would take 15 s for a million outlines.
+    low, high: the first and the last row.
     """
     ends = np.empty((high - low + 1, 2))
     ends[:, 0], ends[:, 1] = np.inf, -np.inf
@@ -206,13 +206,12 @@ def _ends(points: Reals, low: int, high: int) -> NDArray[np.int32]:
 
 
 def tank_area(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None = None) -> Mask:
-    """Return where fish may be: `arena`, where animals were `filmed`, or by `auto` one of both.
+    """Return where fish may be: in `arena`, where animals were `filmed`, or by `auto` one of both.
 
-    That is where animals were filmed if the arena is the whole picture, so none was given, and they
-    filled a quarter of it at least: elsewhere there may be no floor. A fish that keeps to less,
-    as in a current, may swim anywhere. So may one whose film is too short to show the tank
-    (`is_area_complete`), if the `floor` goes on: it would be kept from most places where it was
-    filmed.
+    `auto` takes the filmed area if the arena is the whole picture, so none was given, and the
+    animals filled at least a quarter of it: elsewhere there may be no floor. A fish that keeps to
+    less, as in a current, may swim anywhere. So may a fish whose film is too short to show the tank
+    (`is_area_complete`), if the `floor` goes on.
     """
     if tank == "arena" or (tank == "auto" and not arena.all()):
         return arena
@@ -229,15 +228,16 @@ def tank_area(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None =
 def where(
     arena: Mask, outline_px: Reals, reach_px: float, tank: str, floor: Picture | None = None
 ) -> Mask:
-    """The part (h, w) that a fish may be in: where it `tank_area`; by `auto` the whole arena, if it
-    reaches too far from its centre to fit in there.
+    """Return where (h, w) a fish may be: `tank_area`, or by `auto` the arena if the fish needs it.
+
+    It needs the whole arena if it reaches too far from its centre to fit in the area.
     """
     area = tank_area(arena, outline_px, tank, floor)
     return arena if tank == "auto" and not fits(area, reach_px) else area
 
 
 def size_for(area: Mask, reach_px: float) -> float:
-    """How large a fish is drawn, of its size as filmed, that reaches so far from its centre.
+    """Return the drawn size, as a share of the filmed one, of a fish that reaches `reach_px`.
 
     1, but less where an area (h, w) is so narrow that it could hardly turn in it.
     """
@@ -245,17 +245,16 @@ def size_for(area: Mask, reach_px: float) -> float:
 
 
 def fits(arena: Mask, reach_px: float) -> bool:
-    """Whether an arena (h, w) has a place for a fish that reaches so far from its centre."""
+    """Return whether an arena (h, w) has a place for a fish that reaches `reach_px`."""
     return bool(_free(arena, reach_px).any())
 
 
 def _free(arena: Mask, reach_px: float) -> Mask:
-    """Where (h, w) the centre of a fish may be that reaches so far from it."""
     return np.asarray(_depth_px(arena) > reach_px + 1)
 
 
 def goal_name(number: int) -> str:
-    """A, B … Z, A2, B2 …"""
+    """Return the name of a goal by its number: A, B … Z, A2, B2 … ."""
     again, letter = divmod(number, 26)
     return chr(ord("A") + letter) + (str(again + 1) if again else "")
 
@@ -263,7 +262,7 @@ def goal_name(number: int) -> str:
 def place_goals(
     given: Sequence[Sequence[float]], unit: str, tank: Tank, touch_px: float
 ) -> list[Goal]:
-    """Goals from the configuration, in pixels.
+    """Return goals from the configuration, in pixels.
 
     `given` [x, y] each; `unit` "px", or "tank": shares of its width and height, from the upper
     left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that is

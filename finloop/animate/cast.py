@@ -1,4 +1,4 @@
-"""What is drawn of a film: sprites, and the outlines of all pictures."""
+"""The cast of a film: its sprites, and the outlines of all pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from finloop.base.kernel import kernel
 class FrameHulls:
     """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
 
-    They are turned when they are looked at: of a film of hours the outlines stay in their file.
-    outline_px (n, k, 2): x, y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each
-    frame, the last drawn size / filmed size.
+    They are turned on access: those of a film of hours stay in their file. outline_px (n, k, 2): x,
+    y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each frame, the last drawn size
+    / filmed size.
     """
 
     outline_px: Reals
@@ -31,19 +31,19 @@ class FrameHulls:
         return len(self.centre_px)
 
     def __getitem__(self, rows: slice) -> NDArray[np.float32]:
-        """The outlines (m, k, 2) of some frames."""
+        """Return the outlines (m, k, 2) of some frames."""
         frames = self.centre_px[rows], self.heading_rad[rows], self.scale[rows]
         return np.asarray(_own_axes(self.outline_px[rows], *frames))
 
     @property
     def reach_px(self) -> Floats:
-        """How far (n,) each outline reaches from the mass centre."""
+        """Return how far (n,) each outline reaches from the mass centre."""
         return _farthest(self.outline_px, self.centre_px) * self.scale
 
 
 @kernel
 def _own_axes(points, centre, heading_rad, scale):  # type: ignore[no-untyped-def]
-    """Points (n, k, 2) x, y from each centre (n, 2), scaled, along each heading: `ahead_left`."""
+    """Return points (n, k, 2) relative to each centre (n, 2), scaled, along each heading."""
     made = np.empty(points.shape, np.float32)
     for row in range(len(points)):
         cos, sin = scale[row] * np.cos(heading_rad[row]), scale[row] * np.sin(heading_rad[row])
@@ -55,7 +55,6 @@ def _own_axes(points, centre, heading_rad, scale):  # type: ignore[no-untyped-de
 
 @kernel
 def _farthest(points, centre):  # type: ignore[no-untyped-def]
-    """The distance (n,) of the farthest of some points (n, k, 2) from each centre (n, 2)."""
     far = np.zeros(len(points))
     for row in range(len(points)):
         for k in range(points.shape[1]):
@@ -78,10 +77,10 @@ class Cast:
 
     @cached_property
     def sprite_scale(self) -> Floats:
-        """Drawn size / filmed size (n,) of every sprite."""
+        """Return drawn size / filmed size (n,) of every sprite."""
         return self.sprites["scale"].to_numpy(float)
 
     @cached_property
     def discs(self) -> Discs:
-        """The discs that hold the body in every picture."""
+        """Return the discs that hold the body in every picture."""
         return discs_of(self.frame_hulls, self.sprite_hulls)

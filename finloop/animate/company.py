@@ -1,9 +1,9 @@
 """Where the other fish of a tank will be, and whether a fish keeps clear of them, compiled.
 
-A body is a few discs that hold an outline of the film. A fish knows what the others have planned;
-after that they count as staying in place. It plans nothing that meets them, and stops only where it
-can stay. So a fish that finds no way on can stay in place, and no two bodies overlap. What joins
-bend and turn for some ticks, and the second picture of a cross-fade, are not looked at.
+A few discs that hold an outline of the film stand for the body. A fish knows what the others have
+planned; after that they count as staying in place. Its plans meet none of them, and it stops only
+where it can stay. So a fish that finds no way on can stay in place, and no two bodies overlap. Two
+things are left out: what joins bend and turn for some ticks, and the partner of a cross-fade.
 """
 
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.kernel import kernel, leaf_kernel
 
 _DISCS = 6
-_TICKS = 64  # room for the ways of plans, which grows
+_TICKS = 64  # initial room for planned ways; it grows
 _LOT = 10_000  # outlines at a time
 _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
 
 
 class Hulls(Protocol):
-    """Outlines (n, p, 2) that are looked at in lots: an array, or one that stays in a file."""
+    """Outlines (n, p, 2) that are read in lots: an array, or one that stays in a file."""
 
     def __len__(self) -> int: ...
     def __getitem__(self, rows: slice, /) -> Reals: ...
@@ -32,8 +32,8 @@ class Discs(NamedTuple):
     """The discs that hold the body in every picture.
 
     table (n + s, k, 3): of n frames of the film, then of s sprites: px ahead of the mass centre and
-    to its left, and the radius; frames: n; reach: px from the centre, none reaches farther. A
-    picture is looked up by its number: the row of the motion graph, or −1 − that of a sprite.
+    to its left, and the radius; frames: n; reach: px from the centre, none reaches farther. The
+    number of a picture is the row of the motion graph, or −1 − that of a sprite.
     """
 
     table: Floats
@@ -42,11 +42,12 @@ class Discs(NamedTuple):
 
 
 class Company(NamedTuple):
-    """The other fish (m) of a tank, as one fish knows them when it decides.
+    """The m other fish of a tank, as a fish knows them when it decides.
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
     heading in degrees and the number of the picture at every tick from then on, the last ones for
-    ever; until, near: a search takes them into account until a tick, and of them the first `near`.
+    ever; until: the last tick at which a search considers them; near: it considers the first
+    `near`.
     """
 
     start: int
@@ -61,7 +62,7 @@ ALONE = Company(0, np.zeros((1, 0, 4)), NO_DISCS)
 
 
 class Plans:
-    """What the fish of a tank have planned: of each the last way, from a tick on.
+    """What the fish of a tank have planned: the last way of each, from a tick on.
 
     Fish are numbered from 0; a fish that has not planned yet is not there.
     """
@@ -79,7 +80,7 @@ class Plans:
         return plans
 
     def put(self, number: int, begins: int, way: Floats) -> None:
-        """A fish has planned a way (n, 4), as in `Company`, that begins at a tick; n ≥ 1."""
+        """Store the way (n, 4) of a fish, as in `Company`, that begins at a tick; n ≥ 1."""
         more = len(way) - self._ways.shape[1]
         if more > 0:
             self._ways = np.pad(self._ways, [(0, 0), (0, more), (0, 0)])
@@ -87,16 +88,16 @@ class Plans:
         self._begins[number], self._ticks[number] = begins, len(way)
 
     def others(self, number: int, tick: int) -> Floats:
-        """Where all but a fish are (n, m, 4), as in `Company`, from a tick on."""
+        """Return where the other fish are (n, m, 4), as in `Company`, from a tick on."""
         return np.asarray(_places(self._ways, self._begins, self._ticks, number, tick))
 
     def number(self, own: int, other: int) -> int:
-        """The number of the other-th of all but a fish that have planned."""
+        """Return the number of the `other`-th fish that has planned, without the fish `own`."""
         there = np.flatnonzero(self._ticks > 0)
         return int(there[there != own][other])
 
     def has(self, number: int) -> bool:
-        """Whether a fish has planned yet."""
+        """Return whether a fish has planned yet."""
         return bool(self._ticks[number])
 
     def place_at(self, number: int, tick: int) -> Floats:
@@ -106,9 +107,9 @@ class Plans:
 
 
 def company_of(others: Floats, start: int, discs: Discs, stays: int) -> Company:
-    """The company of fish that are known (n, m, 4), of `Plans.others`, from a tick on.
+    """Return the company of other fish (n, m, 4), from `Plans.others`, from a tick on.
 
-    stays: ticks after these for which a search takes them into account.
+    stays: for how many ticks after these a search considers them.
     """
     ticks, count = others.shape[:2]
     return Company(start, others, discs, start + ticks - 1 + stays, count)
@@ -116,7 +117,6 @@ def company_of(others: Floats, start: int, discs: Discs, stays: int) -> Company:
 
 @kernel
 def _places(ways, begins, ticks, own, tick):  # type: ignore[no-untyped-def]
-    """See `Plans.others`."""
     count, most = 0, 1
     for k in range(len(ticks)):
         if k != own and ticks[k] > 0:
@@ -135,10 +135,10 @@ def _places(ways, begins, ticks, own, tick):  # type: ignore[no-untyped-def]
 
 @kernel
 def near_first(company: Company, x: float, y: float, farthest: Floats) -> Company:
-    """The company of a fish at a place, first those that it can come near while a search looks.
+    """Return the company of a fish at a place, first those that it can meet during a search.
 
-    farthest (t,): px that a fish comes from its place in 0, 1, 2 … ticks at most; after that it
-    comes on as fast as till then.
+    farthest (t,): px that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
+    mean speed.
     """
     known = len(farthest) - 1
     pace = farthest[known] / known
@@ -166,7 +166,7 @@ def near_first(company: Company, x: float, y: float, farthest: Floats) -> Compan
 
 
 def discs_of(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
-    """The discs of outlines (n, p, 2), (p, 2), px ahead of and to the left of the mass centre."""
+    """Return the discs of outlines (n, p, 2), (p, 2), px ahead and left of the mass centre."""
     lots = (frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT))
     every = chain(lots, (np.asarray(hull)[None] for hull in sprite_hulls))
     table = np.concatenate([_discs(np.ascontiguousarray(lot, float)) for lot in every])
@@ -176,7 +176,7 @@ def discs_of(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
 
 @kernel
 def _discs(hulls):  # type: ignore[no-untyped-def]
-    """Discs (n, k, 3) that hold outlines (n, p, 2), each as long a part of their length."""
+    """Return discs (n, k, 3) that hold outlines (n, p, 2), for equal parts of their length."""
     discs, wide = np.empty((len(hulls), _DISCS, 3)), np.empty((_DISCS, 2))
     for n in range(len(hulls)):
         hull = hulls[n]
@@ -198,7 +198,7 @@ def _discs(hulls):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _widen(wide, ahead, left):  # type: ignore[no-untyped-def]
-    """Make the parts' widths (k, 2), lowest and highest left, hold a side of an outline.
+    """Widen the parts (k, 2), lowest and highest left, to hold a side of an outline.
 
     ahead, left: of its two ends, the former in parts.
     """
@@ -214,13 +214,13 @@ def _widen(wide, ahead, left):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def clear(company: Company, picture: int, x: float, y: float, heading: float, tick: int) -> bool:
-    """Whether a picture shown at a place, at a tick, meets no other fish."""
+    """Return whether a picture shown at a place, at a tick, meets no other fish."""
     return _clear(company, company.places.shape[1], picture, (x, y, heading), tick)
 
 
 @leaf_kernel
 def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def]
-    """Whether a picture shown at a place (x, y, heading) meets none of the first `count` fish."""
+    """Return whether a picture at a place (x, y, heading) meets none of the first `count` fish."""
     others, near, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, place
     if count == 0:
         return True
@@ -236,14 +236,14 @@ def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def
 
 @leaf_kernel
 def clear_ahead(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
-    """`clear` for a search: of fish that may come near, from `start` to `until` alone."""
+    """Return `clear` for a search: only fish that may come near, from `start` to `until`."""
     unknown = tick < company.start or tick > company.until
     return unknown or _clear(company, company.near, picture, (x, y, heading), tick)
 
 
 @leaf_kernel
 def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
-    """Whether two pictures' discs overlap, the second dx, dy px (y down) from the first.
+    """Return whether the discs of two pictures overlap, the second dx, dy px (y down) away.
 
     first, second: number, heading.
     """
@@ -265,8 +265,9 @@ def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def disc_orientation(discs, one):  # type: ignore[no-untyped-def]
-    """Of a picture, number and heading: its row of the discs, the side that is its left (±1), the
-    heading's cosine and sine.
+    """Return how the discs of a picture lie: their row, the side of its left, cosine, sine.
+
+    one: number of the picture, and heading. The side is ±1.
     """
     number, angle = one[0], np.radians(one[1])
     side = 1.0
@@ -279,7 +280,10 @@ def disc_orientation(discs, one):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
-    """How many ticks of a way (n, 3), begun at a tick, meet no other; numbers (n,): of pictures."""
+    """Return how many ticks of a way (n, 3), begun at a tick, meet no other fish.
+
+    numbers (n,): of its pictures.
+    """
     for t in range(len(way)):
         if not clear(company, numbers[t], way[t, 0], way[t, 1], way[t, 2], tick + t):
             return t
@@ -288,7 +292,7 @@ def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
 
 @leaf_kernel
 def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a picture can be shown at a place (x, y, heading) from a tick on, clear of all."""
+    """Return whether a picture at a place (x, y, heading) is clear of all from a tick on."""
     last = max(company.start + company.places.shape[0] - 1, tick)
     while tick <= last and clear(company, picture, place[0], place[1], place[2], tick):
         tick += 1
@@ -297,7 +301,7 @@ def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type:
 
 @leaf_kernel
 def lasting_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
-    """How many ticks of a way (n, 3) a fish can swim, clear of all, and stay where it is then."""
+    """Return how many ticks of a way (n, 3) a fish can swim clear of all, and then stay."""
     n = clear_ticks(company, numbers, way, tick)
     while n > 0 and not can_stay(company, numbers[n - 1], way[n - 1], tick + n - 1):
         n -= 1

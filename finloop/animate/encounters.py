@@ -1,4 +1,4 @@
-"""How near fish of one tank come to each other: outlines that overlap, the nearest neighbour.
+"""How near the fish of a tank come to each other: overlapping outlines, nearest neighbours.
 
 An outline is that of the picture, at the heading of the edit list, without what joins still bend
 and turn.
@@ -19,7 +19,7 @@ from finloop.edit.schema import FRAME
 
 
 class PlacedPicture(NamedTuple):
-    """What tells the outline of a fish on screen: columns of an edit list."""
+    """The columns of an edit list that determine the outline of a fish on screen."""
 
     kind: str
     source: int
@@ -38,7 +38,7 @@ def place_outline(
 
 
 def outline(player: AnyPlayer, row: Any) -> Floats:
-    """The outline (p, 2) on screen of a row of an edit list, or `PlacedPicture`."""
+    """Return the outline (p, 2) on screen of a row of an edit list, or of a `PlacedPicture`."""
     mirrored = row.kind == FRAME and row.mirrored
     return place_outline(
         player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored
@@ -46,7 +46,7 @@ def outline(player: AnyPlayer, row: Any) -> Floats:
 
 
 def overlap(one: Floats, other: Floats) -> bool:
-    """Whether two outlines on screen have a pixel in common, but for their edges."""
+    """Return whether two outlines on screen have a pixel in common, except for their edges."""
     low, high = np.maximum(one.min(0), other.min(0)), np.minimum(one.max(0), other.max(0))
     if (low > high).any():
         return False
@@ -59,12 +59,12 @@ def overlap(one: Floats, other: Floats) -> bool:
 
 
 def places(edit: pd.DataFrame) -> Floats:
-    """Where the fish of an edit list are, (fish, ticks, 2) px."""
+    """Return where the fish of an edit list are, (fish, ticks, 2) px."""
     return edit[["x_px", "y_px"]].to_numpy(float).reshape(edit["fish"].nunique(), -1, 2)
 
 
 def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
-    """How many pairs of fish overlap at each tick (ticks,) of an edit list."""
+    """Return how many pairs of fish overlap at each tick (ticks,) of an edit list."""
     where = places(edit)
     fish, ticks = where.shape[:2]
     columns = [edit[name].to_numpy() for name in PlacedPicture._fields]
@@ -81,7 +81,7 @@ def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
 
 
 def nearest(where: Floats) -> Floats:
-    """How far (n,) each of n ≥ 2 places (n, 2) is from the one nearest to it."""
+    """Return how far (n,) each of n ≥ 2 places (n, 2) is from the one nearest to it."""
     far = np.hypot(*(where[:, None] - where[None]).transpose(2, 0, 1))
     np.fill_diagonal(far, np.inf)
     return np.asarray(far.min(axis=1))
@@ -106,7 +106,7 @@ def measure_film_clearance(features: pd.DataFrame) -> dict[str, float]:
 
 
 def film_nearest(features: pd.DataFrame) -> Floats:
-    """How far, in body lengths, the animals of a film are from the one nearest to each."""
+    """Return how far, in body lengths, each animal of a film is from the nearest other one."""
     length = typical_length(features).to_numpy(float)
     where = features[["x_px", "y_px"]].to_numpy(float)
     together = [rows for rows in features.groupby("frame").indices.values() if len(rows) > 1]

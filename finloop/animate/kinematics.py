@@ -15,7 +15,8 @@ from finloop.base.kernel import kernel, leaf_kernel
 class Target(NamedTuple):
     """A place to touch, px: the centre or the head, `head_px` ahead, comes within `touch_px`.
 
-    free: whether the fish only wanders: by sprites it swims there, by the film as the film does.
+    free: whether the fish only wanders: by sprites it swims there, in the film it goes where the
+    film does.
     """
 
     x: float
@@ -38,10 +39,10 @@ def aim_in(tank: Tank, place: tuple[float, float], goal: Target, near_px: float)
 
 
 class Ahead(NamedTuple):
-    """Swimming ahead, tick by tick (n,).
+    """A swim straight ahead, tick by tick (n,).
 
     forward: px per tick; drift: of the heading since the start, degrees; brake: px that the fish
-    goes on before it can have stopped.
+    needs to stop.
     """
 
     forward: Floats
@@ -71,19 +72,19 @@ def rotate(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def wrap(angle: float) -> float:
-    """The same angle in (−180, 180]."""
+    """Return the same angle in (−180, 180]."""
     return 180.0 - (180.0 - angle) % 360.0
 
 
 @leaf_kernel
 def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
-    """Direction of one point seen from another."""
+    """Return the direction of one point seen from another."""
     return np.degrees(np.arctan2(y - to_y, to_x - x))
 
 
 @leaf_kernel
 def towards_by(own: float, error: float, most: float) -> float:
-    """By how much a fish turns that its pictures turn by `own`, and whose heading is `error` off.
+    """Return the steering turn of a fish whose pictures turn by `own`; `error`: of its heading.
 
     Beside its own turn it turns by `most` at most, and by both not faster than by either.
     """
@@ -103,11 +104,11 @@ def offset_point(x: float, y: float, heading: float, forward: float, sideways: f
 
 @leaf_kernel
 def touches(x: float, y: float, heading: float, spot: Target) -> bool:
-    """Whether a fish touches a spot."""
+    """Return whether a fish touches a target."""
     dx, dy = x - spot.x, y - spot.y
     reach = 1.001 * (spot.touch_px + spot.head_px)
     if dx * dx + dy * dy > reach * reach:
-        return False  # Too far for the head, too; most calls end here, without sines.
+        return False  # too far for the head, too; most calls end here, without sines
     head_x, head_y = offset_point(x, y, heading, spot.head_px, 0.0)
     return (
         np.hypot(dx, dy) <= spot.touch_px

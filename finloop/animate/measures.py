@@ -1,8 +1,8 @@
-"""How good an animation is: goals, kinematics, smoothness, variety; and the same of the film.
+"""How good an animation is: goals, kinematics, smoothness, variety; and the same for the film.
 
-A *step* is the distance (Eq. 5) between two successive pictures; the film's own steps are the
-measure. A *jump* i → j shows after frame i another one than the film's next. Its *seam ratio* is
-D(i + 1, j) over the median of the film's steps: 1 = as smooth as the film.
+A *step* is the distance (Eq. 5) between two successive pictures, compared with the film's own
+steps. A *jump* i → j shows after frame i another one than the film's next. Its *seam ratio* is
+D(i + 1, j) over the median of the film's steps: 1 is as smooth as the film.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +36,7 @@ _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 def measure_plan(
     edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film: tuple[Floats, Floats]
 ) -> dict[str, float]:
-    """Return all measures of one fish that need no picture. film: of `motion_of_film`."""
+    """Return all measures of one fish that need no picture. film: see `motion_of_film`."""
     return {
         **(measure_goals(edit, goals, player.world) if goals else {}),
         **kinematic_distances(motion_of_edit(edit, player), film),
@@ -63,7 +63,7 @@ def arrival_ticks(
         apart = np.minimum(
             np.hypot(x - goal.x_px, y - goal.y_px), np.hypot(head_x - goal.x_px, head_y - goal.y_px)
         )
-        # An edit list is rounded on disk, hence the hair's breadth.
+        # An edit list is rounded on disk, hence the tolerance.
         there = np.flatnonzero(apart[since:] <= touch_px + 0.01)
         if there.size == 0:
             break
@@ -72,12 +72,12 @@ def arrival_ticks(
     return ticks
 
 
-def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: World) -> dict[str, float]:
+def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> dict[str, float]:
     """Return goals reached, time, path error against straight lines, straightness and heading.
 
-    arrival_heading_error_deg: of the heading at a goal against the straight way there, on average.
+    arrival_heading_error_deg: mean difference of the heading at a goal from the straight way there.
     """
-    ticks, motion = arrival_ticks(edit, goals, waters.touch_px, waters.head_px), waters.motion
+    ticks, motion = arrival_ticks(edit, goals, world.touch_px, world.head_px), world.motion
     done = np.flatnonzero(~np.isnan(ticks))
     measures = {"goals": float(len(goals)), "goals_reached_pct": 100 * len(done) / len(goals)}
     if done.size == 0:
@@ -85,35 +85,34 @@ def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: World) -> d
     place = edit[["x_px", "y_px"]].to_numpy()
     ends = np.concatenate([[0], ticks[done]]).astype(int)
     heading = edit["heading_deg"].to_numpy(float)
-    errors, arrivals, asked, swum = [], [], 0.0, 0.0
+    errors, arrivals, direct, covered = [], [], 0.0, 0.0
     start = place[0]
     for i, (a, b) in enumerate(pairwise(ends)):
         goal = np.array(goals[i][1:3])
         leg = place[a : b + 1]
         errors.append(_off_segment(leg, start, goal))
-        asked += float(np.hypot(*(place[b] - place[a])))
+        direct += float(np.hypot(*(place[b] - place[a])))
         direction = np.degrees(np.arctan2(start[1] - goal[1], goal[0] - start[0]))
         arrivals.append(abs(float(wrap_deg(heading[b] - direction))))
-        swum += float(np.hypot(*np.diff(leg, axis=0).T).sum())
+        covered += float(np.hypot(*np.diff(leg, axis=0).T).sum())
         start = goal
     off = np.concatenate(errors) / motion.body_length_px
     return measures | {
         "time_to_goal_median_s": float(np.median(np.diff(ends)) / motion.rate_hz),
         "path_error_rms_body_lengths": float(np.sqrt((off**2).mean())),
-        "straightness": asked / swum if swum > 0 else np.nan,
+        "straightness": direct / covered if covered > 0 else np.nan,
         "arrival_heading_error_deg": float(np.mean(arrivals)),
     }
 
 
 def _off_segment(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Distance (n,) of points (n, 2) from the segment between a and b."""
     along = b - a
     share = np.clip((points - a) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
     return np.hypot(*(points - a - share[:, None] * along).T)
 
 
 def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
-    """The table of `KINEMATICS`, of `motion_of_film` and `motion_of_edit` by name."""
+    """Return the table `KINEMATICS` from `motion_of_film` and `motion_of_edit` by name."""
     parts = [
         pd.DataFrame({"mode": mode, "speed": speed, "turn_rate": rate})
         for mode, (speed, rate) in motions.items()
@@ -122,9 +121,9 @@ def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
 
 
 def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Floats]:
-    """Speed [body lengths/s] and turn rate [°/s] of one fish, both over Δ as the film's (Eq. 3).
+    """Return speed [body lengths/s] and turn rate [°/s] of a fish, both over Δ (Eq. 3).
 
-    The film's heading is that of the head, so the drawn head's is taken: the sprites sway.
+    The film's heading is that of the head, so the drawn head's is taken: sprites sway.
     """
     head = edit["heading_deg"].to_numpy(float, copy=True)
     sprite = (edit["kind"] != FRAME).to_numpy()
@@ -137,7 +136,7 @@ def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Float
 
 
 def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Floats, Floats]:
-    """The same of every track of the film."""
+    """Return speed and turn rate of all tracks of the film, as `motion_of_edit` does."""
     length = motion.body_length_px / motion.size
     parts = [
         _over_delta(through_water(track) / length, track["heading_deg"].to_numpy(float), motion)
@@ -151,7 +150,7 @@ def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Fl
 def _over_delta(
     place: Floats, heading_deg: Floats, motion: MotionStatistics
 ) -> tuple[Floats, Floats]:
-    """place (n, 2): in body lengths."""
+    """Return speed and turn rate over Δ; place (n, 2): in body lengths."""
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
     moved = np.hypot(*(place[delta:] - place[:-delta]).T)
     heading = np.unwrap(heading_deg, period=360)
@@ -160,7 +159,10 @@ def _over_delta(
 
 
 def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) -> float:
-    """Wasserstein distance of two samples, in standard deviations of the film's or the whole's."""
+    """Return the Wasserstein distance of two samples, in standard deviations of the film.
+
+    whole: the sample whose standard deviation counts, by default `film`.
+    """
     sd = (film if whole is None else whole).std()
     return wasserstein_distance(mine, film) / float(sd)
 
@@ -176,7 +178,7 @@ def kinematic_distances(
 
 
 def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
-    """Ticks at which any point of the drawn fish is outside the arena."""
+    """Return at how many ticks any point of the drawn fish is outside the arena."""
     count, tank = 0, player.world.tank
     height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
@@ -200,12 +202,12 @@ def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
 
 
 def measure_film(
-    features: pd.DataFrame, swum: tuple[Floats, Floats], steps: Floats, motion: MotionStatistics
+    features: pd.DataFrame, own: tuple[Floats, Floats], steps: Floats, motion: MotionStatistics
 ) -> dict[str, float]:
-    """Return the film's own measures: the line that an animation is held against.
+    """Return the film's own measures, with which an animation is compared.
 
-    A film has no goals and no jumps. Its kinematic distance is that of its first half from its
-    second, about as near as another film of the same fish would come.
+    A film has no goals and no jumps. Its kinematic distance is that between its two halves, about
+    that of another film of the same fish.
     """
     half = features["frame"].median()
     early, late = (
@@ -214,12 +216,12 @@ def measure_film(
     )
     halves = {
         f"{name}_halves_kinematic_distance_sd": kinematic_distance(*each)
-        for name, *each in zip(("speed", "turn_rate"), early, late, swum, strict=True)
+        for name, *each in zip(("speed", "turn_rate"), early, late, own, strict=True)
         if all(part.size for part in each)
     }
     return {
         **halves,
-        "speed_median_body_lengths_s": float(np.median(swum[0])),
-        "turn_rate_sd_deg_s": float(swum[1].std()),
+        "speed_median_body_lengths_s": float(np.median(own[0])),
+        "turn_rate_sd_deg_s": float(own[1].std()),
         **step_measures(steps, steps),
     }

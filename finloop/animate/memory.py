@@ -1,8 +1,8 @@
-"""What of the film was on screen just now, compiled.
+"""Which rows of the film were on screen just now, compiled.
 
-A fish remembers stretches of film (m, 3), in the order of their rows, none overlapping another: the
-first row, the last row, and the tick at which the first was last on screen. So a memory grows with
-the jumps of the last seconds, not with the film, and a row is looked up by halving.
+A memory holds stretches of film (m, 3), sorted by row and without overlaps: the first row, the last
+row, and the tick at which the first was last on screen. So it grows with the jumps of the last
+seconds, not with the film, and a binary search finds a row.
 """
 
 import numpy as np
@@ -11,12 +11,12 @@ from finloop.base.arrays import Ints
 from finloop.base.kernel import kernel, leaf_kernel
 
 NEVER = -(10**9)
-"""The tick at which a row was last on screen that never was."""
+"""The tick of a row that was never on screen."""
 
 
 @leaf_kernel
 def last_on_screen(recent: Ints, first: int, last: int) -> int:
-    """The tick at which any of the rows first … last was last on screen."""
+    """Return the tick at which any of the rows first … last was last on screen."""
     low, high = 0, len(recent)
     while low < high:  # the first stretch that ends at `first` or later
         middle = (low + high) // 2

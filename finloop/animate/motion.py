@@ -1,4 +1,4 @@
-"""What the film shows of swimming that every mode uses: how tracks run, and turns.
+"""The film's swimming statistics for every mode: how tracks go, and turns.
 
 A *turn* is a stretch of one swimming type, left or right; both sides are kept as turns to the left,
 as a fish is symmetrical.
@@ -23,7 +23,7 @@ from finloop.base.stretches import spread
 from finloop.features.current import through_water
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
-_LEARNT = 100_000  # rows; they show thousands of phases and turns, of which few are ever alike
+_LEARNT = 100_000  # rows to learn from; they show thousands of phases and turns
 _MOTION = ("heading_deg", "bend")
 
 
@@ -45,9 +45,9 @@ class Turns:
 
 @dataclass(frozen=True)
 class MotionStatistics:
-    """What every mode knows of how the film's fish swim.
+    """How the film's fish swim.
 
-    straight_ticks: how long it swam between two turns; delta: Δ in ticks; body_length_px: as
+    straight_ticks: durations of swimming between two turns; delta: Δ in ticks; body_length_px: as
     drawn, `size` times as large as filmed.
     """
 
@@ -65,7 +65,7 @@ class MotionStatistics:
 
 @dataclass(frozen=True)
 class TrackKinematics:
-    """How one track swims: everything smoothed over Δ, so that noise is not taken for motion."""
+    """How one track swims: everything smoothed over Δ, so that noise does not count as motion."""
 
     speed: Floats
     heading_deg: Floats
@@ -81,7 +81,7 @@ Track = dict[str, NDArray[Any]]
 
 
 def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
-    """What one track, frame by frame, does."""
+    """Return the kinematics of a track, frame by frame."""
     frames = np.arange(len(track["x_px"]))
     before = np.maximum(frames - delta // 2, 0)
     after = np.minimum(frames - delta // 2 + delta, frames[-1])
@@ -107,10 +107,10 @@ def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackK
 
 
 def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[TrackKinematics]:
-    """How the film's fish swim, track by track; delta: Δ in frames.
+    """Return how the film's fish swim, track by track; delta: Δ in frames.
 
-    A film of hours is learnt from tracks that are spread over it. Where the film shows no straight
-    swimming, all of it counts as straight. FinloopError if nothing moves.
+    From a film of hours tracks spread over it are taken. Where the film shows no straight swimming,
+    all of it counts as straight. FinloopError if nothing moves.
     """
     length = float(features["body_length_px"].median())
     every = [course(track, delta, length, rate_hz) for track in _tracks(features, 2 * delta)]
@@ -122,7 +122,7 @@ def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[TrackKin
 
 
 def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
-    """The turns of a feature table, and how long its fish swim straight; delta: Δ in frames.
+    """Return the motion statistics of a feature table; delta: Δ in frames.
 
     Where the film shows no turn, each track is one. FinloopError if nothing moves, or no heading
     changes.
@@ -139,12 +139,12 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistic
 
 
 def runs_of(one: TrackKinematics) -> "list[Run]":
-    """The runs of one swimming type of a track: itself, the type, first and one past the last."""
+    """Return the runs of one swimming type: the track, the type, first, and one past the last."""
     return [(one, *run) for run in _runs(one.kind)]
 
 
 def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
-    """The tracks that are longer than `least`; of a long film as many as have `_LEARNT` rows."""
+    """Yield tracks longer than `least`; of a long film as many as have `_LEARNT` rows."""
     edges = np.flatnonzero(np.diff(features["track_id"], prepend=-1, append=-1))
     columns: Track = {name: features[name].to_numpy(float) for name in _MOTION}
     columns["x_px"], columns["y_px"] = through_water(features).T
@@ -169,7 +169,6 @@ def too_little(what: str) -> FinloopError:
 
 
 def _runs(kind: NDArray[np.int8]) -> list[tuple[int, int, int]]:
-    """(type, first, one past the last) of every run of one swimming type."""
     edges = np.flatnonzero(np.diff(kind)) + 1
     bounds = np.concatenate([[0], edges, [len(kind)]])
     return [(int(kind[a]), int(a), int(b)) for a, b in pairwise(bounds)]
@@ -179,13 +178,12 @@ Run = tuple[TrackKinematics, int, int, int]
 
 
 def _whole(c: TrackKinematics) -> Run:
-    """A track as one turn, to the side to which it turns in all."""
+    """Return a track as one turn, to the side to which it turns in all."""
     side = 1 if c.heading_deg[-1] >= c.heading_deg[0] else -1
     return c, side, 1, len(c.kind) - 1
 
 
 def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
-    """The turns of runs; None where no run turns."""
     rows = []
     for c, kind, first, last in runs:
         prior, final = max(first - 1, 0), min(last, len(c.kind) - 1)

@@ -1,8 +1,8 @@
-"""From a line that is given to a path that can be swum, in px of the clip.
+"""From a given line to a path that fish can follow, in px of the clip.
 
-What is finer than a grain, such as the tremble of a track or of a hand, is left out. Where the
-fish's centre may not be, the path is steered for the nearest place where it may be; errors are
-measured against the path as it was asked for.
+Detail finer than a grain, such as the tremble of a track or of a hand, is left out. Where the
+fish's centre may not be, the path is steered to the nearest place where it may be. Errors are
+measured against the requested path.
 """
 
 from typing import NamedTuple
@@ -18,14 +18,14 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.line import MM, TANK, Line
 
-_GRAIN = 0.05  # body lengths; what is finer is left out, and so far the centre keeps from walls
-_STEP = 0.1  # body lengths between the places that are steered for
-_FINE = 0.02  # ... and between those that errors are measured against
+_GRAIN = 0.05  # body lengths; finer detail is left out; also the centre's distance from walls
+_STEP = 0.1  # body lengths between the places of the steered path
+_FINE = 0.02  # ... and of the requested path
 _AHEAD = 0.5  # body lengths along the path within which a foot moves on in a tick
 
 
 class Path(NamedTuple):
-    """A path: as it is steered for, and as it was asked for, at the same px along it."""
+    """A path as it is steered (route), and as requested (asked), at the same px along it."""
 
     route: Route
     asked: Route
@@ -52,7 +52,7 @@ def lay(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | Non
     if along[-1] < 2 * _STEP * length:
         raise FinloopError(
             f"{line.name} is {along[-1] / length:.2f} body lengths long",
-            f"a path of {2 * _STEP:g} body lengths at least",
+            f"a path of at least {2 * _STEP:g} body lengths",
             "draw a longer path, or correct its unit (matching.path_unit)",
         )
     when = np.zeros(0)
@@ -115,7 +115,7 @@ def _refuse_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
 
 @kernel
 def _grains(x: Floats, y: Floats, grain: float) -> Ints:
-    """The first place of every grain: one so far away from the first place of the one before."""
+    """Return the first place of every grain, `grain` away from the first of the one before."""
     starts = np.empty(x.size, np.int64)
     starts[0], n = 0, 1
     for i in range(1, x.size):
@@ -132,7 +132,7 @@ def _grain_means(values: Floats, starts: Ints) -> Floats:
 
 
 def _within(route: Route, tank: Tank, margin_px: float) -> Route:
-    """The path with every place moved to the nearest where the centre may be, off the walls."""
+    """Return the path with every place moved to where the centre may be, off the walls."""
     free = scipy.ndimage.distance_transform_edt(tank.legal) > margin_px
     if not free.any():
         free = tank.legal

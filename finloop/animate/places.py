@@ -1,4 +1,4 @@
-"""Places in the tank that are drawn at random: goals, and where a fish wanders to."""
+"""Random places in the tank: goals, and where a fish wanders to."""
 
 from typing import Any
 
@@ -11,12 +11,12 @@ from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.edit.schema import Goal
 
-_TRIES = 8  # a place to wander to is drawn so often before any place will do
+_TRIES = 8  # tries to draw a good place to wander to before any place will do
 
 
-def random_goals(waters: World, count: int, rng: np.random.Generator) -> list[Goal]:
-    """Places in the tank that the head of a fish can touch, all equally likely."""
-    tank, touch_px = waters.tank, waters.touch_px + waters.head_px
+def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goal]:
+    """Draw places in the tank that the head of a fish can touch, all equally likely."""
+    tank, touch_px = world.tank, world.touch_px + world.head_px
     goals: list[Goal] = []
     while len(goals) < count:
         y, x = (int(rng.integers(side)) for side in tank.arena.shape)
@@ -27,7 +27,7 @@ def random_goals(waters: World, count: int, rng: np.random.Generator) -> list[Go
 
 
 def somewhere(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
-    """A place (2,) px to wander to, as far aside as the film's turns go, and for how many ticks."""
+    """Draw a place (2,) px to wander to, and its ticks; it is as far aside as the film's turns."""
     motion, tank = world.motion, world.tank
     for _ in range(_TRIES):
         angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
@@ -41,5 +41,5 @@ def somewhere(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Float
 
 
 def one_of(values: NDArray[Any], rng: np.random.Generator) -> Any:
-    """One of some values, as `rng.choice`, which takes five times as long."""
+    """Draw one of some values, as `rng.choice`, which takes five times as long."""
     return values[rng.integers(len(values))]

@@ -1,8 +1,9 @@
-"""A path to be swum, laid out evenly for the player: places along it, and when to be there.
+"""A path laid out evenly for the player: places along it, and when to be there.
 
-A path is known by arc length, in px from its beginning. Whoever swims it is at a *foot*, the place
-of the path nearest to it a little ahead of the foot before: where a path crosses itself the other
-branch is as near, but much farther along. On a closed path the arc length goes on from lap to lap.
+Arc length, in px from its beginning, gives a place of the path. A fish on it is at a *foot*, the
+place of the path nearest to it a little ahead of the foot before: where a path crosses itself the
+other branch is as near, but much farther along. On a closed path the arc length goes on from lap to
+lap.
 """
 
 from typing import NamedTuple
@@ -12,16 +13,16 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf
 
-_BEHIND = 2.0  # times `Route.ahead`; on a path with times a foot is no farther behind
+_BEHIND = 2.0  # times `Route.ahead`: how far behind a foot may be on a path with times
 
 
 class Route(NamedTuple):
     """Places x, y (n,) of a path, px, `step` px apart along it; kernels take it whole.
 
-    heading (n,): asked, degrees, without jumps of 360, or none; closed: whether the last place is
-    followed by the first; when (ticks,): how far along the path to be at each tick, in px, none: at
-    the fish's own pace; begins: the tick of the first of `when`; ahead: places within which a foot
-    moves on in a tick.
+    heading (n,): requested, degrees, without jumps of 360, or empty; closed: whether the first
+    place follows the last; when (ticks,): px along the path due at each tick, empty if the fish
+    swims at its own speed; begins: the tick of the first of `when`; ahead: places within which a
+    foot moves on in a tick.
     """
 
     x: Floats
@@ -35,7 +36,7 @@ class Route(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Of the path, or of one lap, in px."""
+        """Return the length of the path, or of one lap, in px."""
         return self.step * (len(self.x) - (not self.closed))
 
     @property
@@ -44,7 +45,7 @@ class Route(NamedTuple):
         return len(self.when) > 0
 
     def done(self, along: float, tick: int) -> bool:
-        """Whether it has been swum by a fish that has come so far, at a tick."""
+        """Return whether a fish `along` px along the route is at its end, at a tick."""
         return bool(done(self, along, tick))
 
 
@@ -54,7 +55,7 @@ NO_ROUTE = Route(_NONE, _NONE, _NONE, 1.0, False, _NONE, 0, 0)
 
 @finite_leaf
 def done(route: Route, along: float, tick: int) -> bool:
-    """See `Route.done`."""
+    """Return whether a route is done, as `Route.done` does."""
     if route.when.size:
         return tick >= route.begins + route.when.size - 1
     return not route.closed and along >= route.step * (route.x.size - 1 - 1e-6)
@@ -62,7 +63,7 @@ def done(route: Route, along: float, tick: int) -> bool:
 
 @finite_leaf
 def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
-    """The places before and after a place along the path, and its share of the way between."""
+    """Return the places before and after a place of the path, and its share of the way between."""
     n = route.x.size
     u = max(along, 0.0) / route.step
     k = int(u)
@@ -77,7 +78,7 @@ def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def place(route: Route, along: float):  # type: ignore[no-untyped-def]
-    """The place (x, y) so far along the path."""
+    """Return the place (x, y) `along` px along the path."""
     a, b, share = _cells(route, along)
     x = route.x[a] + share * (route.x[b] - route.x[a])
     return x, route.y[a] + share * (route.y[b] - route.y[a])
@@ -85,22 +86,22 @@ def place(route: Route, along: float):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def heading_at(route: Route, along: float) -> float:
-    """The heading that is asked for so far along the path, degrees."""
+    """Return the requested heading `along` px along the path, degrees."""
     a, b, share = _cells(route, along)
     return route.heading[a] + share * (route.heading[b] - route.heading[a])
 
 
 @finite_leaf
 def asked_at(route: Route, tick: int) -> float:
-    """How far along a path with times the fish is to be at a tick."""
+    """Return the px along a path with times that are due at a tick."""
     return route.when[min(max(tick - route.begins, 0), route.when.size - 1)]
 
 
 @finite_leaf
 def least_along(route: Route, along: float, tick: int) -> float:
-    """From where on the path a foot is looked for, if it was `along` before.
+    """Return from where on the path to search for a foot that was at `along` before.
 
-    On a path with times it is never far behind the place asked for: who is late takes short cuts.
+    On a path with times it is never far behind the place due: a late fish takes short cuts.
     """
     if route.when.size:
         return max(along, asked_at(route, tick) - _BEHIND * route.ahead * route.step)
@@ -109,10 +110,10 @@ def least_along(route: Route, along: float, tick: int) -> float:
 
 @finite_leaf
 def foot(route: Route, x: float, y: float, along: float):  # type: ignore[no-untyped-def]
-    """The place of the path nearest to a point, not before `along` and not far ahead.
+    """Return the place of the path nearest to a point, not before `along` and not far ahead.
 
-    The farther the point is from the path, the farther ahead, so that whoever cannot swim a hairpin
-    goes on beyond it. Returns how far along it is, and its x and y.
+    The farther the point is from the path, the farther ahead it may be, so that a fish that cannot
+    follow a hairpin goes on beyond it. Returns px along the path, and its x and y.
     """
     n = route.x.size
     lap = int(max(along, 0.0) / route.step)
@@ -127,7 +128,7 @@ def foot(route: Route, x: float, y: float, along: float):  # type: ignore[no-unt
         if far < least:
             best, best_k, least = i, a, far
         elif i > best + 1 and least < beside:
-            break  # whoever is on the path is not nearer to it farther ahead
+            break  # a fish on the path is not nearer to it farther ahead
         a += 1
         if a == n:
             if not route.closed:

@@ -1,4 +1,4 @@
-"""What a fish swims by in place of a goal: zones, or a leader (`finloop.social`)."""
+"""The rule of a fish without a goal: zones, or a leader (`finloop.social`)."""
 
 from typing import NamedTuple
 
@@ -6,11 +6,11 @@ from finloop.base.arrays import Reals
 from finloop.social.rule import Others, Shoaling
 
 BY_ZONES, FOLLOWING = "company", "leader"
-"""The goals, in an edit list, of whoever swims by zones, or after a leader."""
+"""The goals, in an edit list, of a fish that swims by zones, or behind a leader."""
 
 
 class Rule(NamedTuple):
-    """What a fish swims by. leader: which of the others leads; None: by zones, all of them."""
+    """A rule between fish. leader: which of the others leads; None: by zones, all of them."""
 
     others: Others
     shoaling: Shoaling | None = None
@@ -18,12 +18,12 @@ class Rule(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name of its goal."""
+        """Return the name of its goal in an edit list."""
         return BY_ZONES if self.leader is None else FOLLOWING
 
     @classmethod
     def by_zones(cls, ways: Reals, shoaling: Shoaling) -> "Rule":
-        """By zones, in company of others at x, y, heading (n, 3)."""
+        """Make the rule by zones, for other fish at x, y, heading (n, 3)."""
         return cls(Others(ways[:, :2], ways[:, 2]), shoaling)
 
     @classmethod

@@ -23,12 +23,12 @@ class AnimateSettings:
     seed: Seed
     trials: Annotated[int, Field(ge=0)]
     trial_goals: Count
-    join_time: Literal["auto"] | Positive
-    fade_time: NotNegative
+    join_time_deltas: Literal["auto"] | Positive
+    cross_fade_deltas: NotNegative
 
     join_frames: ClassVar[int] = 4
-    """Ticks that a join takes at least where join_time is auto: a shorter one is seen as a step."""
-    join_least: ClassVar[float] = 0.75  # Δ, the shortest join_time that auto takes: nearly a turn
+    """Ticks that a join takes at least where `join_time_deltas` is auto: a shorter one is seen."""
+    join_least: ClassVar[float] = 0.75  # Δ, the shortest join that auto takes: nearly a turn
     join_most: ClassVar[float] = 2.0  # Δ, the longest: a longer join would hide the film's motion
     rest: ClassVar[float] = 0.03
     """Of the film's movement from frame to frame (RMS): where it moves less, the animal rests, and
@@ -43,5 +43,6 @@ class AnimateSettings:
         "goals_in": "goal_unit",
         "goal_radius": "goal_radius_bl",
         "size": "fish_scale",
-        "fade": "fade_time",
+        "join_time": "join_time_deltas",
+        "fade": "cross_fade_deltas",
     }

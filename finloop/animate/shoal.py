@@ -2,7 +2,7 @@
 
 A fish that decides knows what every other one has planned (`finloop.animate.company`), and gives
 way to it. Fish whose plans end at the same tick decide in the order of their numbers. Each draws
-from a generator of its own, so that fish which never meet swim as each would alone.
+from a generator of its own, so that fish that never meet swim as each would alone.
 """
 
 import heapq
@@ -26,10 +26,10 @@ from finloop.social.rule import rule_of
 
 
 class SwimTask(NamedTuple):
-    """What a fish does: swim a path, then to goals one after the other, then by a rule or anywhere.
+    """The task of a fish: a path, then goals one after the other, then a rule or wandering.
 
-    rng: of all that is left to chance; zones: whether it swims by them then; follows: the number of
-    the fish that it swims after then.
+    rng: for all its random choices; zones: whether its rule is zones; follows: the number of the
+    fish that it follows by rule.
     """
 
     goals: Sequence[Goal]
@@ -40,15 +40,15 @@ class SwimTask(NamedTuple):
 
 
 def deal(goals: Sequence[Goal], fish: int) -> list[list[Goal]]:
-    """The goals of each fish: the first goal is the first one's, the second the second one's …"""
+    """Return the goals of each fish: goals are dealt in turn, the first to the first fish."""
     return [list(goals[number::fish]) for number in range(fish)]
 
 
 def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
-    """FinloopError if goals of several fish, dealt at the same time, are one place.
+    """Raise FinloopError if two fish would be sent to one place at the same time.
 
-    So are two places of which one is within the radius of the other. seekers: the numbers, from 0,
-    of the fish that swim to goals; messages number fish from 1, as the parameters do.
+    Two places are one if one is within the radius of the other. seekers: the numbers, from 0, of
+    the fish that swim to goals; messages number fish from 1, as the parameters do.
     """
     count = len(seekers)
     meetings = [
@@ -71,7 +71,7 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
 def tasks(
     goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
 ) -> list[SwimTask]:
-    """What each of several fish does: goals are dealt, and the first fish swims the path, if any.
+    """Return the task of each fish: goals are dealt, and the first fish swims the path, if any.
 
     rng: of the first fish, from which those of the others are spawned.
     """
@@ -81,10 +81,10 @@ def tasks(
 
 
 class SchoolMember:
-    """A fish of a shoal: what it has planned so far."""
+    """A fish of a group, with its plan so far."""
 
     def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
-        """A fish that begins in company, with nothing planned yet. NoRoom where there is none.
+        """Put a fish beside the others, with nothing planned yet. NoRoom where there is none.
 
         FinloopError where it begins a path on another fish.
         """
@@ -93,7 +93,7 @@ class SchoolMember:
         company = player.company(plans.others(number, 0), 0)
         self._state = player.begin(task.rng, task.route, company)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
-        self._done = 0  # goals
+        self._done = 0  # goals reached
         fish = self._state.fish
         begins = np.array([fish.x, fish.y, fish.heading, fish.picture])
         if task.route is not None and not can_stay(company, fish.picture, begins[:3], 0):
@@ -109,7 +109,7 @@ class SchoolMember:
 
     @property
     def tick(self) -> int:
-        """The first tick for which nothing is planned."""
+        """Return the first tick for which nothing is planned."""
         return self._state.fish.tick
 
     def decide(self, plans: Plans) -> None:
@@ -127,7 +127,6 @@ class SchoolMember:
             self._done += 1
 
     def _goal(self) -> Goal | Route | None:
-        """Where to, now."""
         if self._route is not None and self._route.done(self._state.path.along, self.tick):
             self._route = None
         if self._route is not None:
@@ -136,7 +135,7 @@ class SchoolMember:
         return goals[self._done] if self._done < len(goals) else None
 
     def _rule(self, plans: Plans, others: Floats) -> Rule | None:
-        """What it swims by when it has no goal. others (n, m, 4): of `Plans.others`, now."""
+        """Return the rule of a fish without a goal. others (n, m, 4): see `Plans.others`, now."""
         task, shoaling = self._task, self._player.shoaling
         if task.follows is not None and plans.has(task.follows):
             return Rule.from_leader(plans.place_at(task.follows, self.tick))
@@ -148,8 +147,8 @@ class SchoolMember:
 def settle(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
     """Put fish into the tank, each with a first plan.
 
-    All that begin a path are there before anyone plans; the others come one after the other. plans:
-    of as many fish, to which theirs are added. NoRoom if there is none for all of them.
+    All that begin a path are there before any fish plans; the others come one after the other.
+    plans: for as many fish; theirs are added. NoRoom if there is none for all of them.
     """
     swim = [number for number, task in enumerate(todo) if task.route is not None]
     fish = {number: SchoolMember(player, todo[number], number, plans) for number in swim}
@@ -170,7 +169,7 @@ def settle(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[Sc
 
 
 def shoal(player: AnyPlayer, todo: Sequence[SwimTask], ticks: int) -> list[Swim]:
-    """Swim at least `ticks` ticks with as many fish as there are tasks.
+    """Plan at least `ticks` ticks with as many fish as there are tasks.
 
     NoRoom if there is none for all of them.
     """
@@ -194,16 +193,16 @@ def swim(
     rng: np.random.Generator,
     route: Route | None = None,
 ) -> Swim:
-    """Swim at least `ticks` ticks with one fish: a path, goals one after the other, anywhere."""
+    """Plan at least `ticks` ticks with one fish: a path, goals one after the other, anywhere."""
     return shoal(player, [SwimTask(goals, rng, route)], ticks)[0]
 
 
 def play(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """An edit list of `ticks` ticks: to the goals one after the other, afterwards anywhere."""
+    """Return an edit list of `ticks` ticks: to the goals one after the other, then anywhere."""
     return edit_list(swim(player, goals, ticks, rng), ticks, player.sources)
 
 
 class NoRoom(FinloopError):
-    """No place in the tank is clear of the fish that are there."""
+    """No place in the tank is clear of the fish in it."""

@@ -1,4 +1,4 @@
-"""The size at which a film is drawn, and what of it fits into the tank."""
+"""The size at which a film is drawn, and which of its frames fit into the tank."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,9 +16,9 @@ from finloop.sprites.pictures import outlines
 
 
 class Sized(NamedTuple):
-    """A film at the size at which it is drawn.
+    """A film at its drawn size.
 
-    hulls: of its frames; area (h, w): where its fish may be; reach_px, barred: of `reach`.
+    hulls: of its frames; area (h, w): where its fish may be; reach_px, barred: see `reach`.
     """
 
     reel: Reel
@@ -47,7 +47,7 @@ def scale_film(
 
 
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
-    """The outlines of the film's frames about their mass centre.
+    """Return the outlines of the film's frames about their mass centre.
 
     outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
     drawn size / filmed size.
@@ -58,7 +58,7 @@ def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> Frame
 
 
 def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) -> tuple[float, Mask]:
-    """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
+    """Return how far from its centre a fish reaches [px], and which frames (n,) reach farther.
 
     quantile: of the frames' reach; wider ones are mostly faults.
     """
@@ -69,6 +69,6 @@ def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) ->
 
 
 def head_ahead_px(features: pd.DataFrame, size: float) -> float:
-    """How far the head is before the mass centre of a fish drawn at a size, px, in the median."""
+    """Return the median of how far the head is ahead of the mass centre at a drawn size, px."""
     dx, dy = (features[f"head_{axis}_px"] - features[f"{axis}_px"] for axis in "xy")
     return float(np.hypot(dx, dy).median() * size)

@@ -1,4 +1,4 @@
-"""The state of a fish, frozen: where it is, what it does, how it gets on."""
+"""The frozen state of a fish: its place, its motion, and its progress."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -16,12 +16,12 @@ class Fish:
 
     x, y in px, heading in degrees, speed in body lengths/s; state: of `STATES`; sprite: the last
     one shown, −1 in the film; phase: place in its cycle, in frames; area: relative motion area;
-    tick: how long it has swum. In the film: row, the last one shown, −1 for none; rot, by how much
-    it is turned; since, ticks since the last jump, or since the film was left; waits, ticks without
-    a legal way on; recent (m, 3): stretches of film that were on screen (`finloop.animate.memory`).
-    As is foretold: past (L + 1, d), its last states, the present one first
-    (`finloop.forecast.sampling`). lag: ticks that it lags behind the film (`Tempo`).
-    company: where the other fish will be, for the decision that is made now alone.
+    tick: ticks since its beginning. In the film: row, the last one shown, −1 for none; rot, its
+    rotation in degrees; since, ticks since the last jump, or since the film was left; waits, ticks
+    without a legal way on; recent (m, 3): stretches of film that were on screen
+    (`finloop.animate.memory`). When predicted: past (L + 1, d), its last states, the present one
+    first (`finloop.forecast.sampling`). lag: ticks that it lags behind the film (`Tempo`).
+    company: where the other fish will be, for the present decision alone.
     """
 
     x: float
@@ -49,21 +49,21 @@ class Fish:
 
     @property
     def picture(self) -> int:
-        """The number of the picture that it shows, by which discs are looked up."""
+        """Return the number of the picture that it shows, by which discs are looked up."""
         return self.row if self.row >= 0 else -1 - self.sprite
 
 
 class Run(NamedTuple):
-    """A run of film that is to be shown: its first row, and how many ticks of it."""
+    """A run of film to show: its first row, and its ticks."""
 
     row: int
     ticks: int
 
 
 class Progress(NamedTuple):
-    """How far a fish has come along a path, px, and what it has planned beyond the last stretch.
+    """How far a fish is along a path, px, and its plan beyond the last stretch.
 
-    task: what `runs` are planned for; motion: whether they are swum as filmed, or as predicted, of
+    task: what `runs` are planned for; motion: whether the fish moves as filmed or as predicted, of
     `STATES`.
     """
 
@@ -74,10 +74,10 @@ class Progress(NamedTuple):
 
 
 class State(NamedTuple):
-    """All that the next stretch depends on, beside the goal and the random draws.
+    """All that the next stretch depends on, except the goal and the random draws.
 
-    place (2,): where the fish wanders to while it has no goal, for `left` ticks more; wished:
-    whether a rule has wished the place; path: how it gets on with what it has planned.
+    place (2,): where the fish wanders to while it has no goal, for `left` more ticks; wished:
+    whether a rule requested the place; path: its progress along its plan.
     """
 
     fish: Fish

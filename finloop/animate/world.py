@@ -1,4 +1,4 @@
-"""What every mode swims in: the tank, and what the film teaches of swimming."""
+"""The world of every mode: the tank, and what the film teaches of swimming."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ from finloop.animate.motion import MotionStatistics
 
 @dataclass(frozen=True)
 class World:
-    """tank: its legal places are those where every picture fits in, whatever its heading.
+    """The tank, the motion statistics, and sizes. At legal places pictures fit at any heading.
 
-    touch_px: radius of a goal; head_px: the head is so far before the centre.
+    touch_px: radius of a goal; head_px: distance of the head from the centre.
     """
 
     tank: Tank

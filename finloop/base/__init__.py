@@ -1,1 +1,1 @@
-"""Parts for every room, no method of the papers: arrays, schemas, errors, settings, processes."""
+"""Parts for every package, no method of the papers: arrays, schemas, errors, processes."""

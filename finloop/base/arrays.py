@@ -1,4 +1,4 @@
-"""Names of the arrays that the rooms pass round; docstrings give their shapes."""
+"""Names of the array types that packages exchange; docstrings give their shapes."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""An animal's own axes: ahead and to its left, of what is given in x and y of a picture."""
+"""Convert offsets in a picture (x, y) to an animal's own axes: ahead and to its left."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from finloop.base.arrays import Floats, Reals
 
 
 def ahead_left(offset: Reals, heading_rad: Reals) -> Floats:
-    """Offsets (…, 2), x to the right and y down, along an animal's own axes, (…, 2).
+    """Return offsets (…, 2), x right and y down, along an animal's own axes: ahead, left (…, 2).
 
     heading_rad (…,): anticlockwise as seen, 0 = to the right.
     """

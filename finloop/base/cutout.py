@@ -23,7 +23,7 @@ class Cutout(NamedTuple):
     orientation: int | None = None
 
     def over(self, background: Picture) -> Picture:
-        """The cut-out in its place over `background` (H, W[, 3]), cropped to the cut-out's size."""
+        """Draw the cut-out over `background` (H, W[, 3]); return the part under the cut-out."""
         h, w = self.pixels.shape[:2]
         tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
         through = (255 - self.pixels[..., -1:].astype(np.uint16)) * tank.reshape(h, w, -1)
@@ -32,13 +32,16 @@ class Cutout(NamedTuple):
 
 
 class Cutouts(Protocol):
-    """Cut-outs by number, as `finloop.io.cutouts.open_cutouts` gives them.
+    """Cut-outs by number; `finloop.io.cutouts.open_cutouts` opens them.
 
-    `index`: a row per cut-out in the store's order, with its track_id, frame, place and size,
-    and of the sprites' store sprite and orientation.
+    `index` has a row per cut-out in the store's order: track_id, frame, place and size. The
+    sprites' store also has sprite and orientation.
     """
 
     @property
-    def index(self) -> pd.DataFrame: ...
+    def index(self) -> pd.DataFrame:
+        """Return the table of all cut-outs, a row each."""
+        ...
+
     def __len__(self) -> int: ...
     def __getitem__(self, row: int) -> Cutout: ...

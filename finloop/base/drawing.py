@@ -8,7 +8,7 @@ from finloop.base.arrays import Ints, Points
 from finloop.base.errors import FinloopError
 
 LARGEST = 1e100
-"""Of a coordinate: the squares of larger ones, in areas and energies, are no numbers."""
+"""Largest coordinate; the squares of larger ones overflow in areas and energies."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class Drawing:
 
 
 def clean_curve(curve: Curve, name: str) -> Curve:
-    """Return the curve without points that repeat the one before; `name` stands in messages.
+    """Return the curve without points that repeat the previous point; messages use `name`.
 
-    FinloopError if a coordinate is no number or beyond LARGEST, or fewer than 3 points of a closed
-    curve (2 of an open one) are apart from the one before.
+    FinloopError if a coordinate is not finite or is beyond LARGEST, or if fewer than 3 distinct
+    points of a closed curve (2 of an open one) remain.
     """
     points = np.asarray(curve.points, np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
@@ -51,7 +51,7 @@ def clean_curve(curve: Curve, name: str) -> Curve:
         raise FinloopError(
             f"point {bad[0]} of the curve {name} is ({x:g}, {y:g}); {len(bad)} such points",
             f"coordinates that are numbers of size {LARGEST:g} at most",
-            f"mend these points of {name} or leave them out",
+            f"correct these points of {name} or leave them out",
         )
     count = len(points)
     if count:
@@ -65,7 +65,7 @@ def clean_curve(curve: Curve, name: str) -> Curve:
             f"of {count} points of the {kind} curve {name} {len(points)} lie apart"
             + (": its length is 0" if len(points) < 2 else ""),
             f"at least {least} points of a {kind} curve",
-            f"draw {name} anew or leave it out",
+            f"draw {name} again or leave it out",
         )
     return Curve(points, curve.closed)
 
@@ -75,11 +75,11 @@ class Morph:
     """Contours of every frame."""
 
     tau: Points  # (f,), 0 = the first drawing, 1 = the second
-    # (f, n, 2) by id, in drawing order; units of the first drawing, multiples of 10^-decimals
+    # (f, n, 2) by id, in drawing order; in units of the first drawing, multiples of 10^-decimals
     layers: dict[str, Points]
     # closed, styles: by id; `styles` may lack some
     closed: dict[str, bool]
-    folds: dict[str, Ints]  # (f,) by id: pairs of edges that meet; 0 = that contour is simple
+    folds: dict[str, Ints]  # (f,) by id: pairs of edges that cross; 0 = the contour is simple
     # by id: whether the contour is proved simple between the frames too, where its points move
     # straight from each frame to the next
     continuous: dict[str, bool]
@@ -90,5 +90,5 @@ class Morph:
     decimals: int  # digits after the point that coordinates have
 
     def count_fold_frames(self) -> dict[str, int]:
-        """Count the frames in which a contour meets itself, by id; 0 is left out."""
+        """Count the frames in which a contour crosses itself, by id; 0 is left out."""
         return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}

@@ -4,7 +4,7 @@
 class FinloopError(Exception):
     """An error that the user can correct: what came, what was wanted, what to do.
 
-    Stages print it as a single message and exit with status 1; anything else is a bug.
+    Stages print it as a single message and exit with status 1; any other exception is a bug.
     """
 
     def __init__(self, came: str, wanted: str, do: str) -> None:
@@ -16,4 +16,4 @@ class FinloopError(Exception):
 
 
 class UndecodableError(FinloopError):
-    """Frames of a clip cannot be decoded; those from a later key frame on may be."""
+    """A frame of a clip cannot be decoded; frames from a later key frame on may be readable."""

@@ -1,8 +1,8 @@
 """Compiled functions: how numba compiles a kernel, and when it compiles it again.
 
-Numba keeps machine code in `__pycache__`, for a file as long as that file is the same. But a kernel
-contains the kernels that it calls, of other files too. So here machine code is kept as long as
-every file with a kernel is the same.
+Numba keeps a file's machine code in `__pycache__` until that file changes. But a kernel also
+contains the kernels of other files that it calls. So this module keeps machine code only while
+every file with a kernel is unchanged.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ _MENTION = Path(__file__).stem.encode()
 
 @cache
 def sources_digest() -> str:
-    """A digest of every file of the package that has a kernel, this one too."""
+    """Return a digest of every file of the package that has a kernel, including this one."""
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
@@ -30,7 +30,7 @@ def sources_digest() -> str:
 
 
 class _AllSources:
-    """Looked up by numba: what must be the same for machine code to be used again."""
+    """Tells numba what must be unchanged for machine code to be used again."""
 
     _lineno: int
 
@@ -38,7 +38,7 @@ class _AllSources:
         return sources_digest()
 
     def get_disambiguator(self) -> str:
-        """A name of its own: an older file may name types that are no more, and cannot be read."""
+        """Return a name of its own: an older cache file may name removed types and fail to load."""
         return f"{self._lineno}-{sources_digest()[:8]}"
 
 
@@ -58,20 +58,20 @@ kernel = numba.njit(cache=True, nogil=True)
 """Compiles a function when it is first called, for every type of arguments."""
 
 finite_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-"""The same for a function in which nothing is infinite or not a number."""
+"""A `kernel` for functions whose values are all finite."""
 
 kernel_part = numba.njit(cache=True, nogil=True, inline="always")
-"""A kernel that is compiled as a part of each kernel that calls it, which is quicker."""
+"""A kernel that is inlined into each kernel that calls it, which is faster."""
 
 _UNCOUNTED: Any = {"_nrt": False}  # numba's stubs do not know it
 leaf_kernel = numba.njit(cache=True, nogil=True, forceinline=True, **_UNCOUNTED)
-"""A kernel that neither makes nor returns an array. References to the arrays that it is given are
-not counted, which in a function of a few numbers takes as long as its work."""
+"""A kernel that neither makes nor returns an array. Numba does not count references to its
+arguments: in a function of a few numbers, counting takes as long as the work."""
 
 finite_leaf = numba.njit(
     cache=True, nogil=True, error_model="numpy", fastmath=True, forceinline=True, **_UNCOUNTED
 )
-"""A `leaf_kernel` in which nothing is infinite or not a number."""
+"""A `leaf_kernel` whose values are all finite."""
 
 for_kernels = numba.extending.register_jitable
-"""A Python function, of numbers or arrays, that kernels call, too: there it is compiled."""
+"""A Python function that kernels can call as well; numba compiles it there."""

@@ -1,4 +1,4 @@
-"""A line from a file or a track: places, and maybe times and headings."""
+"""A path from a file or a track: places, and optionally times and headings."""
 
 from typing import NamedTuple
 
@@ -8,18 +8,18 @@ from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
 
 PX, TANK, MM = "px", "tank", "mm"
-"""Units of places: px of the clip; shares of the tank's width and height, from the upper left; mm.
+"""Units of places: px of the clip; shares of the tank's width and height from the upper left; mm.
 """
 
 TRACK = "track:"
-"""Before the number of a track of the film, in place of a file."""
+"""Prefix of a track's number where a track of the film stands in place of a file."""
 
 
 class Line(NamedTuple):
-    """Places x, y (n,) in a unit, and maybe the time (s) and the heading (degrees) at each.
+    """Places x, y (n,) in a unit, and optionally the time (s) and the heading (degrees) at each.
 
-    name: of what it was read from, for messages; closed: whether the last place leads to the first;
-    rows (n,): of the film, where it is a track.
+    name: the source, for messages; closed: whether the last place leads to the first; rows (n,):
+    the film's rows if the line is a track.
     """
 
     name: str
@@ -33,9 +33,9 @@ class Line(NamedTuple):
 
 
 def checked_line(line: Line) -> Line:
-    """The line; FinloopError lists all that is wrong with it.
+    """Return the line, or raise FinloopError with everything that is wrong with it.
 
-    Two places at least must differ, every number be finite, and no time be before the one before.
+    At least two places must differ, every number must be finite, and times must not decrease.
     """
     problems = []
     columns = {"x": line.x, "y": line.y, "time": line.time_s, "heading": line.heading_deg}
@@ -51,13 +51,13 @@ def checked_line(line: Line) -> Line:
         back = np.flatnonzero(np.diff(line.time_s) < 0)
         if len(back):
             problems.append(
-                f"time runs backwards {len(back)} times, first from {line.time_s[back[0]]:g} s "
+                f"time decreases {len(back)} times, first from {line.time_s[back[0]]:g} s "
                 f"to {line.time_s[back[0] + 1]:g} s"
             )
     if problems:
         raise FinloopError(
             f"{line.name} is no path:\n    " + "\n    ".join(problems),
-            "two or more places that lie apart, finite numbers, and times in their order",
+            "two or more places that differ, finite numbers, and times that do not decrease",
             "leave out rows without a place, sort the others by time, or give no times",
         )
     return line

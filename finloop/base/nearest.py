@@ -1,8 +1,8 @@
-"""The nearest neighbours of vectors: exact, or, of very many vectors, nearly exact.
+"""The nearest neighbours of vectors: exact for few vectors, nearly exact for very many.
 
 Few vectors are compared with all others. Many are sorted into cells first (inverted file: Jégou et
-al., Product quantization for nearest neighbor search, 2011), and a vector is compared with those of
-the cells about it. The number of cells is raised until the recall is `RECALL`.
+al., Product quantization for nearest neighbor search, 2011); a vector is then compared with those
+of nearby cells. The number of searched cells is raised until the recall is `RECALL`.
 """
 
 from collections.abc import Callable
@@ -20,17 +20,17 @@ MOST = 20_000  # vectors compared with all; 12 s of one core at 25,000 of 33 num
 RECALL = 0.99  # the least, of the `_NEAREST` nearest
 _NEAREST, _SAMPLE = 20, 1000  # neighbours, and vectors, of the exact search that measures recall
 _PER_CELL = 64  # vectors that train each cell; faiss warns below 39, takes 256 at most
-_ROUNDS = 4  # of k-means; with ten not one neighbour in a hundred more is found in as many cells
-_MORE = 4  # times as many nearest vectors are examined where these are not enough
+_ROUNDS = 4  # of k-means; ten rounds find less than 1 % more neighbours in as many cells
+_MORE = 4  # factor on the number of examined vectors where they are not enough
 Vectors = NDArray[np.float32]
 Choice = Callable[[Ints, Ints], tuple[tuple[NDArray[Any], ...], Mask]]
-"""A rule: numbers of queries (k,) and the vectors nearest to each (k, l), −1: none → arrays (k, …)
-of values chosen from these, and a mask (k,): True where the vectors were enough."""
+"""A rule: numbers of queries (k,) and their nearest vectors (k, l), −1 for none → arrays (k, …) of
+chosen values, and a mask (k,): True where the vectors were enough."""
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """Vectors (m, d) to be searched. recall: share of the 20 nearest that a search returns."""
+    """An index of vectors (m, d). recall: the share of the 20 true neighbours that it finds."""
 
     index: faiss.Index
     recall: float
@@ -61,7 +61,7 @@ class Nearest:
         return _unpickle, (faiss.serialize_index(self.index), self.recall)
 
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
-        """The numbers (k, count) of the vectors nearest to each query (k, d); −1: no more."""
+        """Return the numbers (k, count) of the vectors nearest to each query (k, d); −1: none."""
         if count == 0:
             return np.empty((len(queries), 0), np.int64)
         return self.index.search(np.ascontiguousarray(queries, np.float32), count)[1]
@@ -69,10 +69,10 @@ class Nearest:
     def choose(
         self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
     ) -> tuple[NDArray[Any], ...]:
-        """The values that `choice` takes for each query (k, d) from its `count` nearest vectors.
+        """Apply `choice` to the `count` nearest vectors of each query (k, d); return its values.
 
-        Where these are not enough it gets more of them: until they are, or until `most`, or all
-        that the cells looked at have.
+        Where these are not enough, it gets more: until they are enough, or until `most` vectors or
+        all vectors of the searched cells are used.
         """
         last = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, last)
@@ -95,17 +95,17 @@ def _may_have_more(near: Ints) -> Mask:
 
 
 def parts_of(n: int, stretch: int, most: int = MOST) -> Ints:
-    """The part (n,), 0 … p − 1, of each row of a film: stretches of rows in turn, spread over it.
+    """Assign each row of a film to a part, 0 … p − 1, and return the parts (n,).
 
-    A part has about `most` rows, or fewer. In a film of hours the nearest rows of a row are so near
-    that all go on alike. In a part of it they lie as in a short film, and go on in different ways.
+    Stretches of rows take turns, so each part is spread over the film and has about `most` rows or
+    fewer. In a film of hours a row's nearest rows are so near that all continue alike. Within a
+    part they lie as in a short film, and continue in different ways.
     """
     count = max(1, -(-n // most))
     return np.arange(n) // stretch % count
 
 
 def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
-    """Restore a pickled index."""
     return Nearest(faiss.deserialize_index(index), recall)
 
 

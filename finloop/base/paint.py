@@ -20,7 +20,7 @@ PART = "#"
 
 FINE = 8
 """Mask pixels along the side of a pixel. OpenCV paints every one that it touches: fills are 0.05 px
-and lines 0.12 px too wide. Its own smooth edges are worse and, finer, no better."""
+and lines 0.12 px too wide. Its own smooth edges are worse; a finer mask is no better."""
 
 _SHIFT = 6  # bits of a coordinate's fraction in OpenCV
 
@@ -49,7 +49,7 @@ class Shape:
 
 
 def paint(style: str, side: float) -> Paint:
-    """The paint of "fill:…;stroke:…"; without either a black line of 1/200 of `side`.
+    """Parse the style "fill:…;stroke:…"; without both, return a black line of width `side` / 200.
 
     FinloopError if a colour or number cannot be read.
     """
@@ -65,7 +65,7 @@ def paint(style: str, side: float) -> Paint:
         raise FinloopError(
             f"the style {style!r} cannot be read ({error})",
             'fill and stroke as colours or none: "fill:#ffd27f;stroke:black;stroke-width:2"',
-            "mend the style",
+            "correct the style",
         ) from error
 
 
@@ -74,7 +74,7 @@ def _colour(text: str) -> Colour | None:
 
 
 def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -> list[Shape]:
-    """Layers by what is painted together, in drawing order."""
+    """Group contours that are painted together into shapes, in drawing order."""
     together = dict[str, list[str]]()
     for name in closed:
         together.setdefault(name.partition(PART)[0], []).append(name)
@@ -94,7 +94,7 @@ def paint_layers(
 ) -> Picture:
     """Paint shapes and their contours (n, 2), in drawing units, as a picture (h, w, 3) on white.
 
-    `scale` is px per unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
+    `scale`: px per unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
     """
     picture = np.full((*shape, 3), 255.0, np.float32)
     for form, contours in layers:

@@ -17,17 +17,17 @@ from typing import Protocol, TypeVar
 import cv2
 
 from finloop.base.errors import FinloopError
-from finloop.base.process import end_with_employer
+from finloop.base.process import end_with_main_process
 
 A = TypeVar("A")
 B = TypeVar("B")
 B_co = TypeVar("B_co", covariant=True)
 
-# Not "fork": a copy of a process whose libraries run threads hangs sooner or later. A server that
-# has only imported things, and is forked for each worker, is safe and nearly as quick.
+# Not "fork": the copy of a process whose libraries run threads hangs sooner or later. Forking a
+# server that has only imported modules is safe and nearly as fast.
 _FORKSERVER = "forkserver" in multiprocessing.get_all_start_methods()
-TRIES = 3  # once may be bad luck; the same item again and again is not
-_PAUSE_S = 0.2  # before what gave an OSError is tried again
+TRIES = 3
+_PAUSE_S = 0.2  # before the next try after an OSError
 
 
 def warm_up(modules: Sequence[str]) -> None:
@@ -38,7 +38,7 @@ def warm_up(modules: Sequence[str]) -> None:
 
 
 class PendingResult(Protocol[B_co]):
-    """One item that a worker has been given."""
+    """The future result of one item that was submitted to a worker."""
 
     def result(self) -> B_co:
         """Wait for the result; raise the exception of `work`."""
@@ -46,45 +46,45 @@ class PendingResult(Protocol[B_co]):
 
 
 class Workers(Protocol):
-    """Workers: `Threads` of this process, `Processes`, or those of a cluster (room `cluster`).
+    """Workers: `Threads` of this process, `Processes`, or those of a cluster (package `cluster`).
 
-    Each gives the same bytes.
+    All give the same bytes.
     """
 
     @property
     def count(self) -> int:
-        """The number of workers; a cluster's may change."""
+        """Return the number of workers; a cluster's may change."""
         ...
 
     @property
     def alone(self) -> bool:
-        """Whether the work is done in this process itself."""
+        """Return whether this process does the work itself."""
         ...
 
-    def employ(
+    def submitter(
         self, work: Callable[[A], B]
     ) -> AbstractContextManager[Callable[[A], PendingResult[B]]]:
-        """For a block, a function that hands one item out to be worked, and returns at once.
+        """Yield, for a block, a function that submits one item to `work` and returns at once.
 
-        It or `result` raise BrokenProcessPool where all that is handed out is lost.
+        It, or `PendingResult.result`, raises BrokenProcessPool where all submitted items are lost.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Processes:
-    """Processes of this machine; with one the work is done in this process itself."""
+    """Processes of this machine; a single one works in this process itself."""
 
     count: int = 1
 
     @property
     def alone(self) -> bool:
-        """As in `Workers`."""
+        """Return whether this process does the work itself."""
         return self.count < 2
 
     @contextmanager
-    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
-        """As in `Workers`."""
+    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
+        """Start the processes and yield a function that submits one item to `work`."""
         start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
         with ProcessPoolExecutor(self.count, start, _begin) as pool, ExitStack() as stack:
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
@@ -92,9 +92,9 @@ class Processes:
 
 
 def _submit(pool: ProcessPoolExecutor, work: Callable[[A], B], item: A) -> Future[B]:
-    """`pool.submit`, which fails otherwise where a worker is killed while another one starts.
+    """Submit an item; raise BrokenProcessPool where a worker is killed while another one starts.
 
-    The pool's own thread closes its pipes then: "handle is closed", an OSError without a number.
+    The pool's own thread then closes its pipes: "handle is closed", an OSError without a number.
     """
     try:
         return pool.submit(work, item)
@@ -106,21 +106,21 @@ def _submit(pool: ProcessPoolExecutor, work: Callable[[A], B], item: A) -> Futur
 
 @dataclass(frozen=True)
 class Threads:
-    """Threads of this process, for work most of which is compiled and holds no lock of Python.
+    """Threads of this process, for work that is mostly compiled and does not hold Python's lock.
 
-    They begin at once, and nothing is pickled.
+    They start at once, and nothing is pickled.
     """
 
     count: int = 1
 
     @property
     def alone(self) -> bool:
-        """As in `Workers`."""
+        """Return whether this thread does the work itself."""
         return self.count < 2
 
     @contextmanager
-    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
-        """As in `Workers`."""
+    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
+        """Start the threads and yield a function that submits one item to `work`."""
         with ThreadPoolExecutor(self.count) as pool, ExitStack() as stack:
             stack.callback(cv2.setNumThreads, cv2.getNumThreads())
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
@@ -129,17 +129,16 @@ class Threads:
 
 
 ALONE = Threads(1)
-"""Nobody else: the work is done in the thread that asks for it."""
+"""No other worker: the calling thread does the work."""
 
 
 def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) -> Iterator[B]:
-    """`work(item)` for every item, in the items' order, by `workers`.
+    """Yield `work(item)` for every item, in the items' order, computed by `workers`.
 
-    At most `workers.count` + 1 results are kept at a time. One item is worked in this process.
-    Exceptions of `work` are raised here; an OSError, as where a network's folder is away for a
-    moment, only when it comes `TRIES` times at the same item. `Processes` and a cluster pickle
-    `work`, items and results; `Threads` share them. Where a process is killed, new ones do the
-    unfinished items again.
+    At most `workers.count` + 1 results are kept at a time. A single item is worked in this process.
+    Exceptions of `work` are raised here; an OSError (say, a network folder that is briefly away)
+    only after `TRIES` failures on the same item. `Processes` and a cluster pickle `work`, items and
+    results; `Threads` share them. After a process is killed, new ones repeat the unfinished items.
 
     Raises FinloopError where a worker is killed `TRIES` times at the same item.
     """
@@ -148,16 +147,16 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
     if workers.alone or len(todo) < 2:
         yield from map(work, todo)
         return
-    pending: deque[A] = deque()  # to the workers, and no result is taken yet
+    pending: deque[A] = deque()  # submitted, result not taken yet
     killed = 0
     while todo or pending:
-        with workers.employ(work) as hand:
+        with workers.submitter(work) as submit:
             results: deque[PendingResult[B]] = deque()
             while todo or pending:
                 while todo and len(pending) < workers.count + 1:
                     pending.append(todo.popleft())
                 try:
-                    results += [hand(pending[k]) for k in range(len(results), len(pending))]
+                    results += [submit(pending[k]) for k in range(len(results), len(pending))]
                     result = results[0].result()
                 except BrokenProcessPool as error:
                     killed += 1
@@ -171,7 +170,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 
 def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
-    """Yield items in order; a thread makes up to `most` of them ahead.
+    """Yield items in order; a thread makes up to `most` of them in advance.
 
     Exceptions of the items are raised here.
     """
@@ -189,7 +188,7 @@ def _next_of(items: Iterator[A]) -> tuple[A, ...]:
 
 
 def _persist(work: Callable[[A], B], item: A) -> B:
-    """`work(item)`, again where that gives an OSError."""
+    """Return `work(item)`; try again after an OSError."""
     for _ in range(TRIES - 1):
         with suppress(OSError):
             return work(item)
@@ -198,16 +197,16 @@ def _persist(work: Callable[[A], B], item: A) -> B:
 
 
 def worker_loss_error(workers: int) -> FinloopError:
-    """Return the error to raise where workers are killed again and again at the same piece."""
+    """Return the error to raise where workers are killed repeatedly at the same item."""
     return FinloopError(
-        f"worker processes were ended from outside, {TRIES} times, perhaps for want of memory",
+        f"worker processes were ended from outside, {TRIES} times, perhaps for lack of memory",
         f"{workers} processes that each hold a stretch of the film",
         "run again; without a cluster and with FINLOOP_THREADS=1 one process does it all",
     )
 
 
 def _begin() -> None:
-    """In a worker: leave Ctrl-C to its employer, end with it, and use one thread."""
+    """Set up a worker: ignore Ctrl-C, end with the main process, use one thread."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_employer()
+    end_with_main_process()
     cv2.setNumThreads(1)

@@ -30,8 +30,8 @@ class ParameterHelp(NamedTuple):
 
 
 def parameter_help(word: str) -> Iterator[ParameterHelp]:
-    """Yield the parameters of a group, each once, as its files in conf/ have them."""
-    told = set()
+    """Yield the parameters of a group, each once, as its files in conf/ declare them."""
+    yielded = set()
     for option, declared in variants(word).items():
         texts, values = comments(word, option), values_of(word, option)
         hints = get_type_hints(declared, include_extras=True)
@@ -43,13 +43,13 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
                 _BRACKET.sub("", text), brackets[1] if brackets else "",
                 range_text(hints[field.name]),
             )  # fmt: skip
-            if field.name not in told or option == "file":
-                told.add(field.name)
+            if field.name not in yielded or option == "file":
+                yielded.add(field.name)
                 yield entry
 
 
 def comments(word: str, option: str) -> dict[str, str]:
-    """Return the comment of each parameter in a file of conf/: the lines above it, or beside it.
+    """Return the comment of each parameter in a file of conf/: the lines above it and beside it.
 
     A blank line ends a comment that belongs to a section.
     """
@@ -91,7 +91,9 @@ def _choices(names: list[str]) -> str:
 
 
 def _limits(base: Any, marks: tuple[Any, ...]) -> str:
-    """Return a range in words, such as "whole, ≥ 1"."""
+    """Return a range in words, such as "whole, ≥ 1"; a text among the marks says it itself."""
+    if texts := [mark for mark in marks if isinstance(mark, str)]:
+        return texts[0]
     said = ["whole"] if base is int else [] if base is float else [range_text(base)]
     for mark in marks:
         for limit in getattr(mark, "metadata", [mark]):
@@ -111,7 +113,7 @@ def every_parameter() -> list[ParameterHelp]:
 
 
 def problems() -> list[str]:
-    """Return what is missing in the comments of conf/: a meaning, or the range that is checked."""
+    """List the parameters whose comment in conf/ lacks a meaning or the checked range."""
     found = []
     for entry in every_parameter():
         name = f"conf/{entry.word}/{entry.option}.yaml: {entry.name}"

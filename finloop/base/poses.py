@@ -1,4 +1,4 @@
-"""Poses: named points of every animal in every frame, as programs that study behaviour do it."""
+"""Poses: named points of every animal in every frame, as tracking programs give them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ class Poses:
     """Points of animals, a row per animal per frame, sorted by frame, then animal.
 
     individual: (rows,) number of the animal in `individuals`; frame: (rows,), below `frames`;
-    places: (rows, keypoints, 2) px, NaN where a point is not given; confidence: (rows, keypoints),
-    0 … 1, NaN where it is not said.
+    places: (rows, keypoints, 2) px, NaN where a point is missing; confidence: (rows, keypoints),
+    0 … 1, NaN where unknown.
     """
 
     individuals: tuple[str, ...]
@@ -34,13 +34,14 @@ class Poses:
     confidence: NDArray[np.float64]
 
 
-BLOCK = 1024  # frames made at a time, so that a long film does not have to fit into memory
+BLOCK = 1024  # frames in memory at a time
 
 
 def blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
-    """Every frame, `block` frames at a time: the first one, and x, y, confidence of all points.
+    """Yield every frame, `block` frames at a time: the first frame's number, and all points.
 
-    The array is (frames of the block, individuals, keypoints, 3), NaN where there is none.
+    The points (frames of the block, individuals, keypoints, 3) are x, y, confidence; NaN where
+    missing.
     """
     values = np.concatenate([poses.places, poses.confidence[..., None]], axis=2)
     for start in range(0, poses.frames, block):
@@ -58,10 +59,10 @@ def poses_of(
     places: Floats,
     confidence: Floats | None = None,
 ) -> Poses:
-    """Poses of whole arrays; an animal without any point in a frame has no row.
+    """Convert whole arrays to poses; an animal without any point in a frame has no row.
 
     frame: (times,), all different; places: (times, individuals, keypoints, 2), infinite or NaN
-    where there is none; confidence: (times, individuals, keypoints), None = not said.
+    where missing; confidence: (times, individuals, keypoints), None = unknown.
     """
     order = np.argsort(frame, kind="stable")
     there: Mask = np.all(np.isfinite(places), axis=-1)

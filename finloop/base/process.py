@@ -16,14 +16,14 @@ def die_with_parent() -> None:
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
-def end_with_employer() -> None:
-    """In a worker: end as soon as the process that employs it ends, by kill -9 too.
+def end_with_main_process() -> None:
+    """End this worker as soon as the process that submits its work ends, by kill -9 too.
 
-    That is not its parent, which is a server that forks workers and lives as long as one of them.
+    That process is not its parent: the parent is a server that forks workers and outlives them.
     """
-    employer = multiprocessing.parent_process()
-    if employer is not None:
-        Thread(target=_end_after, args=(employer,), daemon=True).start()
+    main = multiprocessing.parent_process()
+    if main is not None:
+        Thread(target=_end_after, args=(main,), daemon=True).start()
 
 
 def _end_after(process: BaseProcess) -> None:

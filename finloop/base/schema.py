@@ -1,4 +1,4 @@
-"""What a table holds: each column's name, dtype and unit; `finloop.io.table` checks files by it."""
+"""Table schemas: each column's name, dtype and unit; `finloop.io.table` checks files by them."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 ANY = -1
-"""The length of lists that may have any length."""
+"""The `length` of a list column whose lists may have any length."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Column:
 
     @property
     def kind(self) -> str:
-        """Its dtype in pandas: of lists object, of whole numbers that may be null Int32."""
+        """Return its dtype in pandas: object for lists, Int32 for nullable whole numbers."""
         if self.length:
             return "object"
         if self.nullable and "int" in self.dtype:
@@ -35,21 +35,21 @@ class Column:
 
 
 class Schema:
-    """The columns of a table, in order, their names, and their kinds by name."""
+    """The columns of a table in order, with their names and their pandas dtypes by name."""
 
     def __init__(self, *columns: Column) -> None:
         self.columns, self.names = columns, [column.name for column in columns]
         self.kinds = {column.name: column.kind for column in columns}
 
     def empty(self) -> pd.DataFrame:
-        """A table without rows."""
+        """Return a table without rows."""
         return pd.DataFrame(columns=self.names).astype(self.kinds)
 
 
 def columns(
     dtype: str, unit: str, *names: str, nullable: bool = False, length: int = 0
 ) -> list[Column]:
-    """Columns of one kind."""
+    """Return columns that share everything but the name."""
     return [Column(name, dtype, unit, nullable, length) for name in names]
 
 
@@ -59,5 +59,5 @@ def lists_to_array(column: pd.Series) -> np.ndarray:
 
 
 def lists_to_points(table: pd.DataFrame, name: str) -> np.ndarray:
-    """The list columns <name>_x_px and <name>_y_px as points, (rows, length, 2)."""
+    """Stack the list columns <name>_x_px and <name>_y_px as points (rows, length, 2)."""
     return np.stack([lists_to_array(table[f"{name}_{axis}_px"]) for axis in "xy"], axis=-1)

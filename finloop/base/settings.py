@@ -36,21 +36,30 @@ Seed = Annotated[int, Field(ge=0)]
 Crf = Annotated[int, Field(ge=0, le=51)]  # quality of H.264: 0 = lossless or best, 51 = worst
 Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
 
-WORDS = (
-    "clip", "extract", "features", "identity", "calibrate", "pose", "jumps", "bpn", "forecast",
-    "sprites", "distance", "loops", "gateways", "network", "hybrid", "matching", "animate",
-    "retarget", "render", "realism", "tank", "export", "morph", "gait", "report",
-)  # fmt: skip
-"""The words that have parameters, in the order of conf/config.yaml."""
-GROUPS = (*WORDS, "cluster")
-"""All groups of parameters: of the stages, and where their work is done, which no result shows."""
-SETTINGS_AT = {
-    "network": "modes/network_settings.py",
-    "hybrid": "modes/hybrid_settings.py",
-    "matching": "plan/settings.py",
-}
-"""Where parameters are declared, below `finloop/`, if not in <word>/settings.py."""
 CONF = Path(__file__).parents[2] / "conf"
+
+
+@cache
+def usual_options() -> dict[str, str]:
+    """Return the variant of every group that conf/config.yaml takes, in its order."""
+    listed = _load(CONF / "config.yaml")["defaults"]
+    return {
+        word: option
+        for entry in listed
+        if isinstance(entry, dict)
+        for word, option in entry.items()
+        if not word.startswith("optional ")
+    }
+
+
+def _load(path: Path) -> dict[str, Any]:
+    return yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
+
+
+GROUPS = tuple(usual_options())
+"""All groups of parameters, in the order of conf/config.yaml."""
+WORDS = tuple(word for word in GROUPS if word != "cluster")
+"""Those of the stages; `cluster` says where their work is done, which no result shows."""
 
 OF_MODES = ("network", "loops", "hybrid", "matching", "animate")
 """The groups of the playing modes, and what is common to them: `animate` once held them all."""
@@ -75,9 +84,9 @@ GONE = {
             ("path_across", "path_offset_cost"),
             ("path_late", "path_late_cost"),
             ("path_beam", "beam"),
-            ("path_stride", "search_step"),
+            ("path_stride", "search_step_deltas"),
             ("path_again", "repeat_cost"),
-            ("path_ahead", "look_ahead"),
+            ("path_ahead", "look_ahead_deltas"),
         )
     },
     **{
@@ -126,9 +135,19 @@ def variants(word: str) -> dict[str, type]:
     return {get_args(get_type_hints(variant)["source"])[0]: variant for variant in union}
 
 
+def settings_file(word: str) -> str:
+    """Return where the parameters of a group are declared, below `finloop/`.
+
+    That is `<word>/settings.py`, or `<word>_settings.py` in another package.
+    """
+    package = Path(__file__).parents[1]
+    path = next(package.glob(f"*/{word}_settings.py"), package / word / "settings.py")
+    return path.relative_to(package).as_posix()
+
+
 def _declaration(word: str) -> ModuleType:
     """The module finloop.<word>.settings, without its package, which brings torch and the like."""
-    path = SETTINGS_AT.get(word, f"{word}/settings.py")
+    path = settings_file(word)
     name = "finloop." + path.removesuffix(".py").replace("/", ".")
     if name not in sys.modules:
         spec = spec_from_file_location(name, Path(__file__).parents[1] / path)
@@ -138,26 +157,11 @@ def _declaration(word: str) -> ModuleType:
     return sys.modules[name]
 
 
-def usual_options() -> dict[str, str]:
-    """The variant of every stage word that conf/config.yaml takes."""
-    listed = _load(CONF / "config.yaml")["defaults"]
-    return {
-        word: option
-        for entry in listed
-        if isinstance(entry, dict)
-        for word, option in entry.items()
-    }
-
-
 def values_of(word: str, option: str) -> dict[str, Any]:
     """The values in conf/<word>/<option>.yaml; none where there is no such file."""
     path = CONF / word / f"{option}.yaml"
     values = _load(path) if path.is_file() else {}
     return {key: value for key, value in values.items() if key != "defaults"}
-
-
-def _load(path: Path) -> dict[str, Any]:
-    return yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
 
 
 def check(

@@ -1,4 +1,4 @@
-"""Samples of a long film: rows and stretches spread over it."""
+"""Samples of a long film: rows and stretches of rows spread over it."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 
 def spread(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most `most` of some rows (n,), spread evenly over them."""
+    """Return at most `most` of the rows (n,), spread evenly over them."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
-    """A sample of a film: whole tracks, at random, until there are `most` rows.
+    """Return a random sample of whole tracks, as slices of rows, until it has `most` rows.
 
-    track_ids (rows,): of every row, in order. A track longer than `longest` is cut into stretches
-    of equal length first, so that all of a long film has a part.
+    track_ids (rows,): the track of every row, in order. A track longer than `longest` is first cut
+    into stretches of equal length, so that all of a long film can be sampled.
     """
     edges = np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))
     every = []

@@ -1,4 +1,4 @@
-"""Messages and exit status of the command lines."""
+"""Messages and exit status of command-line tools."""
 
 import argparse
 import sys
@@ -10,9 +10,9 @@ from finloop.base.errors import FinloopError
 
 
 def run_tool(output: Path, work: Callable[[], str]) -> int:
-    """Do the work that writes `output`, print its summary, and return the exit status, 0 or 1.
+    """Run the work that writes `output`, print its summary, and return the exit status, 0 or 1.
 
-    Errors go to stderr: FinloopError, or a file that cannot be written.
+    FinloopError and OSError go to stderr.
     """
     try:
         summary = work()
@@ -27,14 +27,14 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
 
 
 def in_frames(counts: Mapping[str, int], frames: int) -> str:
-    """Counts of frames by id, in words."""
+    """Format counts of frames by id, such as "eye in 3 of 20 frames"."""
     return (
         ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"
     )
 
 
 def frame_rate(text: str) -> Fraction:
-    """An argument of a command line as frames per second, above 0."""
+    """Parse a command-line argument as frames per second, above 0."""
     try:
         rate = Fraction(text)
     except (ValueError, ZeroDivisionError) as error:

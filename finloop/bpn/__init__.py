@@ -1,7 +1,7 @@
 """The network that predicts a fish's motion (fish paper §3.1, §5.1.1; Eqs. 1–4, Figs. 6, 15).
 
-Motion area, swimming type, displacement and included angle now give motion area and swimming type
-Δ later.
+From motion area, swimming type, displacement and included angle it predicts motion area and
+swimming type Δ later.
 """
 
 import lazy_loader

@@ -2,7 +2,7 @@
 
 Glossary: x a row of scaled inputs and a 1; h the hidden layer and a 1; o the outputs; t the
 targets; E = ½ Σ (o - t)² over the rows of a batch and both outputs. Sums, not means: a batch of one
-is the paper's rule, a larger one takes the sum of its steps.
+row is the paper's rule, a larger one takes the sum of its steps.
 """
 
 import math
@@ -29,12 +29,12 @@ from finloop.bpn.model import (
 from finloop.bpn.settings import BpnSettings
 
 PART = 4096  # rows whose hidden layer fits the processor's cache: 200,000 at once take 5 × as long
-RUN_AWAY = 1e6  # of a weight: its sigmoid has long been a mere switch
+RUN_AWAY = 1e6  # size of a weight at which its sigmoid is a mere switch
 _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
 
 
 def new_weights(hidden: int, rng: np.random.Generator) -> Floats:
-    """Flat random weights, uniform within ±√(6 / (units before + units after)); biases 0."""
+    """Draw flat random weights, uniform within ±√(6 / (units before + units after)); biases 0."""
     weights = np.zeros((_IN + _OUT) * hidden + _OUT)
     for layer in layers(weights):
         before = layer[:, :-1].T
@@ -45,7 +45,7 @@ def new_weights(hidden: int, rng: np.random.Generator) -> Floats:
 
 @for_kernels
 def layers(weights):  # type: ignore[no-untyped-def]
-    """Both layers of flat weights, (hidden, 5) and (2, hidden + 1): views, a unit a row."""
+    """Return both layers of flat weights, (hidden, 5) and (2, hidden + 1): views, a unit a row."""
     hidden = (len(weights) - _OUT) // (_IN + _OUT)
     first, second = weights[: _IN * hidden], weights[_IN * hidden :]
     return first.reshape(hidden, _IN), second.reshape(_OUT, hidden + 1)
@@ -53,7 +53,7 @@ def layers(weights):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def unit_output(weights, signals):  # type: ignore[no-untyped-def]
-    """Fig. 6: what a unit makes of the signals that come in, the sigmoid of their weighted sum."""
+    """Return the output of a unit (Fig. 6): the sigmoid of the weighted sum of its signals."""
     z = 0.0
     for i in range(len(signals)):
         z += weights[i] * signals[i]
@@ -62,11 +62,11 @@ def unit_output(weights, signals):  # type: ignore[no-untyped-def]
 
 @kernel
 def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
-    """§3.1: learn from rows x (n, 5) and targets t (n, 2) in their order; weights change in place.
+    """Learn from rows x (n, 5), targets t (n, 2) in their order (§3.1); change weights in place.
 
-    After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
-    weights ← weights + velocity. rule: rows a batch, learning rate, momentum.
-    step, back: learning rate · ∂E/∂(sum that goes into an output, into a hidden unit).
+    After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and weights ←
+    weights + velocity. rule: rows a batch, learning rate, momentum. step, back: learning rate ·
+    ∂E/∂(sum that goes into an output, into a hidden unit).
     """
     size, learning_rate, momentum = rule
     first, second = layers(weights)
@@ -101,7 +101,7 @@ def learn(
     rate_hz: float,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """`train` on the first of two masks of rows; the second, held out, is for the curve."""
+    """Call `train` on the first of two masks of rows; the second, held out, gives the curve."""
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
     return train(*training, held_out, p, rows.delta_frames / rate_hz, rng, advance)
@@ -118,10 +118,10 @@ def train(
 ) -> tuple[MotionModel, pd.DataFrame]:
     """Learn from inputs (n, 4) and outputs (n, 2), which are `delta_s` later.
 
-    held_out: inputs and outputs for the curve alone; rng: for the first weights
-    and the order of rows, the same gives the same bits again; advance: called after each epoch.
+    held_out: inputs and outputs for the curve only; rng: draws the first weights and the order of
+    rows, and the same rng gives the same bits; advance: called after each epoch.
 
-    Returns the model, and the errors after each epoch (Fig. 15); epoch 0: the untaught network.
+    Return the model, and the errors after each epoch (Fig. 15); epoch 0: the untaught network.
     """
     low, high = input_range(inputs)
     x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
@@ -143,7 +143,7 @@ def train(
 
 
 def model_of(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
-    """The model with a copy of flat weights; low, high: the range (4,) of its inputs."""
+    """Return the model with a copy of flat weights; low, high: the range (4,) of its inputs."""
     first, second = (layer.T.copy() for layer in layers(weights))
     return MotionModel(
         delta_s, low, high, OUTPUT_LOW, OUTPUT_HIGH, MARGIN,
@@ -152,18 +152,17 @@ def model_of(weights: Floats, low: Floats, high: Floats, delta_s: float) -> Moti
 
 
 def _check_growth(weights: Floats, settings: BpnSettings) -> None:
-    """Refuse weights that grew without bound."""
     if not np.abs(weights).max() < RUN_AWAY:
         raise FinloopError(
             f"the weights grew without bound (learning rate {settings.learning_rate:g}, momentum "
             f"{settings.momentum:g}, at most {settings.batch_size} rows a batch)",
-            "steps so small that they find a way down",
+            "steps that are small enough to lower the error",
             "a smaller bpn.learning_rate (it counts per row of a batch) or a smaller bpn.momentum",
         )
 
 
 def _errors(model: MotionModel, watched: dict[str, tuple[Floats, Floats]]) -> dict[str, float]:
-    """A row of the curve: the model's errors on each side, NaN on one without rows."""
+    """Return a row of the curve: the model's errors on each side, NaN on a side without rows."""
     result: dict[str, float] = {}
     for side, (inputs, outputs) in watched.items():
         parts = [model.predict(inputs[at : at + PART]) for at in range(0, len(inputs), PART)]

@@ -1,8 +1,8 @@
 """Errors and skills of a motion model on held-out rows.
 
 Skill = 1 - error / error of a baseline, on the same held-out rows: 1 is perfect, 0 no better than
-the baseline. *Persistence* says that nothing changes; *linear* is least squares with an intercept,
-fitted to the rows that the network learnt from. Both are clipped to the range of the outputs.
+the baseline. *Persistence* predicts no change; *linear* is least squares with an intercept, fitted
+to the rows that the network learnt from. Both are clipped to the range of the outputs.
 """
 
 import numpy as np
@@ -30,13 +30,13 @@ COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
 
 
 def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFrame:
-    """The table of `HELD_OUT`."""
+    """Return the table HELD_OUT of predicted and true states."""
     states = np.hstack([model.predict(rows.inputs[held_out]), rows.outputs[held_out]])
     return pd.DataFrame(states, columns=HELD_OUT.names)
 
 
 def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
-    """Linear least squares with an intercept: (n, 4) → (n, 2)."""
+    """Predict by linear least squares with an intercept: (n, 4) → (n, 2)."""
     design = np.column_stack([train_inputs, np.ones(len(train_inputs))])
     solution = np.linalg.lstsq(design, train_outputs, rcond=None)[0]
     predicted = np.column_stack([inputs, np.ones(len(inputs))]) @ solution
@@ -44,7 +44,7 @@ def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Float
 
 
 def errors(predicted: Floats, true: Floats) -> dict[str, float]:
-    """Errors of states (n, 2): area on its 0-1 scale, type as a number and as a class.
+    """Return errors of states (n, 2): area on its 0-1 scale, type as a number and as a class.
 
     The recall of a type that does not occur is NaN.
     """
@@ -66,15 +66,15 @@ def errors(predicted: Floats, true: Floats) -> dict[str, float]:
 
 
 def confusion(predicted: Floats, true: Floats) -> Ints:
-    """Counts (3, 3) of true type by predicted type, both in the order of WORDS."""
+    """Count true type by predicted type, (3, 3), both in the order of WORDS."""
     answer, truth = type_class(predicted[:, 1]), type_class(true[:, 1])
     return np.array([[np.sum((truth == a) & (answer == b)) for b in WORDS] for a in WORDS])
 
 
 def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> dict[str, float]:
-    """Flat numbers for metrics.json; a skill against a baseline without error is left out (NaN).
+    """Return numbers for metrics.json; NaN for a skill against a baseline without error.
 
-    Where no row is held out, there are no skills, and errors of the rows learnt from alone.
+    If no row is held out, there are no skills, and the errors are those of the rows learnt from.
     """
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
     training = rows.inputs[train], rows.outputs[train]
@@ -104,7 +104,7 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
             f"{side}_{name}": value
             for side, numbers in ({"train": learnt} | results).items()
             for name, value in numbers.items()
-            if name != "type_error_pct"  # the accuracy says it
+            if name != "type_error_pct"  # the accuracy already gives it
         },
         **skills,
         **(failures if results else {}),

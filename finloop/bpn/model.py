@@ -1,9 +1,9 @@
 """The motion model of a fish: state and control now, state Δ later (fish paper §3.1-3.2, Fig. 6).
 
 Glossary: Δ the time between two states (the paper: 5 frames at 25 Hz); *state* motion area and
-swimming type (Eq. 2); *control* what happens over the next Δ: displacement and included angle
-(Eqs. 1, 3); the model is Eq. 4: state(t + Δ) = BPN(state(t), control(t)). The module
-`back_propagation` learns it; using it needs numpy alone.
+swimming type (Eq. 2); *control* displacement and included angle over the next Δ (Eqs. 1, 3); the
+model is Eq. 4: state(t + Δ) = BPN(state(t), control(t)). The module `back_propagation` learns it;
+using it needs only numpy.
 """
 
 from dataclasses import dataclass
@@ -30,16 +30,16 @@ OUTPUTS = {"motion_area_rel": "1", "swimming_type": "1"}
 
 OUTPUT_LOW, OUTPUT_HIGH = np.array([0.0, -1.0]), np.array([1.0, 1.0])
 MARGIN = 0.05  # targets lie in [MARGIN, 1 - MARGIN]: a sigmoid reaches neither 0 nor 1
-TAIL = 0.01  # share of displacements, of angles, that lies outside the scaled range
+TAIL = 0.01  # share of displacements, and of angles, that lie outside the scaled range
 LEAST_TRAIN, LEAST_HELD_OUT = 20, 5  # rows
 
 
 @dataclass(frozen=True, eq=False)
 class MotionModel:
-    """A trained network 4-hidden-2, sigmoid in both layers; scaling is part of it."""
+    """A trained network 4-hidden-2, sigmoid in both layers; it includes the scaling."""
 
     delta_s: float  # the time Δ in seconds from the state that goes in to the state that comes out
-    # (4,) what becomes -1 and 1 before the first layer; inputs beyond are clipped to it
+    # (4,) the inputs that become -1 and 1 before the first layer; others are clipped to them
     input_low: Floats
     input_high: Floats
     output_low: Floats  # (2,) the range of the outputs
@@ -51,7 +51,7 @@ class MotionModel:
     output_bias: Floats  # (2,)
 
     def record(self) -> dict[str, Any]:
-        """Every number, unit and name as plain values; `motion_model` reads them, to the bit."""
+        """Return every number, unit and name as plain values; `motion_model` restores them."""
         return {
             **_HEADER,
             **{name: float(getattr(self, name)) for name in _NUMBERS},
@@ -59,7 +59,7 @@ class MotionModel:
         }
 
     def predict(self, inputs: Reals) -> Floats:
-        """Eq. 4: (n, 4) states and controls, see INPUTS → (n, 2) states Δ later, see OUTPUTS.
+        """Predict by Eq. 4: (n, 4) states and controls (INPUTS) → (n, 2) states Δ later (OUTPUTS).
 
         Motion area in [0, 1]; swimming type as a real number in [-1, 1]: `type_class` rounds it.
         """
@@ -78,7 +78,7 @@ _WEIGHTS = ("hidden_weights", "hidden_bias", "output_weights", "output_bias")
 
 
 def motion_model(**content: Any) -> MotionModel:
-    """The model that `MotionModel.record` described.
+    """Restore the model from the fields of `MotionModel.record`.
 
     KeyError, TypeError or ValueError if the content is no motion model: something is missing, of
     another size or out of range.
@@ -103,20 +103,20 @@ def motion_model(**content: Any) -> MotionModel:
 
 
 def to_scale(values: Reals, low: Floats, high: Floats) -> Floats:
-    """Values (n, k) clipped to [low, high] and brought to [-1, 1]."""
+    """Clip values (n, k) to [low, high] and scale them to [-1, 1]."""
     return 2 * (np.clip(np.asarray(values, float), low, high) - low) / (high - low) - 1
 
 
 def type_class(swimming_type: Reals) -> NDArray[np.int8]:
-    """The nearest of -1 right, 0 straight, 1 left."""
+    """Round a swimming type to -1 right, 0 straight or 1 left."""
     return np.rint(swimming_type).astype(np.int8)
 
 
 def input_range(inputs: Floats) -> tuple[Floats, Floats]:
-    """The range (low, high), (4,) each, that the inputs are scaled by.
+    """Return the range (low, high), (4,) each, that scales the inputs.
 
-    Area and type have theirs; displacement and angle take theirs from the rows (n, 4), without the
-    TAIL, so that one wild frame does not squeeze the rest. 0° stays in the middle.
+    Area and type have fixed ranges; displacement and angle take theirs from the rows (n, 4),
+    without the TAIL, so that a wild frame does not squeeze the rest. 0° stays in the middle.
     """
     near, far = np.quantile(inputs[:, 2], [TAIL, 1 - TAIL])
     wide = np.quantile(np.abs(inputs[:, 3]), 1 - TAIL)
@@ -132,12 +132,12 @@ class Rows:
     inputs: Floats
     outputs: Floats
     track_id: Ints
-    frame: Ints  # of the inputs; the outputs are delta_frames later
+    frame: Ints  # frames of the inputs; the outputs are delta_frames later
     delta_frames: int
 
 
 def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
-    """Rows of a feature table where all inputs and outputs exist, both ends in the same track."""
+    """Return the rows of a feature table whose inputs and outputs exist, both in the same track."""
     now = features[["track_id", "frame", *INPUTS]]
     later = features[["track_id", "frame", *OUTPUTS]]
     later = later.assign(frame=later["frame"] - delta_frames)
@@ -155,9 +155,10 @@ def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
 def split_by_blocks(
     rows: Rows, block_frames: int, held_out: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Rows to learn from and rows held out, (n,) each, by stretches of time across all tracks.
+    """Return the rows to learn from and those held out, (n,) each, by stretches of time.
 
-    A row whose window t … t + Δ reaches from one side into the other is in neither.
+    A stretch holds all tracks. A row whose window t … t + Δ reaches from one side into the other is
+    in neither.
     """
     if block_frames < rows.delta_frames:  # a window would reach over a whole block
         raise FinloopError(
@@ -180,7 +181,7 @@ def split_by_blocks(
 
 
 def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tuple[Mask, Mask]:
-    """Rows to learn from and rows held out, (n,) each, by whole tracks."""
+    """Return the rows to learn from and those held out, (n,) each, by whole tracks."""
     tracks = len(np.unique(rows.track_id))
     if tracks < 2:
         raise FinloopError(
@@ -193,9 +194,9 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
 
 
 def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Rows to learn from and rows held out, (n,) each, by "blocks" or by "tracks".
+    """Return the rows to learn from and those held out, (n,) each, by "blocks" or by "tracks".
 
-    Of a long film `p.most_rows` are learnt from.
+    In a long film `p.most_rows` of them are learnt from.
     """
     rng = np.random.default_rng((p.seed, 0))
     if by == "tracks":
@@ -213,9 +214,9 @@ def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
 
 
 def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """`split` by `p.held_out_by`; where the film is too short for that, all rows and none held out.
+    """Apply `split` by `p.held_out_by`; if the film is too short for that, hold no row out.
 
-    FinloopError if the film has no rows, or if it is `p` that leaves too few: whole tracks, or
+    FinloopError if the film has no rows, or if `p` is the reason for too few rows: whole tracks, or
     blocks shorter than Δ.
     """
     try:
@@ -229,7 +230,7 @@ def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
 
 
 def _sample_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
-    """Random groups with about a share of the rows: at least one group, and not all."""
+    """Draw random groups with about a share of the rows: at least one group, and not all."""
     groups, counts = np.unique(group, return_counts=True)
     sample: list[int] = []
     missing = share * len(group)

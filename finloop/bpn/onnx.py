@@ -1,7 +1,7 @@
-"""The motion model as ONNX, for programs without this one: physical units go in and come out.
+"""The motion model as ONNX, for other programs: physical units go in and come out.
 
-The scaling is part of the graph. 32-bit numbers, which every runtime takes. Another evaluator,
-ONNX's own, runs the finished graph before the file appears.
+The scaling is part of the graph. It has 32-bit numbers, which every runtime takes. Another
+evaluator, ONNX's own, runs the finished graph before the file appears.
 """
 
 from typing import Any
@@ -16,12 +16,12 @@ from finloop.base.errors import FinloopError
 from finloop.bpn.model import INPUTS, OUTPUTS, MotionModel
 
 INPUT_NAME, OUTPUT_NAME = "state_and_control", "next_state"
-OPSET, IR_VERSION = 17, 8  # of 2022: what runtimes in use today understand
-TOLERANCE = 1e-4  # of the range of an output; 32-bit rounding makes about a hundredth of it
+OPSET, IR_VERSION = 17, 8  # of 2022: today's runtimes read them
+TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives about a hundredth of it
 
 
 def to_onnx(model: MotionModel) -> onnx.ModelProto:
-    """The graph of `MotionModel.predict`: (n, 4) float → (n, 2) float."""
+    """Build the graph of `MotionModel.predict`: (n, 4) float → (n, 2) float."""
     reach = (model.input_high - model.input_low) / 2
     span = (model.output_high - model.output_low) / (1 - 2 * model.margin)
     constants = {
@@ -72,7 +72,7 @@ def to_onnx(model: MotionModel) -> onnx.ModelProto:
 
 
 def onnx_bytes(model: MotionModel) -> bytes:
-    """`model` as an ONNX file; FinloopError where its graph gives other numbers than the model."""
+    """Convert `model` to an ONNX file; FinloopError if its graph gives other numbers."""
     proto = to_onnx(model)
     onnx.checker.check_model(proto, full_check=True)
     off = largest_difference(proto, model)
@@ -80,15 +80,15 @@ def onnx_bytes(model: MotionModel) -> bytes:
         raise FinloopError(
             f"the ONNX export is off by {off:g} of the range of an output",
             f"the numbers of the model itself, to {TOLERANCE:g}",
-            "train with a smaller bpn.learning_rate: weights this large have no 32-bit likeness",
+            "train with a smaller bpn.learning_rate: 32 bits cannot represent weights this large",
         )
     return proto.SerializeToString(deterministic=True)
 
 
 def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
-    """The largest difference between graph and model, in ranges of the output.
+    """Return the largest difference between graph and model, in ranges of the output.
 
-    At the corners of the input range and beyond, and at points spread over it.
+    They are compared at and beyond the corners of the input range, and at points spread over it.
     """
     points = _probes(model.input_low, model.input_high)
     inputs = points.astype(np.float32)

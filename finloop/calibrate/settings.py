@@ -23,8 +23,8 @@ class CalibrateSettings:
     alignment_weight: Fitted
     attraction_weight: Fitted
 
-    # Δ, from one look at the neighbours to the next; auto: the film says when headings are half
-    # forgotten
+    # Δ, from one look at the neighbours to the next; auto: until headings of the film are half
+    # forgotten, so that the film decides
     horizon: ClassVar[float | Literal["auto"]] = "auto"
     # body lengths, tried as radii: fine where fish are near, up to a tank's size
     radii: ClassVar[tuple[float, ...]] = (
@@ -33,11 +33,11 @@ class CalibrateSettings:
     # degrees, tried as blind angles: from none to the half behind the fish
     blind_angles_deg: ClassVar[tuple[float, ...]] = (0.0, 45.0, 90.0, 135.0, 180.0)
     rows: ClassVar[int] = 5000  # of each half of the film, evenly spread, at most: bounds the time
-    alike: ClassVar[int] = (
-        30  # steps of the film, the most alike by wall and motion, that one is drawn from
-    )
-    steps: ClassVar[int] = 4000  # that points swim for the measures: as many as a film of minutes
-    seed: ClassVar[int] = 0  # of these points: they check the fit and change no animation
+    # steps of the film, the most alike by wall and motion, from which one is drawn: few enough to
+    # be alike, enough for chance
+    alike: ClassVar[int] = 30
+    steps: ClassVar[int] = 4000  # that simulated fish swim for the measures: bounds the time
+    seed: ClassVar[int] = 0  # of these fish: they check the fit and change no animation
     RENAMED: ClassVar = {
         "repulsion": "repulsion_radius_bl",
         "alignment": "alignment_radius_bl",

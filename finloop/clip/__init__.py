@@ -1,6 +1,6 @@
 """The clip stage: arena, check and repair of the film (fish paper §2.1).
 
-Reading film of any kind is `io.footage`; writing the clip is `io.movie`.
+`io.footage` reads films of any kind; `io.movie` writes the clip.
 """
 
 import lazy_loader

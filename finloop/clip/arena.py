@@ -12,7 +12,7 @@ from finloop.base.errors import FinloopError
 def rectangle_arena(
     width: int, height: int, left_px: float, top_px: float, width_px: float, height_px: float
 ) -> np.ndarray:
-    """Mask of the pixels whose centres lie in a rectangle.
+    """Return the mask of the pixels whose centres lie in a rectangle.
 
     The left and top edges belong to it, the right and bottom ones do not: 10 px wide from 0 is the
     columns 0 … 9. FinloopError if no pixel of the picture lies in it.
@@ -26,7 +26,7 @@ def rectangle_arena(
 
 
 def circle_arena(width: int, height: int, x_px: float, y_px: float, radius_px: float) -> np.ndarray:
-    """Mask of the pixels whose centres lie in or on a circle.
+    """Return the mask of the pixels whose centres lie in or on a circle.
 
     FinloopError if no pixel of the picture lies in it.
     """

@@ -1,8 +1,8 @@
-"""A check of the film: the quality of its light, camera and coding.
+"""Check a film: the quality of its light, camera and coding.
 
-The normalised clip, as grey, is examined in runs of successive frames spread over it. So a long
-film takes no longer than one of five hundred frames. Light and doubled pictures are measured in
-every frame, while the clip is written (`quality.Tally`).
+The normalised clip, as grey, is examined in runs of successive frames spread over it, so a long
+film takes no longer than five hundred frames. Light and doubled pictures are measured in every
+frame, while the clip is written (`quality.Tally`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,13 +21,13 @@ from finloop.clip.light import gain, in_light, light
 from finloop.clip.shake import STILL, UNKNOWN, Shift, marks, shift, undo_shift
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
-RUNS, LENGTH = 8, 64  # how many runs, of how many frames, a long film is judged by
-_SAMPLES = 15  # frames of which the still tank is the median
+RUNS, LENGTH = 8, 64  # number and length [frames] of the runs that are examined
+_SAMPLES = 15  # frames whose median is the still tank
 _STRIP = 64  # rows
-_TILES = 6  # of the picture in both directions; the median one gives the noise
+_TILES = 6  # tiles of the picture in both directions; the median tile gives the noise
 _THIN = 3  # every 3rd pixel in both directions for noise and contrast
-_EVERY = 4  # frames; so often are noise, fields and contrast looked at
-_SIGMAS, _LEAST = 6.0, 15.0  # of the noise, and grey levels: from there on a pixel is no tank
+_EVERY = 4  # frames from one measurement of noise, fields and contrast to the next
+_SIGMAS, _LEAST = 6.0, 15.0  # noises and grey levels from which a pixel is not tank
 _BLACK, _WHITE = 1, 254  # grey levels; beyond them nothing was recorded
 
 CHECK = Schema(
@@ -38,7 +38,7 @@ CHECK = Schema(
     Column("field_order", "float32", "1", nullable=True),
     Column("noise", "float32", "grey levels", nullable=True),
 )
-"""Measures of every frame; NaN where a frame was not examined or does not show them."""
+"""Measures of every frame; NaN where a frame was not examined or lacks the feature."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class Quality:
     light_drift_pct: float  # of the mean, from the darkest to the brightest moment
     shake_px: float  # root mean square distance of the camera from its usual place
     shake_most_px: float  # the largest distance
-    shake_apart_px: float  # how far parts of the picture moved otherwise, median
-    doubled_pct: float  # pictures that repeat the one before, of those where it can be told
-    doubled_rate: float  # pictures a frame, if a cadence foretells them; else NaN
+    shake_apart_px: float  # how far parts of the picture moved differently, median
+    doubled_pct: float  # share of pictures that repeat the one before, where that is decidable
+    doubled_rate: float  # pictures a frame, if a cadence predicts them; else NaN
     field_order: float  # 0: whole pictures; interlaced: above 0 the upper field is the earlier one
     noise_grey: float  # standard deviation of a pixel of the still tank
     contrast_grey: float  # median difference of what moves from the still tank
@@ -74,7 +74,7 @@ class GreyReader(Protocol):
 
 
 class Clip(NamedTuple):
-    """A clip to check: samples, some frames spread over it; lights and changes as in `Tally`."""
+    """A clip to check: `samples` are frames spread over it; lights and changes as in `Tally`."""
 
     read: GreyReader
     rate_hz: float
@@ -84,12 +84,12 @@ class Clip(NamedTuple):
 
     @property
     def frames(self) -> int:
-        """Its length."""
+        """Return its number of frames."""
         return len(self.changes)
 
 
 def runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
-    """Half-open runs of frames spread over a film; they begin at multiples of `stride`."""
+    """Return half-open runs of frames spread over a film; they begin at multiples of `stride`."""
     if frames <= RUNS * LENGTH:
         return [(0, frames)]
     starts = np.linspace(0, frames - LENGTH, RUNS).astype(int) // stride * stride
@@ -97,7 +97,7 @@ def runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
 
 
 def still_tank(samples: Sequence[Picture]) -> Picture:
-    """The median of frames, each brought to the median light and place of all."""
+    """Return the median of frames, after bringing each to the median light and place of all."""
     few = samples[:: -(-len(samples) // _SAMPLES)]
     gains = [gain(frame, few[0]) for frame in few]
     usual = np.median(gains, axis=0)
@@ -124,7 +124,7 @@ def _median(frames: Sequence[Picture]) -> Picture:
 
 
 def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
-    """The quality of a clip, its measures frame by frame (`CHECK`), and its still tank.
+    """Measure a clip: return its quality, the measures of each frame (`CHECK`), and its still tank.
 
     stride: distance of its key frames.
     """
@@ -136,7 +136,7 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
         before: Picture | None = None
         light_before = 1.0
         for frame, picture in enumerate(clip.read(start=start, stop=stop), start):
-            here = picture.copy()  # the decoder's own memory
+            here = picture.copy()  # the decoder reuses its memory
             bright = float(gain(here, tank)[0])
             place = shift(here, of, last)
             last = last if place is UNKNOWN else place
@@ -154,12 +154,12 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
 
 
 def grey(picture: Picture) -> Picture:
-    """A picture (h, w), a copy."""
+    """Convert a picture to grey (h, w), a copy."""
     return picture.copy() if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
 
 
 def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float]:
-    """Measures of two grey frames; `brighter`: the light of the first over the second's."""
+    """Measure two grey frames; `brighter`: the light of the first over the second's."""
     few = here[::_THIN, ::_THIN].astype(np.float32) * brighter
     off = np.abs(few - before[::_THIN, ::_THIN])
     size = min(_TILES, off.shape[1]), min(_TILES, off.shape[0])
@@ -172,9 +172,9 @@ def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float
 
 
 def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
-    """The moving pixels of a grey frame: count, median contrast, black ones, white ones.
+    """Measure the moving pixels of a grey frame: count, median contrast, black ones, white ones.
 
-    here, tank: of every `_THIN`-th pixel in both directions.
+    here, tank: every `_THIN`-th pixel in both directions.
     """
     off = np.abs(here / bright - tank)
     usual = _SIGMAS * 1.4826 * float(np.median(off))
@@ -187,7 +187,7 @@ def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, 
 
 
 def _quality(table: pd.DataFrame, clip: Clip, looked: int, movers: Floats) -> Quality:
-    """The numbers of a film from those of its frames; `looked`: the number of frames."""
+    """Summarise the measures of all frames; `looked`: the number of examined frames."""
     lamp = light(np.array(clip.lights), clip.rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
     places = place[np.isfinite(place[:, 0])]
@@ -212,5 +212,5 @@ def _quality(table: pd.DataFrame, clip: Clip, looked: int, movers: Floats) -> Qu
 
 
 def _median_of(values: pd.Series) -> float:
-    """The median of what there is; NaN of nothing."""
+    """Return the median, ignoring NaN; NaN of nothing."""
     return float(values.median())

@@ -1,8 +1,8 @@
 """Pictures that a film shows twice, as after a conversion to a higher rate (25 → 30 Hz).
 
 The change from one frame to the next is that of the blocks that change most. Where animals move, it
-goes up and down smoothly; a doubled picture is a change that is small between large ones. An animal
-that rests and darts away has small changes before large ones, and no doubled pictures.
+rises and falls smoothly; a doubled picture is a small change between large ones. An animal that
+rests and darts away has small changes before large ones, and no doubled pictures.
 """
 
 from typing import NamedTuple
@@ -14,15 +14,15 @@ from finloop.base.arrays import Floats, Ints, Mask, Picture
 
 _THIN = 2  # every 2nd pixel in both directions
 _BLOCK = 12  # px of the thinned picture
-_MOST = 0.01  # share of the blocks, those that change most
+_MOST = 0.01  # share of the blocks: those that change most
 _AROUND = 6  # frames to each side with which a change is compared
-_BESIDE = 3  # frames to each side, one of which is new: film of a quarter of its rate or more
+_BESIDE = 3  # frames to each side, at least one of them new: shot at a quarter of the rate or more
 _GAP = 2.5  # between the changes of doubled pictures and those of new ones, as a ratio
-_THIRD = 3  # largest change around; so that two flashes do not decide
+_THIRD = 3  # rank of the change that counts: two flashes do not decide
 _LEAST = 1.0  # grey levels; where less changes, a frame is undecidable
-_AGREE = 0.95  # of the decidable frames: the share that a cadence must foretell
-_PHASES = 33  # that are tried
-_FEW = 8  # doubled pictures from which a cadence is looked for
+_AGREE = 0.95  # share of the decidable frames that a cadence must predict
+_PHASES = 33  # phases that are tried
+_FEW = 8  # doubled pictures from which a cadence is searched for
 
 
 def subsample_grey(frame: Picture) -> Picture:
@@ -32,7 +32,7 @@ def subsample_grey(frame: Picture) -> Picture:
 
 
 def change(before: Picture, after: Picture) -> float:
-    """Mean change, grey levels, of the blocks of two thinned frames that change most."""
+    """Return the mean change [grey levels] of the blocks of two thinned frames that change most."""
     size = tuple(max(1, side // _BLOCK) for side in before.shape[::-1])
     off = cv2.absdiff(before, after).astype(np.float32)
     blocks = np.sort(cv2.resize(off, size, interpolation=cv2.INTER_AREA), axis=None)
@@ -71,7 +71,7 @@ def find_repeats(changes: Floats) -> Doubled:
 
 
 def _decidable(changes: Floats) -> tuple[Mask, Mask]:
-    """Masks (frames,): where enough moves to decide, and which of these frames are doubled."""
+    """Return masks (frames,): where enough moves to decide, and which of these are doubled."""
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
     around = np.sort(windows, axis=1)[:, : -_THIRD + 1]
@@ -79,7 +79,7 @@ def _decidable(changes: Floats) -> tuple[Mask, Mask]:
     if decidable.any():
         decidable &= around[:, -1] >= np.median(around[decidable, -1])
     decidable[:1] = False
-    around = np.maximum(around, 0.02 * around[:, -1:] + 1e-9)  # of two that are nearly 0
+    around = np.maximum(around, 0.02 * around[:, -1:] + 1e-9)  # avoids ratios of near zeros
     ratios = around[:, 1:] / around[:, :-1]
     gap = ratios.argmax(axis=1)
     below = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
@@ -88,9 +88,9 @@ def _decidable(changes: Floats) -> tuple[Mask, Mask]:
 
 
 def _amid(changes: Floats, below: Floats) -> Mask:
-    """Frames (frames,) with a change above `below` (frames,) on both sides, or the film's end.
+    """Return the frames (frames,) with a change above `below` on both sides, or at the film's end.
 
-    A resting animal that darts away has small changes on one side alone.
+    A resting animal that darts away has small changes on one side only.
     """
     beyond = np.pad(np.nan_to_num(changes), _BESIDE, constant_values=np.inf)
     sides = np.lib.stride_tricks.sliding_window_view(beyond, _BESIDE).max(axis=1)
@@ -98,10 +98,10 @@ def _amid(changes: Floats, below: Floats) -> Mask:
 
 
 def _cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
-    """The cadence of a rate conversion: pictures a frame, their numbers, the doubled frames.
+    """Return the cadence of a rate conversion: pictures a frame, their numbers, doubled frames.
 
-    Frame k shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the
-    frames that are new (or doubled: whichever is rarer), refined between its bins.
+    Frame k shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the new
+    (or doubled, if rarer) frames, refined between its bins.
     """
     frames = len(decidable)
     rare = twice if 2 * twice.sum() < decidable.sum() else decidable & ~twice
@@ -127,5 +127,5 @@ def _cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
 
 
 def _beats(place: np.ndarray, beat: float, phase: float) -> Mask:
-    """In which frames the count floor(k · beat + phase) goes up."""
+    """Return the frames in which the count floor(k · beat + phase) goes up."""
     return np.floor(place * beat + phase) > np.floor((place - 1) * beat + phase)

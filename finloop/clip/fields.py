@@ -10,15 +10,15 @@ import numpy as np
 from finloop.base.arrays import Picture
 
 _THIN = 4  # every 4th column is enough
-_MOTION = 12  # grey levels from frame to frame, from which a pixel counts as moved
-_FEW = 50  # moved pixels from which a frame is judged
+_MOTION = 12  # least change [grey levels] from frame to frame of a moved pixel
+_FEW = 50  # least number of moved pixels of a frame that is judged
 
 
 def field_order(before: Picture, frame: Picture) -> float:
-    """Which field of two grey frames is the earlier one: above 0 the upper, below 0 the lower.
+    """Return which field of two grey frames is earlier: above 0 the upper, below 0 the lower.
 
-    The relative difference of the two squared distances where something moved: 0 of whole pictures,
-    up to ±0.8 of woven ones. NaN where too little moved.
+    It is the relative difference of the two squared distances where something moved: 0 for whole
+    pictures, up to ±0.8 for woven ones. NaN where too little moved.
     """
     last, here = (picture[:, ::_THIN].astype(np.float64) for picture in (before, frame))
     motion = np.abs(here - last) >= _MOTION

@@ -1,7 +1,7 @@
 """The light of a film: the brightness of each frame against the still tank, flicker and drift.
 
-A lamp that becomes g times as bright makes every pixel g times as bright (in film coded with a
-gamma, too: then by another g). So one gain a channel is enough.
+A lamp that becomes g times as bright makes every pixel g times as bright (gamma coding only changes
+the g). So one gain per channel suffices.
 """
 
 from typing import NamedTuple
@@ -11,21 +11,21 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Picture
 
-_PIXELS = 1500  # of a frame are enough
+_PIXELS = 1500  # pixels of a frame that are compared
 _LIT = (16, 250)  # grey levels between which a pixel follows the light
-_ROUNDS = 3  # of leaving out what is not the tank
-_SIGMAS = 3.0  # of the differences; beyond it is an animal
-_SLOW_S = 3.0  # s; what changes more slowly is drift
-_WINDOW = 256  # frames that a spectrum is taken of
-_FINER = 8  # of the spectrum's bins between two that are independent
-_PEAK = 0.5  # of the flicker's power within one peak: then it has a frequency
+_ROUNDS = 3  # rounds of leaving out pixels that are not tank
+_SIGMAS = 3.0  # standard deviations of the difference from which a pixel is an animal
+_SLOW_S = 3.0  # s; slower changes are drift
+_WINDOW = 256  # frames of a spectrum
+_FINER = 8  # the spectrum's bins between two that are independent
+_PEAK = 0.5  # least share of the flicker's power in one peak that gives it a frequency
 
 
 def gain(frame: Picture, tank: Picture) -> Floats:
-    """Brightness of `frame` beside `tank`, a value a channel: (1,) of grey, (3,) of RGB.
+    """Return the brightness of `frame` relative to `tank` per channel: (1,) grey, (3,) RGB.
 
-    A ratio of sums over the pixels that are tank in both, and neither black nor white; 1 where
-    there are none.
+    It is a ratio of sums over the pixels that are tank in both, and neither black nor white; 1
+    where there are none.
     """
     here, there = (_grid(picture) for picture in (frame, tank))
     low, high = _LIT
@@ -49,22 +49,22 @@ def _grid(picture: Picture) -> Floats:
 
 
 def in_light(frame: Picture, gains: Floats) -> Picture:
-    """The frame as in a light of 1: divided by its gain a channel, rounded; a new array."""
+    """Return a new frame as in a light of 1: divided by its gain per channel, rounded."""
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
     return np.asarray(cv2.LUT(frame, table))
 
 
 class Light(NamedTuple):
-    """How the light changes; `flicker_hz` is NaN where the flicker has no one frequency."""
+    """How the light changes; `flicker_hz` is NaN for a flicker without a single frequency."""
 
-    flicker_pct: float  # root mean square of what is fast, of the mean, in the median second
+    flicker_pct: float  # root mean square of the fast part over the mean, in the median second
     flicker_hz: float
-    drift_pct: float  # of what is slow, from the darkest to the brightest moment, of the mean
+    drift_pct: float  # range of the slow part, darkest to brightest moment, over the mean
 
 
 def light(lights: Floats, rate_hz: float) -> Light:
-    """Flicker and drift from the brightness of successive frames, of any unit."""
+    """Measure flicker and drift from the brightness of successive frames, in any unit."""
     mean = float(lights.mean())
     slow = _running_mean(lights, rate_hz)
     fast = lights - slow
@@ -76,14 +76,13 @@ def light(lights: Floats, rate_hz: float) -> Light:
 
 
 def _running_mean(lights: Floats, rate_hz: float) -> Floats:
-    """Return the slow part: a running mean, mirrored at the ends."""
     half = min(round(_SLOW_S * rate_hz / 2), (len(lights) - 1) // 2)
     padded = np.pad(lights, half, mode="reflect") if half else lights
     return np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
 
 
 def _frequency(fast: Floats, rate_hz: float) -> float:
-    """Where most of the power lies, Hz; NaN where it is spread out."""
+    """Return the frequency [Hz] that has most of the power; NaN if it is spread out."""
     length = min(len(fast), _WINDOW)
     starts = range(0, len(fast) - length + 1, length)
     window, size = np.hanning(length), _FINER * length

@@ -1,6 +1,6 @@
-"""Faults of a film that can be mended: woven fields, doubled pictures, light, shake.
+"""Repair faults of a film: woven fields, doubled pictures, light, shake.
 
-A film without faults is not touched: its clip keeps every byte.
+A film without faults stays unchanged: its clip keeps every byte.
 """
 
 from collections.abc import Iterator
@@ -18,11 +18,11 @@ from finloop.clip.settings import File
 from finloop.clip.shake import STILL, UNKNOWN, Landmarks, Shift, marks, shift, undo_shift
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
 
-# Of the picture's smaller side: a camera that moves farther takes a strip of that width from both
-# borders, and sees the tank from another place, so that one shift is not enough.
+# Share of the picture's smaller side. A camera that moves farther loses a strip of that width on
+# both borders, and sees the tank from another place, so a single shift cannot repair it.
 FARTHEST = 0.03
-APART = 0.3  # of the shake: where parts of the picture move otherwise by more, it is no shift
-_EDGE = 2  # px; a Lanczos kernel reaches that far beyond what was filmed
+APART = 0.3  # share of the shake; parts of the picture that differ by more did not just shift
+_EDGE = 2  # px; reach of a Lanczos kernel
 
 REPAIRED_BY = {
     "deinterlace": "deinterlace",
@@ -37,7 +37,7 @@ Frames = Iterator[tuple[float, tuple[int, Picture]]]
 
 
 def repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
-    """The repairs that a film of quality `q` needs, of `REPAIRED_BY`."""
+    """Return the repairs that a film of quality `q` needs, of `REPAIRED_BY`."""
     far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
     converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
     faults = {
@@ -56,14 +56,17 @@ def repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
 
 
 def field_of(q: Quality) -> Literal["auto", "tff", "bff"]:
-    """The order of fields as FFmpeg's filters name it."""
+    """Return the order of fields by the name in FFmpeg's filters."""
     if not isfinite(q.field_order):
         return "auto"
     return "tff" if q.field_order > 0 else "bff"
 
 
 def new_pictures(take: Frames, twice: Doubled, rate_hz: float) -> Frames:
-    """The frames that are new, each at the time of its picture; `rate_hz`: of the pictures."""
+    """Yield the frames that are new, each at the time of its picture.
+
+    rate_hz: pictures per second.
+    """
     for (_, frame), picture, repeats in zip(take, twice.pictures, twice.repeats, strict=False):
         if not repeats:
             yield float(picture) / rate_hz, frame
@@ -73,7 +76,7 @@ def new_pictures(take: Frames, twice: Doubled, rate_hz: float) -> Frames:
 class Calm:
     """Brings frames to the light and the place of the still tank (h, w) or (h, w, 3).
 
-    light, place: which of the two. right_px …: how far the camera was to each side so far.
+    light, place: which of the two to correct. right_px …: the camera's largest shift to each side.
     """
 
     tank: Picture
@@ -87,7 +90,7 @@ class Calm:
     _last: Shift = field(default=STILL)
 
     def __call__(self, take: Frames) -> Frames:
-        """The frames, mended."""
+        """Yield the frames, repaired."""
         for time_s, (number, frame) in take:
             if self.light:
                 frame = in_light(frame, gain(frame, self.tank))
@@ -105,7 +108,7 @@ class Calm:
         return undo_shift(frame, by)
 
     def common_mask(self) -> Mask:
-        """Return the mask (h, w) of the pixels that every frame shows at its shift."""
+        """Return the mask (h, w) of the pixels that every frame shows after its shift."""
         mask = np.zeros((self.tank.shape[0], self.tank.shape[1]), bool)
         height, width = self.tank.shape[:2]
         sides = (self.up_px, self.down_px, self.left_px, self.right_px)

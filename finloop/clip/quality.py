@@ -9,16 +9,16 @@ import numpy as np
 from finloop.clip.doubled import change, subsample_grey
 from finloop.clip.light import gain
 
-PLAIN_LEVELS = 8  # a film with less between its darkest and brightest pixel shows nothing
-SAMPLES = 32  # frames kept of a clip, at most, to compare them with the coded ones
+PLAIN_LEVELS = 8  # least difference between the darkest and brightest pixel of a usable film
+SAMPLES = 32  # most frames of a clip that are kept to compare them with the coded ones
 
 
 @dataclass
 class Tally:
     """Brightness of a clip, its changes and samples of its frames, gathered frame by frame.
 
-    lights: brightness of each frame beside the first one, where both show the tank. changes: how
-    much it differs from the one before (`doubled.change`), NaN for the first.
+    lights: brightness of each frame relative to the first one, where both show the tank. changes:
+    how much it differs from the one before (`doubled.change`), NaN for the first.
     """
 
     frames: int = 0
@@ -33,7 +33,7 @@ class Tally:
     _last: np.ndarray | None = None
 
     def add(self, frame: np.ndarray) -> None:
-        """Count one frame; at most `SAMPLES` copies, evenly spread, are kept."""
+        """Count one frame; keep at most `SAMPLES` copies, evenly spread."""
         self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
         low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
@@ -53,19 +53,19 @@ class Tally:
 
     @property
     def brightness_mean(self) -> float:
-        """Mean grey level of all pixels of all frames, 0 … 255."""
+        """Return the mean grey level of all pixels of all frames, 0 … 255."""
         return self.brightness_sum / max(self.frames, 1)
 
     @property
     def plain(self) -> bool:
-        """Whether all pixels of all frames have about one level."""
+        """Return whether all pixels of all frames have about one level."""
         return self.brightest - self.darkest < PLAIN_LEVELS
 
 
 def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Peak signal-to-noise ratio over all pairs, 10 log₁₀(255² / mean squared difference).
+    """Return the peak signal-to-noise ratio of all pairs, 10 log₁₀(255² / mean squared difference).
 
-    Infinite where nothing differs.
+    It is infinite where nothing differs.
     """
     squares = pixels = 0.0
     for a, b in pairs:

@@ -1,7 +1,7 @@
-"""The normalised clip of a film, checked, and written again where what is wrong can be mended.
+"""Write the normalised clip of a film, check it, and write it again with its faults repaired.
 
-First what its pictures are (fields, doubled ones), then how they were taken (light, shake): the
-second is measured on pictures that are whole.
+First the pictures are repaired (fields, doubled ones), then their light and shake, which can only
+be measured on whole pictures.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ from finloop.io.video import (
 )
 
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
-"""Reports progress: of a word and a number of frames, a block that gives `advance()`."""
+"""Reports progress: (word, number of frames) → a block that yields `advance()`."""
 
 _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
@@ -42,7 +42,7 @@ _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 class ClipResult:
     """A new clip: its facts, tally and arena (h, w); the quality of the film and of the clip.
 
-    mended: the parameters of the repairs that were made.
+    mended: the repairs that were made, of `finloop.clip.mend.REPAIRED_BY`.
     """
 
     facts: VideoFacts
@@ -54,7 +54,7 @@ class ClipResult:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Metrics: of the clip, of the film where that was another one, and what was mended."""
+        """Return metrics of the clip, of the film if it was repaired, and of the repairs."""
         numbers = dict(vars(self.quality))
         if self.mended:
             numbers |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
@@ -68,9 +68,9 @@ def make_clip(
     folder: Path,
     watch: Watch = lambda *_: nullcontext(lambda: None),
 ) -> ClipResult:
-    """Write the clip of a film to a folder, with its check; own footage is mended.
+    """Write the clip of a film to a folder, with its check; repair the user's own footage.
 
-    FinloopError as `normalise`.
+    FinloopError as in `normalise`.
     """
     with watch("clip", source.facts.frames) as advance:
         facts, tally, arena = normalise(source, p, folder, advance)
@@ -105,13 +105,12 @@ def make_clip(
 
 
 def _frame_by_frame(facts: VideoFacts) -> bool:
-    """Whether frame k of the clip is frame k of the film."""
+    """Return whether frame k of the clip is frame k of the film."""
     retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
     return not retimed and len(facts.segments) == 1
 
 
 def _reopen_film(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> ClipSource:
-    """Open the film once more, with its frames mended on the way."""
     source = open_source(p, fields)
     facts, takes = source.facts, source.takes
     if twice is not None:
@@ -124,7 +123,7 @@ def _reopen_film(p: File, fields: Order, twice: Doubled | None, calm: Calm | Non
 
 
 def _simple(rate: float, frames: int) -> Fraction:
-    """The simplest fraction that stays within half a frame of a rate over `frames` frames."""
+    """Return the simplest fraction within half a frame of a rate over `frames` frames."""
     tries = (Fraction(rate).limit_denominator(most) for most in range(1, 1002))
     return next(
         (fraction for fraction in tries if abs(float(fraction) - rate) * frames < 0.5),
@@ -133,7 +132,6 @@ def _simple(rate: float, frames: int) -> Fraction:
 
 
 def _check_clip(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
-    """Check the clip in a folder; write the measures of each frame and the tank there."""
     reader = partial(read_frames, folder / CLIP_NAME)
     samples = list(tally.samples.values())
     clip = Clip(reader, facts.frame_rate_hz, samples, tally.lights, tally.changes)

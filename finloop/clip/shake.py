@@ -1,6 +1,6 @@
 """The shake of the camera: the shift of a frame against the still tank, in pixels.
 
-A shift is (right, down): what the tank shows at p, the frame shows at p + shift. It is the one that
+A shift is (right, down): the tank at p appears in the frame at p + shift. It is the shift that
 makes the frame most like the tank at many marks, places where the tank has edges: least squares
 with weights that leave out animals (Gauss-Newton; Lucas and Kanade 1981, with Tukey's weights).
 """
@@ -12,25 +12,25 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Picture
 
-_TILES = 6  # of the picture, in both directions; marks are spread over them
-_POINTS = 60  # in a tile, at most
+_TILES = 6  # tiles of the picture in both directions; marks are spread over them
+_POINTS = 60  # most marks in a tile
 _MARGIN = 12  # px along the border without marks
-_STEEP = 0.75  # grey levels a px, at least, of a mark
-_LESS = 4  # times smaller: the picture for the search of a large shift
+_STEEP = 0.75  # least slope of a mark [grey levels a px]
+_LESS = 4  # reduction of the picture for the search of a large shift
 _NEAR = 1.5  # grey levels at the marks; a better fit needs no phase correlation
-_ROUNDS = 12  # of Gauss-Newton, at most
+_ROUNDS = 12  # most rounds of Gauss-Newton
 _STILL = 2e-3  # px; a smaller step is the last
-_TUKEY = 4.685  # sigmas beyond which a mark counts nothing
-_SURE = 0.1  # px; where a shift cannot be known that well, it is not given
-_BEST = 0.33  # share of the tiles, those with most edges, that alone may not make it sure
+_TUKEY = 4.685  # sigmas beyond which a mark has no weight
+_SURE = 0.1  # px; a shift that is less certain is unknown
+_BEST = 0.33  # share of the tiles, those with most edges, that must not decide alone
 
 
 class Landmarks(NamedTuple):
-    """Places of the still tank that show a shift: all are arrays of one length.
+    """Places of the still tank that show a shift, in arrays of one length.
 
     x, y: px. level: grey. right, down: its slope, grey levels a px. tile: number of the tile.
-    trust: the weight of a mark, such that no tile counts for more than the median one: the edges
-    of an animal that stays are the strongest, but in few tiles. small: the picture, `_LESS` times
+    trust: the weight of a mark, such that no tile counts for more than the median one: the edges of
+    an animal that stays are the strongest, but in few tiles. small: the picture, `_LESS` times
     smaller, float32.
     """
 
@@ -45,14 +45,14 @@ class Landmarks(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """A shift, px, and by how much parts of the picture moved otherwise (a turn, a zoom), px."""
+    """A shift, px, and by how much parts of the picture moved differently (a turn, a zoom), px."""
 
     x: float
     y: float
     apart: float
 
     def beside(self, other: "Shift") -> "Shift":
-        """This shift counted from another one."""
+        """Return this shift relative to another one."""
         return Shift(self.x - other.x, self.y - other.y, self.apart)
 
 
@@ -61,7 +61,7 @@ UNKNOWN = Shift(float("nan"), float("nan"), float("nan"))
 
 
 def _soft(picture: Picture) -> Picture:
-    """Grey and smoothed, so that slopes are those of edges and not of noise."""
+    """Convert to grey and smooth, so that slopes are those of edges and not of noise."""
     grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     return np.asarray(cv2.GaussianBlur(grey, (7, 7), 1.2))
 
@@ -72,7 +72,7 @@ def _small(soft: Picture) -> np.ndarray:
 
 
 def marks(tank: Picture) -> Landmarks:
-    """The steepest places of each tile of the still tank."""
+    """Return the steepest places of each tile of the still tank."""
     soft = _soft(tank)
     level = soft.astype(np.float64)
     down, right = (np.asarray(part) for part in np.gradient(level))
@@ -99,7 +99,10 @@ def marks(tank: Picture) -> Landmarks:
 
 
 def shift(frame: Picture, of: Landmarks, last: Shift = STILL) -> Shift:
-    """The shift of a frame; `last` is that of the frame before. UNKNOWN without enough marks."""
+    """Measure the shift of a frame; UNKNOWN without enough marks.
+
+    last: the shift of the frame before.
+    """
     if len(of.x) < 12:
         return UNKNOWN
     soft = _soft(frame)
@@ -122,7 +125,7 @@ def shift(frame: Picture, of: Landmarks, last: Shift = STILL) -> Shift:
 
 
 def _start(soft: Picture, of: Landmarks, last: Shift) -> Floats:
-    """Where the search begins: no shift, that of the frame before, or the phase correlation's."""
+    """Return where the search begins: no shift, the last one, or the phase correlation's."""
     starts = [np.zeros(2)]
     if np.isfinite(last.x):
         starts.append(np.array([last.x, last.y]))
@@ -148,14 +151,13 @@ def _sample_marks(soft: Picture, of: Landmarks, place: Floats) -> Floats:
 
 
 def _misfit(soft: Picture, of: Landmarks, place: Floats) -> float:
-    """Median difference at the marks, in the light of the frame."""
     value = _sample_marks(soft, of, place)
     light = float(np.median(value)) / max(1.0, float(np.median(of.level)))
     return float(np.median(np.abs(value - light * of.level)))
 
 
 def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: Landmarks) -> Shift:
-    """Return the shift, if enough of the picture says so, and how far apart its tiles lie."""
+    """Return the shift, if enough of the picture supports it, and how far apart its tiles lie."""
     apart = []
     for slope in (of.right, of.down):
         count = np.bincount(of.tile, weight * slope**2, _TILES**2)
@@ -172,7 +174,7 @@ def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: L
 def undo_shift(frame: Picture, by: Shift, every: int = 1) -> Picture:
     """Return a new frame moved back by a shift; what was not filmed repeats the border.
 
-    every: it is thinned to every so many pixels in both directions.
+    every: keep every so many pixels in both directions.
     """
     size = [-(-side // every) for side in frame.shape[1::-1]]
     matrix = np.array([[every, 0, by.x], [0, every, by.y]])

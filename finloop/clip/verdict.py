@@ -1,4 +1,4 @@
-"""The verdict on a film in plain sentences: its strong points, and what to film otherwise."""
+"""The verdict on a film in plain sentences: its strong points, and what to film differently."""
 
 from collections.abc import Collection, Iterator
 from math import isnan
@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 from finloop.clip.check import Quality
 
-# From where on something is a fault.
+# Values from which something is a fault.
 FLICKER_PCT = 1.0  # root mean square; the eye sees less than one per cent at 10 Hz
-DRIFT_PCT = 10.0  # what one gain a frame makes up for without black and white being lost
+DRIFT_PCT = 10.0  # one gain a frame corrects that without losing black and white
 SHAKE_PX = 0.25  # root mean square; an edge of 40 grey levels then changes by ten
 DOUBLED_PCT = 2.0
 INTERLACED = 0.15  # of `fields.field_order`; film of whole pictures stays below 0.02
-CONTRAST_NOISES = 8.0  # below it the outline goes with the noise
-LOST_PCT = 10.0  # of the animals' pixels, black or white
+CONTRAST_NOISES = 8.0  # with less, the outline follows the noise
+LOST_PCT = 10.0  # share of the animals' pixels that are black or white
 
 
 class Finding(NamedTuple):
@@ -26,12 +26,12 @@ class Finding(NamedTuple):
 
     @property
     def line(self) -> str:
-        """For a terminal."""
+        """Return the finding as a line for a terminal."""
         return f"{'the film' if self.good else 'THE FILM'}: {self.text} {self.do}".rstrip()
 
     @property
     def row(self) -> dict[str, str]:
-        """For a table that people read."""
+        """Return the finding as a row of a table for people."""
         good = "good" if self.good else "better otherwise"
         return {"what": self.word, "verdict": good, "measured": self.text, "what to do": self.do}
 
@@ -42,15 +42,15 @@ REPAIRS = {
     "even_light": (("flicker", "drift"), "Every frame was brought to one light."),
     "steady": (("shake",), "Every frame was moved back."),
 }
-"""By the parameter that mends: the words of the findings, and what was done."""
+"""By the repair (`finloop.clip.mend`): the words of the findings, and what was done."""
 
 
 def findings(
     quality: Quality, filmed: Quality | None = None, mended: Collection[str] = ()
 ) -> list[Finding]:
-    """A finding each on light, camera, pictures, exposure and contrast of a clip.
+    """Return a finding each on light, camera, pictures, exposure and contrast of a clip.
 
-    filmed: of the film before it was `mended`, by these parameters.
+    filmed: quality of the film before its repair; mended: the names of the repairs.
     """
     remedies = {
         word: text for name in mended for word in REPAIRS[name][0] for text in REPAIRS[name][1:]
@@ -74,7 +74,7 @@ def _all(q: Quality) -> list[Finding]:
 
 
 def _short(value: float) -> str:
-    """Two digits, or as many as it has before the point."""
+    """Format with two digits, or with all digits before the point."""
     return f"{value:.2g}" if value < 10 else f"{value:.0f}"
 
 

@@ -1,7 +1,7 @@
-"""A film, drawn or filmed, as the normalised clip: frames of a constant rate, facts, arena, truth.
+"""Write a film, drawn or filmed, as the normalised clip: constant rate, facts, arena, truth.
 
-The door from the rooms of films (`clip`, `drawn`) to files: the stage `clip` and the library's
-verbs `open_film` and `draw_carp` come this way.
+It connects the packages of films (`clip`, `drawn`) to files, for the stage `clip` and for the
+library's verbs `open_film` and `draw_carp`.
 """
 
 from array import array
@@ -51,7 +51,7 @@ from finloop.io.video import (
 from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
 
 _SAMPLE = 2 * KEY_FRAME_EVERY  # frames from which the size of the clip is estimated
-_ROWS = 512  # of truth that gather before they are written
+_ROWS = 512  # rows of truth that are written at a time
 WriteRows = Callable[[pd.DataFrame], None]
 
 
@@ -60,9 +60,9 @@ class ClipSource:
     """A clip before it is written: its facts and its frames."""
 
     facts: VideoFacts
-    takes: list[NumberedFrames]  # frames are counted through all takes
+    takes: list[NumberedFrames]  # frames are numbered through all takes
     loss: Loss
-    truth: list[dict[str, Any]]  # rows of truth about the carp that are not written yet
+    truth: list[dict[str, Any]]  # rows of truth about the carp, not written yet
 
     def flush(self, write: WriteRows) -> None:
         """Write the rows of truth to their table, and empty the list."""
@@ -72,10 +72,10 @@ class ClipSource:
 
 
 def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
-    """The film that the parameters name; nothing but its head is read yet.
+    """Open the film that the parameters name; only its head is read yet.
 
-    FinloopError if it cannot be opened, or the carp have no room. `fields`: of own footage that is
-    to be deinterlaced.
+    FinloopError if it cannot be opened, or the carp have no room. `fields`: the field order of the
+    user's footage, if it is to be deinterlaced.
     """
     return _carp(p) if isinstance(p, Carp) else _films(p, fields)
 
@@ -83,11 +83,11 @@ def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
 def normalise(
     source: ClipSource, p: ClipSettings, folder: Path, advance: Callable[[], None] = lambda: None
 ) -> tuple[VideoFacts, Tally, np.ndarray]:
-    """Write clip, facts, arena and, of a carp, truth to a folder; `advance()` after each frame.
+    """Write clip, facts, arena and, for a carp, truth to a folder; `advance()` after each frame.
 
-    Returns the facts, what was tallied of the frames, and the mask (height, width) of the pixels
-    where animals can be. FinloopError if fewer than two frames can be read, all frames are plain,
-    or the mask does not fit.
+    Return the facts, the tally of the frames, and the mask (height, width) of the pixels where
+    animals can be. FinloopError if fewer than two frames can be read, all frames are plain, or the
+    mask does not fit.
     """
     facts = source.facts
     arena = _arena(p, facts.width_px, facts.height_px)
@@ -117,7 +117,6 @@ def normalise(
 
 
 def _carp(p: Carp) -> ClipSource:
-    """The film of the drawn carp."""
     if not fits(p):
         raise FinloopError(
             came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
@@ -141,7 +140,6 @@ def _carp(p: Carp) -> ClipSource:
 
 
 def _films(p: Zebrafish | File, fields: Order) -> ClipSource:
-    """Films that follow one another in the clip."""
     if isinstance(p, Zebrafish):
         paths = zebrafish_clips(p.parts, cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
@@ -167,7 +165,7 @@ def _films(p: Zebrafish | File, fields: Order) -> ClipSource:
 
 
 def _counted_on(frames: NumberedFrames, start: int) -> NumberedFrames:
-    """The frames of a film, counted from `start`; a thread decodes them."""
+    """Yield the frames of a film, counted from `start`; a thread decodes them."""
     return ((time_s, (start + number, picture)) for time_s, (number, picture) in prefetch(frames))
 
 
@@ -176,7 +174,7 @@ def _record(
 ) -> tuple[Timing, Tally, array]:
     """Write the takes one after the other, re-timed to a constant rate from their first frames.
 
-    The third result are the numbers in the source of the frames that were written.
+    Return the timing, the tally, and the source's numbers of the frames that were written.
     """
     timing, tally, source_frames = Timing(), Tally(), array("i")
     for take in source.takes:
@@ -201,14 +199,14 @@ def _record(
         raise FinloopError(
             came=f"all {tally.frames} frames show an even grey of {tally.brightness_mean:.0f} "
             "(0 = black, 255 = white)",
-            wanted="a film in which something is to be seen",
+            wanted="a film that shows something",
             do="check the camera's cap, exposure and file; or choose another range of time",
         )
     return timing, tally, source_frames
 
 
 def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
-    """FinloopError where the rest of the clip, as large as its beginning, has no room."""
+    """Raise FinloopError if the disk has no space for a clip as large as its beginning suggests."""
     size = writer.bytes_per_frame() * (frames - writer.frames)
     refuse_small(
         writer.path.parent,
@@ -219,7 +217,7 @@ def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
 
 
 def _arena(p: ClipSettings, width: int, height: int) -> np.ndarray:
-    """Mask (height, width) of the pixels where animals can be."""
+    """Return the mask (height, width) of the pixels where animals can be."""
     if isinstance(p, Zebrafish):
         return rectangle_arena(width, height, *TANK_PX)
     if not isinstance(p, File) or p.arena is None:

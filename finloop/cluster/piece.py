@@ -1,6 +1,6 @@
 """A piece of work on a worker of a cluster: the worker checks its folder and code, then works.
 
-A scheduler need not have this program: it is handed a call as bytes, and `pickle.loads`, which is
+A scheduler need not have this program: it gets a call as bytes, and `pickle.loads`, which exists
 everywhere and makes the call.
 """
 
@@ -26,7 +26,7 @@ _PACKAGES = (
     "av", "faiss-cpu", "numba", "numpy", "opencv-contrib-python-headless", "pandas", "pyarrow",
     "scikit-image", "scikit-learn", "scipy", "torch",
 )  # fmt: skip
-"""What results are computed with."""
+"""The packages that compute results."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Home:
     """The folder and the code of a worker: two equal ones give the same bytes.
 
     folder: absolute, of the stage, shared by all; start: the command that starts a worker there;
-    facts: of code, packages and thread counts, by name.
+    facts: about code, packages and thread counts, by name.
     """
 
     folder: str
@@ -47,7 +47,7 @@ class Home:
         return cls(str(folder.absolute()), start, _facts(tuple(variables)))
 
     def refuse_other(self) -> None:
-        """FinloopError where the facts of this process differ."""
+        """Raise FinloopError if the facts of this process differ."""
         own = _facts(tuple(name for name in self.facts if name.isupper()))
         differences = [
             f"{name}: {own.get(name)} there, {value} here"
@@ -56,9 +56,9 @@ class Home:
         ]
         if differences:
             raise FinloopError(
-                f"{_worker()} is not what this program is: " + "; ".join(differences),
+                f"{_worker()} differs from this program: " + "; ".join(differences),
                 "the same code, packages and thread counts, for the same results",
-                f"end it, and start it in {self.folder}: {self.start}",
+                f"stop it, and start it in {self.folder}: {self.start}",
             )
 
 
@@ -66,9 +66,9 @@ def _worker() -> str:
     return f"worker process {os.getpid()} of {socket.gethostname()}, in {_ROOT},"
 
 
-@cache  # as they were when this process began: its modules are not imported anew
+@cache  # of the start of this process: it does not import its modules again
 def _facts(variables: tuple[str, ...]) -> dict[str, str]:
-    """Facts of this process, by name; names of variables of the environment are in capitals."""
+    """Return facts of this process, by name; environment variables are in capitals."""
     return {
         "code": _code(),
         "python": platform.python_version(),
@@ -80,7 +80,6 @@ def _facts(variables: tuple[str, ...]) -> dict[str, str]:
 
 @cache
 def _code() -> str:
-    """A digest of the program's code."""
     digest = hashlib.sha256()
     for room in ("finloop", "stages"):
         for path in sorted((_ROOT / room).rglob("*.py")):
@@ -106,16 +105,16 @@ class Call:
 
 
 def piece(home: Home, work: str, item: bytes) -> bytes:
-    """The pickled result of one pickled item.
+    """Return the pickled result of one pickled item.
 
-    work: file in the shared folder that holds the pickled function. FinloopError where this worker
-    is another, or does not see the file.
+    work: file in the shared folder that holds the pickled function. FinloopError if this worker
+    differs, or does not see the file.
     """
     return pickle.dumps(ready(home, work)(pickle.loads(item)))
 
 
 def ready(home: Home, work: str) -> Callable[[Any], Any]:
-    """What is to be done, by a process that has become like the one that asks."""
+    """Load the function to apply; first check this process against the submitting one."""
     home.refuse_other()
     try:
         os.chdir(home.folder)
@@ -128,7 +127,7 @@ def ready(home: Home, work: str) -> Callable[[Any], Any]:
         ) from error
 
 
-@lru_cache(1)  # the same for every item, and as large as a few frames
+@lru_cache(1)  # the same for every item, and as large as some frames
 def _read(work: str) -> Callable[[Any], Any]:
     cv2.setNumThreads(1)
     return pickle.loads(Path(work).read_bytes())

@@ -1,7 +1,7 @@
 """The workers of a Dask cluster, as `base.parallel.Workers`.
 
-Dask's scheduler keeps what is handed out: a worker that goes leaves its pieces to the others, and a
-result that went with it is computed again.
+Dask's scheduler keeps all submitted items: if a worker leaves, the others take its pieces, and lost
+results are computed again.
 """
 
 import logging
@@ -27,11 +27,11 @@ A = TypeVar("A")
 B = TypeVar("B")
 Client = Any  # distributed.Client, which is there only with the extra
 
-_CONNECT_S = 5.0  # to reach a scheduler
-_JOIN_S = 30.0  # for a first worker to come
-_BACK_S = 120.0  # for one to come back where none is left
-_LOOK_S = 5.0  # between two looks whether somebody still works
-# A worker that is begun anew on a busy machine takes longer than the 15 s that are usual here.
+_CONNECT_S = 5.0  # timeout to reach a scheduler
+_JOIN_S = 30.0  # timeout for the first worker
+_BACK_S = 120.0  # timeout for a worker to return where none is left
+_LOOK_S = 5.0  # between two checks whether any worker is left
+# On a busy machine a worker takes longer to restart than Dask's default of 15 s.
 _LOCAL = {"distributed.deploy.lost-worker-timeout": "1 hour"}
 _FOLDER = "data"  # below the stage's folder: where the work lies for the workers
 
@@ -40,13 +40,13 @@ _FOLDER = "data"  # below the stage's folder: where the work lies for the worker
 def dask_workers(
     p: ClusterSettings, home: Home, processes: int, need: Sequence[str] = ()
 ) -> Iterator["DaskWorkers"]:
-    """The workers of the cluster that the parameters name; of a local one `processes`.
+    """Yield the workers of the cluster that the parameters name; a local one has `processes`.
 
-    need: modules that they import at once. FinloopError where Dask is not installed, no scheduler
-    or worker answers, or a worker has another folder or other code.
+    need: modules that they import at once. FinloopError if Dask is not installed, no scheduler or
+    worker answers, or a worker has another folder or other code.
     """
     distributed = _import_distributed()
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said by us
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # our own messages suffice
     with ExitStack() as stack:
         address: Any = p.source
         if isinstance(p, Local):
@@ -55,13 +55,13 @@ def dask_workers(
                 distributed.LocalCluster(
                     n_workers=processes,
                     threads_per_worker=1,
-                    memory_limit=0,  # it would count what is mapped, and end who maps a long film
+                    memory_limit=0,  # a limit counts mapped memory: it kills workers of long films
                     dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
                 )
             )
         else:
-            where = address = p.address
+            where = address = p.scheduler_address
         try:
             client = distributed.Client(where, timeout=_CONNECT_S, set_as_default=False)
             stack.enter_context(client)
@@ -70,7 +70,7 @@ def dask_workers(
             raise FinloopError(
                 f"no scheduler with workers answers at {address} ({error})",
                 "Dask's scheduler there, and workers that have joined it",
-                f"start them (dask scheduler; {home.start}), or correct cluster.address",
+                f"start them (dask scheduler; {home.start}), or correct cluster.scheduler_address",
             ) from error
         workers = DaskWorkers(client, home, str(address))
         workers.check(need)
@@ -88,18 +88,18 @@ class DaskWorkers:
 
     @property
     def count(self) -> int:
-        """How many there are now, 1 where there is none; FinloopError where one does not fit."""
+        """Return their present number, 1 if there is none; FinloopError if one does not fit."""
         threads = self.threads()
         if several := [worker for worker, number in threads.items() if number != 1]:
             raise FinloopError(
                 f"worker {several[0]} works with {threads[several[0]]} threads",
                 "processes of one thread, as many as a machine has cores",
-                f"end it, and start it in {self.home.folder}: {self.home.start}",
+                f"stop it, and start it in {self.home.folder}: {self.home.start}",
             )
         return max(1, len(threads))
 
     def threads(self) -> dict[str, int]:
-        """Of every worker, by address; FinloopError where the scheduler does not answer."""
+        """Return each worker's threads by address; FinloopError if no scheduler answers."""
         try:
             return dict(self.client.nthreads())
         except (OSError, CancelledError) as error:
@@ -107,16 +107,16 @@ class DaskWorkers:
 
     @property
     def dashboard(self) -> str:
-        """Where Dask shows what the workers do; empty where it shows nothing."""
+        """Return the address of Dask's dashboard; empty if there is none."""
         return self.client.dashboard_link or ""
 
     @contextmanager
-    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Task"]]:
-        """As in `base.parallel.Workers`."""
+    def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Task"]]:
+        """Share `work` with the workers and yield a function that submits one item to it."""
         name, number = uuid4().hex, count()
         with self._share_work(work) as path:
 
-            def hand(item: A) -> _Task:
+            def submit(item: A) -> _Task:
                 call = pickle.dumps(Call(piece, self.home, path, _pickle_bytes(item)))
 
                 def fetch_result() -> Any:
@@ -128,12 +128,12 @@ class DaskWorkers:
 
                 return _Task(self, fetch_result)
 
-            yield hand
+            yield submit
 
     def check(self, need: Sequence[str] = ()) -> None:
         """Let every worker check its folder and code, and import the modules it needs.
 
-        FinloopError where one is not; it names all of them.
+        FinloopError names all workers that differ.
         """
         with self._share_work(_do_nothing) as path:
             call = pickle.dumps(Call(partial(_fit, need), self.home, path))
@@ -153,21 +153,21 @@ class DaskWorkers:
             yield str(path)
 
     def refusal(self, error: Exception) -> FinloopError:
-        """The message for an exception of a worker that was starting; or the exception itself."""
+        """Return the error of a worker that failed to start: a message, or the exception."""
         if isinstance(error, FinloopError):
             return error
         if isinstance(error, ImportError | AttributeError):
             return FinloopError(
                 f"a worker at {self.address} lacks the program: {error}",
                 f"workers that were started in {self.home.folder}",
-                f"end it, and start it there: {self.home.start}",
+                f"stop it, and start it there: {self.home.start}",
             )
         raise error
 
     def gone(self) -> FinloopError:
-        """The error where the scheduler does not answer any more."""
+        """Return the error where the scheduler has stopped answering."""
         return FinloopError(
-            f"the scheduler at {self.address} does not answer any more",
+            f"the scheduler at {self.address} has stopped answering",
             "a scheduler that runs until the stage has ended",
             "start it and its workers again, then run the same command again",
         )
@@ -188,7 +188,7 @@ class _Task:
         self._workers, self._submit, self._future = workers, submit, submit()
 
     def result(self) -> Any:
-        """As in `base.parallel.PendingResult`; FinloopError where nobody is left to work."""
+        """Wait for the result as `base.parallel.PendingResult`; FinloopError without any worker."""
         killed = _import_distributed().KilledWorker
         for _ in range(TRIES - 1):
             try:
@@ -201,7 +201,6 @@ class _Task:
             raise worker_loss_error(self._workers.count) from error
 
     def _outcome(self) -> Any:
-        """Wait for the result; raise the exception of the work."""
         alone_s = 0.0
         while not self._future.done():
             try:
@@ -238,7 +237,6 @@ def _pickle_bytes(what: Any) -> bytes:
 
 
 def _import_distributed() -> Any:
-    """Import the package `distributed`; raise FinloopError where it is not installed."""
     try:
         return import_module("distributed")
     except ImportError as error:

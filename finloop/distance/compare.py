@@ -1,4 +1,4 @@
-"""A film's pictures compared with one another: similar pairs and natural steps (Eqs. 5-8)."""
+"""Compare a film's pictures with one another: similar pairs and natural steps (Eqs. 5-8)."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
@@ -26,16 +26,24 @@ from finloop.distance.picture import BODY, FILM
 from finloop.distance.settings import DistanceSettings
 from finloop.features.table import step_of
 
-_STRETCHES = 20  # at least, of a film that is too long to be mapped as a whole
+_STRETCHES = 20  # least stretches of a film that is too long for a complete map
 
 
 class PictureSource(Protocol):
     """Pictures by row of the feature table, see `finloop.distance.reel.Reel`."""
 
     @property
-    def features(self) -> pd.DataFrame: ...
-    def frames(self, rows: Ints, size: int, pose: str) -> Picture: ...
-    def steps(self, size: int, pose: str, rows: Ints) -> np.ndarray: ...
+    def features(self) -> pd.DataFrame:
+        """Return the feature table (n rows)."""
+        ...
+
+    def frames(self, rows: Ints, size: int, pose: str) -> Picture:
+        """Return pictures (k, size, size, c) of rows (k,) in a pose."""
+        ...
+
+    def steps(self, size: int, pose: str, rows: Ints) -> np.ndarray:
+        """Return Eq. 5 from each of the rows (k,) to the next one."""
+        ...
 
 
 class Similar(NamedTuple):
@@ -47,14 +55,14 @@ class Similar(NamedTuple):
 
 
 def part(features: pd.DataFrame, most: int) -> Ints:
-    """The rows (k,) that are mapped: all, or of a longer film stretches spread over it."""
+    """Return the rows (k,) that are mapped: all, or stretches spread over a longer film."""
     track = features["track_id"].to_numpy()
     every = stretches(track, max(2, most // _STRETCHES), most, seed=0)
     return np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in every])
 
 
 def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
-    """The blocks of the map that `compare` computes, rows in `order`."""
+    """Return the blocks of the map that `compare` computes, rows in `order`."""
     features = features.iloc[part(features, p.max_pictures)]
     kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
     rows = order(kind, area)
@@ -62,7 +70,7 @@ def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
 
 
 def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
-    """Return Eq. 5 from some rows (k,) to those a natural step later, both headed to the right."""
+    """Return Eq. 5 from rows (k,) to those a natural step later, both headed to the right."""
     features = film.features.iloc[rows]
     x = about_mean(film.frames(rows, size, BODY))
     table = step_table(features, x, np.arange(len(rows)), step_of(film.features))
@@ -72,16 +80,16 @@ def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
 def compare(
     film: PictureSource, p: DistanceSettings, advance: Callable[[], object] = lambda: None
 ) -> Similar:
-    """Compare frames with those like them (Eqs. 5-8); `advance()` after each block.
+    """Compare frames with similar ones (Eqs. 5-8); `advance()` after each block.
 
-    Of a film of more than `p.max_pictures` frames only stretches, see `part`.
+    In a film of more than `p.max_pictures` frames only stretches are compared, see `part`.
 
     FinloopError if the film does not move.
     """
     mapped = part(film.features, p.max_pictures)
     features = film.features.iloc[mapped]
     kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
-    # Pictures are made in this order, so that a band is a slice and no second copy is needed.
+    # Pictures are in this order, so a band is a slice and needs no copy.
     places = order(kind, area)
     rows = mapped[places]
     x = about_mean(film.frames(rows, p.picture_size_px, p.frame_of_reference))

@@ -1,9 +1,9 @@
-"""Distance maps of a film (fish paper §4.1, Fig. 9): every pair (Eq. 5), or like with like (Eq. 6).
+"""Distance maps of a film (fish paper §4.1, Fig. 9): every pair (Eq. 5), or similar pairs (Eq. 6).
 
 Glossary: x (n, k) float32, a picture a row, about their mean; *kind* (n,) a number that frames of
 one orientation and swimming type share (Eq. 7); *area* (n,) the motion area (Eq. 8).
 
-‖a − b‖² = ‖a‖² + ‖b‖² − 2ab makes of a map a matrix product. Against cancellation, pictures are
+‖a − b‖² = ‖a‖² + ‖b‖² − 2ab turns a map into a matrix product. Against cancellation, pictures are
 taken about their mean, and pairs too close for float32 are computed again.
 """
 
@@ -22,13 +22,13 @@ from finloop.base.schema import Column, Schema
 from finloop.distance.picture import FILM
 
 EXACT = 1e-4
-"""No distance between pictures of values 0 … 1 is farther off than this."""
+"""Largest error of a distance between pictures of values 0 … 1."""
 
-_SIDE = 1024  # of a block of the full map; smaller ones suffer where threads wait for each other
+_SIDE = 1024  # side of a block of the full map; in smaller ones threads wait for each other
 _BAND = 128  # frames of a band; more would compute more pairs that differ too much in area
-_LOSS = 16 * np.finfo(np.float32).eps  # in a squared distance, of ‖a‖² + ‖b‖²; half of it occurs
+_LOSS = 16 * np.finfo(np.float32).eps  # error of a squared distance, over ‖a‖² + ‖b‖²; half occurs
 _CHUNK = 2**22  # numbers gathered at a time for pairs measured one by one
-_MANY = 1 / 64  # of a block: if more pairs are close, the whole block again is cheaper
+_MANY = 1 / 64  # share of a block; if more pairs are close, the whole block is computed again
 
 Ints = NDArray[np.intp]
 Picture = NDArray[np.float32]
@@ -83,7 +83,7 @@ class PicturePairs(NamedTuple):
 
 
 def about_mean(pictures: Picture) -> Picture:
-    """x of pictures (n, …), which are changed in place: no second copy of a long film."""
+    """Return x of pictures (n, …), which are changed in place to save memory."""
     x = pictures.reshape(len(pictures), -1)
     x -= x.mean(axis=0)
     return x
@@ -103,7 +103,7 @@ def pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
 
 
 def full(pictures: Picture) -> Picture:
-    """Eq. 5 for all pairs of pictures (n, …), as (n, n)."""
+    """Compute Eq. 5 for all pairs of pictures (n, …), as (n, n)."""
     x = pictures.reshape(len(pictures), -1)
     x = x - x.mean(axis=0)
     norms = _norms(x)
@@ -112,7 +112,7 @@ def full(pictures: Picture) -> Picture:
         for columns in _lots(rows.start, len(x), _SIDE):  # the map is symmetric
             block = _distance_squares(x, norms, Block(rows, columns))
             if rows == columns:
-                np.fill_diagonal(block, np.inf)  # not to be measured again
+                np.fill_diagonal(block, np.inf)  # not measured again
             _sharpen(x, norms, Block(rows, columns), block)
             if rows == columns:  # a kernel may round a product and its transpose differently
                 block = np.triu(block, 1)
@@ -128,7 +128,7 @@ def _lots(start: int, stop: int, most: int) -> Iterator[slice]:
 
 
 def _norms(x: Picture) -> NDArray[np.float32]:
-    """Squared norms (n,), summed in float64: einsum's float32 sums lose three digits."""
+    """Return squared norms (n,), summed in float64: einsum's float32 sums lose three digits."""
     return np.einsum("nk,nk->n", x, x, dtype=np.float64).astype(np.float32)
 
 
@@ -136,7 +136,7 @@ def _distance_squares(x: Picture, norms: NDArray[np.float32], at: Block) -> Pict
     """Return the squares of Eq. 5 in a block, as a matrix product leaves them."""
     columns = x[at.columns].T
     if at.rows == at.columns:
-        columns = columns.copy()  # numpy takes a slow way for a product with the same memory
+        columns = columns.copy()  # numpy is slow for a product with the same memory
     block = x[at.rows] @ columns
     block *= -2
     block += norms[at.rows, None] + norms[at.columns]
@@ -146,7 +146,7 @@ def _distance_squares(x: Picture, norms: NDArray[np.float32], at: Block) -> Pict
 def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) -> None:
     """Compute again, in place, the squares whose root would be off by more than EXACT.
 
-    An error e of a square d² is one of e / 2d of its root.
+    An error e of a square d² is an error e / 2d of its root.
     """
     share = _LOSS / (2 * EXACT)
     if block.min() >= (share * (norms[at.rows].max() + norms[at.columns].max())) ** 2:
@@ -169,37 +169,36 @@ def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) 
 
 
 def kinds(features: pd.DataFrame, pose: str) -> Ints:
-    """Eq. 7 for every row of the feature table: frames are compared if their numbers are equal.
+    """Return the kind (Eq. 7) of every row: frames are compared if their kinds are equal.
 
-    The orientation counts only where fish are compared as filmed: it tells that pictures differ
-    because one is the other turned.
+    The orientation counts only where fish are compared as filmed: there, pictures also differ
+    because one is turned.
     """
     swims = features["swimming_type"].to_numpy(np.intp)
     return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
 
 
 def alike(kind: Ints, area: Reals, threshold: float) -> Mask:
-    """State(i, j) of Eq. 6 for all pairs, (n, n): True where Eqs. 7 and 8 are 1, not MAX."""
+    """Return State(i, j) of Eq. 6 for all pairs, (n, n): True where Eqs. 7 and 8 are 1, not MAX."""
     return (kind[:, None] == kind) & _near(area, area, threshold)
 
 
 def _near(a: Reals, b: Reals, threshold: float) -> Mask:
-    """Eq. 8, in float64."""
     return np.abs(a.astype(float)[:, None] - b.astype(float)) <= threshold
 
 
 def order(kind: Ints, area: Reals) -> Ints:
-    """The rows by kind, then area: in this order Eq. 6 is a band along the diagonal."""
+    """Return the rows sorted by kind, then area: then Eq. 6 is a band along the diagonal."""
     return np.lexsort((area, kind))
 
 
 def bands(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
-    """Blocks that hold every pair a < b that Eq. 6 compares, each once; frames are in `order`."""
+    """Yield blocks that hold every pair a < b that Eq. 6 compares, each once; frames in `order`."""
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
     for start, stop in pairwise(edges):
         for rows in _lots(start, stop, _BAND):
-            # A hair wider than the threshold: the exact test comes after the product.
+            # Slightly wider than the threshold: the exact test comes after the product.
             far = np.nextafter(area[rows.stop - 1] + threshold, np.inf)
             end = start + int(np.searchsorted(area[start:stop], far, "right"))
             yield from (Block(rows, c) for c in _lots(rows.start, end, 8 * _BAND))
@@ -217,10 +216,10 @@ def count_pairs(blocks: Iterable[Block]) -> int:
 def similar(
     x: Picture, kind: Ints, area: Reals, threshold: float, most: float = np.inf
 ) -> Iterator[PicturePairs]:
-    """Eq. 6: the pairs a < b that Eqs. 7 and 8 let through and that are at most `most` apart.
+    """Yield the pairs a < b of Eq. 6 that Eqs. 7 and 8 accept and that are at most `most` apart.
 
-    `x` is of `about_mean`, its frames in `order`. Other pairs are not computed, but for a few at
-    the rim of a band. Pairs come block by block, so that memory does not grow with their number.
+    `x` is from `about_mean`, its frames in `order`. Other pairs are not computed, but for a few at
+    the rim of a band. Pairs come block by block, so memory does not grow with their number.
     """
     norms = _norms(x)
     for at in bands(kind, area, threshold):
@@ -234,8 +233,8 @@ def similar(
 
 
 def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
-    """PAIRS of pairs of frames that are `rows` of the feature table: i < j, sorted by i, then j."""
-    row = rows.astype(np.int32)  # at once: of a long film there are tens of millions
+    """Return the table PAIRS of frames that are `rows` of the feature table: i < j, sorted."""
+    row = rows.astype(np.int32)  # before indexing: a long film has tens of millions of pairs
     parts = [(row[a], row[b], distance) for a, b, distance in pairs]
     a, b, distance = map(np.concatenate, zip(*parts, strict=True))
     del parts
@@ -249,7 +248,7 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 
 
 def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1) -> pd.DataFrame:
-    """STEPS: Eq. 5 from every row of the features, at x[place], to the one `frames` later."""
+    """Return the table STEPS: Eq. 5 from every row, at x[place], to the one `frames` later."""
     here = features[["track_id", "frame"]]
     follows = here["track_id"].diff(frames).eq(0) & here["frame"].diff(frames).eq(frames)
     after = np.flatnonzero(follows)
@@ -259,7 +258,7 @@ def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1)
 
 
 def map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
-    """Return the rows (k,) of a feature table that are mapped: those of STEPS."""
+    """Return the rows (k,) of a feature table that are mapped: those in STEPS."""
     here, there = (
         table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
         for table in (features, steps)
@@ -268,17 +267,16 @@ def map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
 
 
 def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
-    """Median and 95th percentile of the natural steps (STEPS).
+    """Return median and 95th percentile of the natural steps (STEPS).
 
-    FinloopError if the film does not move, or no frame follows another: nothing could be measured
-    in steps.
+    FinloopError if the film does not move, or no frame follows another: then steps are no unit.
     """
     step = steps["step"].dropna()
     if not len(step) or step.median() == 0:
         raise FinloopError(
             f"of {len(step)} steps from a frame to the next at least half change nothing",
             "a film in which the fish moves, each frame once",
-            "film or take a clip without doubled frames (dvc exp run -S clip.source=...), or raise "
+            "use a clip without doubled frames (dvc exp run -S clip.source=...), or raise "
             "distance.picture_size_px where the fish is small",
         )
     return float(step.median()), float(step.quantile(0.95))

@@ -17,7 +17,7 @@ from finloop.base.cutout import Cutout
 FILM, BODY = "film", "body"
 """Poses in which pictures are compared: as filmed, or turned to heading 0°."""
 
-SPAN = 1.5  # body lengths across a centred picture: a fish in any direction, its bends too
+SPAN = 1.5  # body lengths across a centred picture: room for a fish in any direction
 
 
 class Place(NamedTuple):
@@ -28,7 +28,7 @@ class Place(NamedTuple):
 
 
 def places(table: pd.DataFrame) -> list[Place]:
-    """The mass centre of every row of a table."""
+    """Return the mass centre of every row of a table."""
     return [Place(x, y) for x, y in table[["x_px", "y_px"]].to_numpy(float)]
 
 
@@ -39,10 +39,10 @@ def centre_cutout(
     size: int,
     turn_deg: float = 0.0,
 ) -> NDArray[np.float32]:
-    """Draw a premultiplied cut-out (h, w, c), 0 … 1, with its centre amid (size, size, c).
+    """Draw a premultiplied cut-out (h, w, c), 0 … 1, with its centre in the middle of a square.
 
-    `centre` is x, y in the cut-out, `length_px` its body length: all fish come out equally long.
-    `turn_deg` turns it anticlockwise as seen.
+    The square is (size, size, c). `centre` is x, y in the cut-out, `length_px` its body length: all
+    fish come out equally long. `turn_deg` turns it anticlockwise as seen.
     """
     scale = size / (SPAN * length_px)
     matrix = cv2.getRotationMatrix2D(centre, turn_deg, scale)
@@ -52,9 +52,9 @@ def centre_cutout(
 
 
 def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
-    """Blur a picture (h, w, c) so that none of it is lost when drawn `scale` as large.
+    """Blur a picture (h, w, c) so that drawing it `scale` times as large loses nothing.
 
-    A linear filter thins out where it shrinks: blur first, as an area filter would.
+    A linear filter skips pixels where it shrinks; the blur replaces an area filter.
     """
     return cv2.GaussianBlur(pixels, (0, 0), 0.4 / scale) if scale < 0.75 else pixels
 
@@ -62,18 +62,18 @@ def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
 def picture(
     cutout: Cutout, at: Place, length_px: float, size: int, turn_deg: float = 0.0
 ) -> NDArray[np.float32]:
-    """A cut-out whose mass centre is `at.x_px`, `at.y_px` of the film, centred."""
+    """Return a centred picture of a cut-out whose mass centre is `at` in the film."""
     centre = at.x_px - cutout.x0_px, at.y_px - cutout.y0_px
     return centre_cutout(cutout.pixels, centre, length_px, size, turn_deg)
 
 
 def typical_length(features: pd.DataFrame) -> pd.Series:
-    """The length [px] of the animal of a track, for every row of the feature table.
+    """Return the typical length [px] of the animal in each row of the feature table.
 
-    The median of the track, drawn to the mean of all tracks as far as it is uncertain: a mouse
-    that is seen for a moment, curled up, is no shorter mouse. With e² the variance of a track's
-    median and τ² that between animals (Morris 1983: empirical Bayes; τ² by DerSimonian and Laird
-    1986),
+    It is the track's median, drawn towards the mean of all tracks as far as it is uncertain: a
+    mouse that is visible for a moment, curled up, is no shorter mouse. With e² the variance of a
+    track's median and τ² that between animals (Morris 1983: empirical Bayes; τ² by DerSimonian and
+    Laird 1986),
 
         length = mean + τ² / (τ² + e²) (median − mean),   e² = κ / rows.
 
@@ -93,7 +93,7 @@ def typical_length(features: pd.DataFrame) -> pd.Series:
 
 
 def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
-    """Values (k,) of known variances, shrunk towards their mean (empirical Bayes)."""
+    """Return values (k,) of known variances, shrunk towards their mean (empirical Bayes)."""
     weight = 1 / variance
     mean = float((weight * values).sum() / weight.sum())
     excess = float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)
@@ -104,18 +104,18 @@ def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
 
 
 def apart(a: Reals, b: Reals) -> Floats:
-    """Eq. 5 between pictures (…, size, size, c), one by one, as (…)."""
+    """Compute Eq. 5 between pictures (…, size, size, c), one by one, as (…)."""
     return np.linalg.norm((a - b).reshape(*np.shape(a)[:-3], -1), axis=-1).astype(float)
 
 
 def steps(pictures: Reals) -> Floats:
-    """Eq. 5 from each picture (n, size, size, c) to the next, as (n − 1,)."""
+    """Compute Eq. 5 from each picture (n, size, size, c) to the next, as (n − 1,)."""
     return apart(pictures[1:], pictures[:-1])
 
 
 def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
-    """Eq. 5 between all pictures (n, …) and (m, …) of one size, as (n, m).
+    """Compute Eq. 5 between all pictures (n, …) and (m, …) of one size, as (n, m).
 
-    Of whole films `finloop.distance.map` computes it, by matrix products.
+    For whole films `finloop.distance.map` computes it, by matrix products.
     """
     return scipy.spatial.distance.cdist(a.reshape(len(a), -1), b.reshape(len(b), -1))

@@ -1,8 +1,8 @@
 """The film's pictures by row: cut-outs, centred pictures in any pose, sprites, successors.
 
 A row is a fish in a frame: one number for the row of the table of tracks, of the feature table and
-of the store of cut-outs, in the order (track_id, frame). A sprite is a number and an orientation,
-1 … orientations.
+of the store of cut-outs, in the order (track_id, frame). A sprite is a number and an orientation, 1
+… orientations.
 """
 
 from dataclasses import dataclass, field, replace
@@ -26,22 +26,18 @@ _LOT = 500  # pictures at a time
 
 
 def sprite_row(sprite: int, orientation: int, orientations: int) -> int:
-    """The row of the sprites' store at which a sprite lies in an orientation, 1 … orientations."""
+    """Return a sprite's row in the store, for an orientation 1 … orientations."""
     return sprite * orientations + orientation - 1
 
 
 @dataclass(frozen=True)
 class Reel:
-    """A film and, where they have been made, its sprites.
+    """A film and, once they have been made, its sprites.
 
     features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; film: the n
     cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations; size: how
-    many times as large as filmed all fish are drawn.
-
-    Raises
-    ------
-    FinloopError
-        If tables and stores are not of one film.
+    many times as large as filmed all fish are drawn. FinloopError if tables and stores are not of
+    one film.
     """
 
     features: pd.DataFrame
@@ -79,7 +75,7 @@ class Reel:
         return len(self.features)
 
     def scale_to(self, size: float) -> "Reel":
-        """Return the same film and sprites, drawn so many times as large as filmed."""
+        """Return the same film and sprites, drawn `size` times as large as filmed."""
         sprites = self.sprites
         if len(sprites):
             sprites = sprites.assign(scale=sprites["scale"] * (size / self.size))
@@ -87,59 +83,59 @@ class Reel:
 
     @property
     def orientations(self) -> int:
-        """The number of orientations of every sprite in the store."""
+        """Return the number of orientations of every sprite in the store."""
         return orientations_of(self.sprites)
 
     # --- rows
 
     @cached_property
     def length_px(self) -> float:
-        """The length at which every fish is drawn: the film's median, times `size`."""
+        """Return the length at which every fish is drawn: the film's median, times `size`."""
         return self.size * float(self.features["body_length_px"].median())
 
     @cached_property
     def lengths_px(self) -> Reals:
-        """The typical length (n,) of each row's track."""
+        """Return the typical length (n,) of each row's track."""
         return typical_length(self.features).to_numpy()
 
     def place(self, row: int) -> Place:
-        """The mass centre of a row."""
+        """Return the mass centre of a row."""
         return Place(*self._places[row].tolist())
 
     @cached_property
     def _places(self) -> Reals:
-        """x, y (n, 2) of every row."""
+        """Return x, y (n, 2) of every row."""
         return self.features[["x_px", "y_px"]].to_numpy(float)
 
     @cached_property
     def goes_on(self) -> Mask:
-        """Whether the next row (n,) is the next frame of the same track."""
+        """Return whether the next row (n,) is the next frame of the same track."""
         follows = (np.diff(self.features[_KEY].to_numpy(), axis=0) == (0, 1)).all(axis=1)
         return np.append(follows, False)
 
     @cached_property
     def step_ends(self) -> tuple[Rows, Rows]:
-        """Rows, and beside them those a natural step later in the same track."""
+        """Return rows, and beside them those a natural step later in the same track."""
         keys, frames = self.features[_KEY].to_numpy(), step_of(self.features)
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames
 
     def next_rows(self, row: ArrayLike) -> Rows:
-        """Return the next frame of the same track; where there is none, the row itself."""
+        """Return the row of the track's next frame; the row itself at the end of a track."""
         rows = np.asarray(row, np.intp)
         return rows + self.goes_on[rows]
 
     # --- pictures
 
     def frame(self, row: int, size: int, length_px: float, turn_deg: float) -> Pictures:
-        """A row's picture (size, size, c), turned anticlockwise as seen.
+        """Return a row's picture (size, size, c), turned anticlockwise as seen.
 
-        The fish, `length_px` long as filmed, comes out as long as all others.
+        All fish come out equally long; this one is `length_px` long as filmed.
         """
         return picture(self.film[int(row)], self.place(row), length_px, size, turn_deg)
 
     def frames(self, rows: Rows, size: int, pose: str) -> Pictures:
-        """Pictures (k, size, size, c) of some rows, at least one.
+        """Return pictures (k, size, size, c) of some rows, at least one.
 
         A track's typical length is that of all its rows. `pose` FILM: as filmed; BODY: headed to
         the right.
@@ -152,13 +148,13 @@ class Reel:
         channels = self.film[0].pixels.shape[2]
         pictures = np.empty(
             (len(rows), size, size, channels), np.float32
-        )  # a list would hold it twice
+        )  # a list would double the memory
         for number, (row, heading) in enumerate(zip(rows.tolist(), heading_deg, strict=True)):
             pictures[number] = self.frame(row, size, self.lengths_px[row], -heading)
         return pictures
 
     def steps(self, size: int, pose: str, rows: Rows | None = None) -> Floats:
-        """Eq. 5 from each of some rising rows (k,), None for all, to the next one.
+        """Compute Eq. 5 from each of some rising rows (k,), None for all, to the next one.
 
         NaN where that is not the next frame of its track.
         """
@@ -173,35 +169,35 @@ class Reel:
     # --- sprites
 
     def sprite(self, number: int, orientation: int = 1) -> Cutout:
-        """A sprite's picture in an orientation, as stored."""
+        """Return a sprite's picture in an orientation, as stored."""
         if self.store is None:
             raise ValueError("this reel has no sprites")
         return self.store[sprite_row(int(number), int(orientation), self.orientations)]
 
     @cached_property
     def sprite_places(self) -> list[Place]:
-        """The mass centre of every sprite."""
+        """Return the mass centre of every sprite."""
         return places(self.sprites)
 
     @cached_property
     def sprite_lengths_px(self) -> Reals:
-        """The length (s,) as filmed of each sprite's fish."""
+        """Return the length (s,) as filmed of each sprite's fish."""
         return self.length_px / self.sprites["scale"].to_numpy()
 
     def sprite_picture(
         self, number: int, size: int, orientation: int = 1, turn_deg: float = 0.0
     ) -> Pictures:
-        """A sprite (size, size, c) in an orientation, and turned on from there."""
+        """Return a sprite (size, size, c) in an orientation, turned further by `turn_deg`."""
         place, length = self.sprite_places[number], self.sprite_lengths_px[number]
         return picture(self.sprite(number, orientation), place, length, size, turn_deg)
 
     def sprite_pictures(self, size: int, orientation: int = 1) -> Pictures:
-        """Every sprite (s, size, size, c) in an orientation."""
+        """Return every sprite (s, size, size, c) in an orientation."""
         count = len(self.sprites)
         return np.stack([self.sprite_picture(n, size, orientation) for n in range(count)])
 
     def after_sprites(self, size: int, orientation: int = 1) -> Pictures:
-        """The film's next picture after every sprite, turned as the next sprite would be.
+        """Return the film's next picture after every sprite, turned like the next sprite.
 
         At the end of a track it is the frame itself.
         """

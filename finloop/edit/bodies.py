@@ -1,7 +1,7 @@
-"""The body of the film behind every picture: a frame is a row of the film, and so is a sprite.
+"""The filmed body behind every picture, whether it is a frame or a sprite.
 
-A sprite is a row that was turned and perhaps mirrored; a frame may be mirrored, too, about the line
-through its mass centre in the direction of its heading.
+A sprite is a row of the film that was turned and perhaps mirrored. A frame may also be mirrored, at
+the line through its mass centre along its heading.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ Rows = NDArray[np.intp]
 
 
 class Body(NamedTuple):
-    """Rows (…) of the film as they are drawn: mirrored or not, heading on screen, degrees."""
+    """Rows (…) of the film as drawn: mirrored or not, and their heading on screen in degrees."""
 
     row: Rows
     mirrored: Mask
@@ -35,7 +35,7 @@ class Body(NamedTuple):
 
 @dataclass(frozen=True)
 class Bodies:
-    """The film's postures, which rows go on, and the rows behind the sprites.
+    """The film's postures, which rows are followed by another, and the rows behind the sprites.
 
     poses: of n rows; goes_on (n,): whether the next row is the next frame of the same track;
     sprites: columns row, mirrored, heading_deg, turn_deg, orientations, or an empty table.
@@ -47,12 +47,12 @@ class Bodies:
 
     @cached_property
     def heading_deg(self) -> Floats:
-        """The heading (n,) of every row as filmed."""
+        """Return the heading (n,) of every row as filmed."""
         return np.degrees(self.poses.pose.heading_rad)
 
     @cached_property
     def movement(self) -> Movement:
-        """How far the body moves from each row to the next."""
+        """Return how far the body moves from each row to the next."""
         return movement(self.poses.pose)
 
     @cached_property
@@ -67,7 +67,7 @@ class Bodies:
 
     @cached_property
     def _speed(self) -> Floats:
-        """How the codes (n, c) of every row change a frame, over the frames beside it."""
+        """Return the change of codes (n, c) a frame at every row, over the frames beside it."""
         codes, more = self.poses.codes, self.goes_on
         after = np.arange(len(codes)) + more
         before = np.arange(len(codes)) - np.append(False, more[:-1])
@@ -78,14 +78,14 @@ class Bodies:
         return orientations_of(self.sprites)
 
     def line_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """The direction of a sprite's line on screen: as stored, and turned on."""
+        """Return the direction of a sprite's line on screen: as stored, plus the rotation."""
         return direction_deg(orientation, self._orientations) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
         """Return the bodies (…) of pictures.
 
-        frame: whether it is one; number: of the frame or sprite; turn_deg: by which a frame is
-        turned, or the direction of a sprite's line; mirrored: whether a frame is.
+        frame: whether each picture is a frame; number: its frame or sprite number; turn_deg: by how
+        much a frame is turned, or the direction of a sprite's line; mirrored: whether a frame is.
         """
         rows, flips, axis, _ = self._sprite_bodies
         sprite = np.where(frame, 0, number)
@@ -115,21 +115,21 @@ class Bodies:
         return Body(row, body.mirrored, body.heading_deg + turn)
 
     def line_turn_deg(self, frame: Mask, number: Rows) -> Floats:
-        """By how much the line of sprites turns to the next frame; 0 of frames."""
+        """Return by how much a sprite's line turns to the next frame; 0 for frames."""
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
     def same_moment(self, one: Body, other: Body, frames: int) -> Mask:
-        """Whether two bodies are of the same track, and at most so many frames apart."""
+        """Return whether two bodies are of the same track, and at most `frames` frames apart."""
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
         near = np.abs(one.row - other.row) <= frames
         return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
 
     def codes(self, body: Body) -> Floats:
-        """The codes (…, c) of bodies, as they are drawn."""
+        """Return the codes (…, c) of bodies as drawn."""
         return self._mirror_codes(self.poses.codes[body.row], body.mirrored)
 
     def speed(self, body: Body) -> Floats:
-        """How the codes (…, c) change a frame."""
+        """Return by how much the codes (…, c) of bodies change a frame."""
         return self._mirror_codes(self._speed[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:

@@ -19,12 +19,12 @@ _NO_COSTS = (np.nan,) * len(TERMS)
 
 @dataclass(frozen=True)
 class EditInputs:
-    """What an edit list can show: n rows of the film, s sprites; and how pictures are joined.
+    """What an edit list can show (n rows of the film, s sprites), and how pictures are joined.
 
     rate_hz: ticks a second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,):
     drawn size / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_scale
-    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: of a sprite;
-    modes: that play frames, and sprites.
+    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: number that a
+    sprite has; modes: the one that plays frames, and the one that plays sprites.
     """
 
     rate_hz: float
@@ -39,33 +39,33 @@ class EditInputs:
     modes: tuple[str, str]
 
     def following(self, kind: str, number: int) -> int:
-        """The picture after this one, itself where there is none."""
+        """Return the number of the next picture, or of this one where none follows."""
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])
 
 
-def edit_list(swum: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
-    """The first `ticks` ticks as an edit list with the columns of `EDIT`; fish: its number."""
-    table = pd.DataFrame(edit_columns(swum.stretches, swum.names, ticks, sources))
+def edit_list(found: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
+    """Return the first `ticks` ticks as an edit list, columns of `EDIT`; fish: its number."""
+    table = pd.DataFrame(edit_columns(found.stretches, found.names, ticks, sources))
     faded = table["weight"] > 0
     table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
     table.loc[~faded, ["partner_kind", "partner"]] = None
     table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
     for side in ("", "partner_"):
         table.loc[table[f"{side}kind"] != SPRITE, f"{side}orientation"] = pd.NA
-    table = table.assign(fish=fish, **decision_columns(swum.stretches, ticks))
+    table = table.assign(fish=fish, **decision_columns(found.stretches, ticks))
     return table[EDIT.names]
 
 
-def edit_lists(swum: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
-    """The same of several fish, one after the other, in one table."""
-    each = [edit_list(one, ticks, sources, fish) for fish, one in enumerate(swum)]
+def edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
+    """Return the edit lists of several fish, one after the other, in one table."""
+    each = [edit_list(one, ticks, sources, fish) for fish, one in enumerate(swims)]
     return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
 
 
 def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
-    """The columns (ticks,) that say why, filled on the first tick of each stretch."""
+    """Return the columns (ticks,) that say why, filled on the first tick of each stretch."""
     start = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
     first = start[start < ticks]
     decisions = [s.decision for s in stretches[: len(first)]]
@@ -93,7 +93,7 @@ def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]
 def edit_columns(
     stretches: Sequence[Stretch], names: Sequence[str], ticks: int, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """What is drawn, (ticks,) each; of the partner only where `weight` > 0."""
+    """Return the columns (ticks,) of what is drawn, those of the partner where `weight` > 0."""
     lengths = np.array([len(s.way) for s in stretches])
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
@@ -136,7 +136,7 @@ def resolve_mirror_images(
 ) -> PictureSequence:
     """Return pictures (ticks,) whose frame numbers from n on become mirrored frames.
 
-    There a mirror image is the frame upside down; drawn, it is mirrored about its own heading.
+    Before, number n + i is row i upside down. Drawn, row i is mirrored about its own heading.
     heading_deg (n,): of the rows as filmed.
     """
     rows = len(heading_deg)
@@ -153,8 +153,8 @@ def join_columns(
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of pictures, partners and poses.
 
-    heading (ticks,): of the fish; new: ticks whose picture begins something else. Where pictures
-    are inertialized, the pictures themselves say where that is.
+    heading (ticks,): of the fish; new: ticks whose picture does not continue the one before. For
+    inertialization the joins are found in the pictures themselves.
     """
     how, own = sources.joins, picture_columns(pictures, heading, sources)
     pose = np.full(len(heading), None, object)

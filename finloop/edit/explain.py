@@ -1,4 +1,4 @@
-"""A decision in words, as the live tank shows it, from the numbers that the edit list has."""
+"""A decision in words, for the live tank, from the numbers in the edit list."""
 
 import math
 
@@ -17,12 +17,15 @@ from finloop.edit.schema import (
 )
 from finloop.edit.stretch import Decision
 
-_CHANCE = "chance"  # the term that is left out: it tells nothing of the way
+_CHANCE = "chance"  # the term that is left out: it explains nothing
 _LEAST_S = 0.05  # a term that costs less would be shown as 0.0
 
 
 def in_words(decision: Decision, goal: str, motion_area: float) -> str:
-    """Why a stretch is swum. goal: its name, "" for none; motion_area: asked of the network."""
+    """Return why a stretch was chosen.
+
+    goal: its name or ""; motion_area: requested of the network.
+    """
     why = _reason(decision, goal or "a place", motion_area)
     if not decision.exit:
         return why
@@ -65,7 +68,7 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
 
 
 def _costs(decision: Decision) -> str:
-    """Say how many ways there were, what the one taken costs, and what the next best would."""
+    """Return how many ways there were, the cost of the chosen one and that of the next best."""
     if not decision.ways:
         return "; as planned before"
     if math.isnan(decision.value_s):
@@ -86,11 +89,11 @@ def _costs(decision: Decision) -> str:
 
 
 def _ways(decision: Decision) -> str:
-    """How many ways there were, and how many of them fail which test of Fig. 19."""
+    """Return how many ways there were, and how many of them fail each test of Fig. 19."""
     failed = {
         "leave the tank or end": decision.ways_tank,
         "lead away": decision.ways_quadrant,
         "head away": decision.ways_heading,
     }
-    told = [f"{count} {what}" for what, count in failed.items() if count]
-    return ", ".join([f"{decision.ways} way{'s' * (decision.ways != 1)}", *told])
+    failures = [f"{count} {what}" for what, count in failed.items() if count]
+    return ", ".join([f"{decision.ways} way{'s' * (decision.ways != 1)}", *failures])

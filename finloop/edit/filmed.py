@@ -1,4 +1,4 @@
-"""The film itself as an edit list, to be drawn or measured as animations are."""
+"""The film itself as an edit list, so that it is drawn and measured like an animation."""
 
 import numpy as np
 import pandas as pd
@@ -8,7 +8,7 @@ from finloop.edit.schema import EDIT, FILM, FRAME, STATES
 
 
 def as_filmed(source: Ints, places_px: Floats) -> pd.DataFrame:
-    """An edit list (columns of `EDIT`) that shows rows (n,) of the film at their places (n, 2)."""
+    """Return an edit list (columns of `EDIT`) that shows film rows (n,) at their places (n, 2)."""
     empty = {"string": "", "bool": False}
     rest = {
         column.name: None if column.nullable else empty.get(column.dtype, 0)

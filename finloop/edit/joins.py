@@ -1,16 +1,16 @@
-"""Joins: how one picture follows on another that the film does not show before it.
+"""Joins: how a picture follows one that does not precede it in the film.
 
-A *join* is a tick whose picture is not the film's next one. By inertialization (Bollo 2018) the
-posture, its velocity and the heading go on as they were: the difference between what the old
-picture would have shown and the new one,
+A *join* is a tick whose picture is not the film's next one. Inertialization (Bollo 2018) continues
+the posture, its velocity and the heading: the difference between what the old picture would have
+shown and the new one,
 
     x(τ) = (x₀ (1 + a τ) + v₀ τ) exp(−a τ),    τ ticks after the join,
 
-decays as a critically damped spring and is added to the new picture's own. It is linear, so what is
-left of one join adds to the next. Where the two pictures are no more alike in one posture than each
-in its own, as backbones of fat bodies say little, the posture is left as it is. While the film
-rests the difference stays as it is: τ counts the ticks at which it moves. Light and skin go over by
-a cross-fade in that pose. FADE mixes the two pictures as they are, CUT changes at once.
+decays as a critically damped spring and is added to the new picture. The sum is linear, so what is
+left of one join adds to the next. The posture is left alone where bending does not make the two
+pictures more alike, as in fat bodies, whose backbones say little. While the film rests the
+difference stays: τ counts only the ticks at which the film moves. A cross-fade in that pose blends
+light and skin. FADE mixes the two pictures as they are, CUT changes at once.
 
 D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of War", GDC 2018.
 """
@@ -29,17 +29,17 @@ from finloop.edit.schema import CUT, FRAME, INERTIAL, SPRITE
 from finloop.features.table import wrap_deg
 
 _DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
-_REACH = 2.0  # times the time of a join; less than 0.1 % of its offset is left then
+_REACH = 2.0  # times the duration of a join, after which less than 0.1 % of its offset is left
 
 
 Helps = Callable[[int, int, bool, bool], bool]
 
 
 class JoinTimes(Protocol):
-    """The parameters of joins, as `animate` has them."""
+    """The parameters of joins, as in `animate`: times in Δ; `rest` a share of the movement."""
 
     @property
-    def join_time(self) -> Literal["auto"] | float: ...
+    def join_time_deltas(self) -> Literal["auto"] | float: ...
     @property
     def join_frames(self) -> int: ...
     @property
@@ -49,15 +49,15 @@ class JoinTimes(Protocol):
     @property
     def rest(self) -> float: ...
     @property
-    def fade_time(self) -> float: ...
+    def cross_fade_deltas(self) -> float: ...
 
 
 @dataclass(frozen=True)
 class Joins:
-    """kind: INERTIAL, FADE or CUT. fade: ticks of a cross-fade.
+    """How pictures are joined. kind: INERTIAL, FADE or CUT; fade: ticks of a cross-fade.
 
-    decay: ticks after which 5 % of an offset are left; bodies: the film's; helps: whether a row is
-    more like another one in the other's posture, of their numbers and whether each is mirrored;
+    decay: ticks after which 5 % of an offset are left; bodies: the film's; helps(row, other,
+    mirrored, other_mirrored): whether a row looks more like another in that one's posture;
     rests (n,): whether the film rests at each row.
     """
 
@@ -70,10 +70,7 @@ class Joins:
 
     @property
     def reach(self) -> int:
-        """Ticks that a join is seen for, with those before it that it depends on.
-
-        Those alone count at which the film moves.
-        """
+        """Return for how many moving ticks a join is visible, or an earlier one that affects it."""
         return max(self.fade, self._ticks) + 3
 
     @property
@@ -81,33 +78,33 @@ class Joins:
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
 
     def moving(self, kind: str, number: Ints) -> int:
-        """Return how many pictures of a kind count of the time of a join."""
+        """Return how many pictures of a kind count towards the time of a join."""
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring(self) -> tuple[Floats, Floats]:
-        """What is left after 0, 1, 2 … ticks of an offset of 1, and of a velocity of 1 a tick."""
+        """Return what is left after 0, 1, 2 … ticks of offset 1, and of velocity 1 a tick."""
         rate, ticks = _DECAY / self.decay, np.arange(self._ticks)
         left = np.exp(-rate * ticks)
         return (1 + rate * ticks) * left, ticks * left
 
 
 def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> Joins:
-    """The joins of the parameters, their times in ticks; delta: Δ in ticks."""
-    if p.join_time == "auto":
+    """Return the joins for the parameters, with times in ticks; delta: Δ in ticks."""
+    if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
         ticks = max(time * delta, float(p.join_frames))
     else:
-        ticks = max(p.join_time * delta, 1.0)
-    fade = 0 if kind == CUT else round(p.fade_time * delta)
+        ticks = max(p.join_time_deltas * delta, 1.0)
+    fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
     still = rests(bodies, p.rest)
     return Joins(kind, fade, ticks, bodies, helps, still)
 
 
 @dataclass(frozen=True)
 class PictureSequence:
-    """Pictures (ticks,): whether it is a frame, its number, by how much a frame is turned.
+    """Pictures (ticks,): whether each is a frame, its number, and a frame's rotation in degrees.
 
-    mirrored: whether a frame is.
+    mirrored: whether a frame is mirrored.
     """
 
     frame: Mask
@@ -119,7 +116,7 @@ class PictureSequence:
 def sum_past(weights: Floats, values: Floats) -> Floats:
     """Return Σ_k weights[k] · values[t − k] (n, c) at every tick t of values (n, c).
 
-    `scipy.signal.lfilter` does the same, and takes 0.9 s to import, in every process.
+    `scipy.signal.lfilter` does the same, but its import takes 0.9 s in every process.
     """
     return np.apply_along_axis(lambda one: np.convolve(weights, one)[: len(one)], 0, values)
 
@@ -128,8 +125,7 @@ class Inertial(NamedTuple):
     """What inertialization adds to pictures (ticks,).
 
     begins: ticks of joins between pictures of different moments, whose light may differ; codes
-    (ticks, c): of the pose to draw in; posed: where there is one; turn_deg: by which the picture is
-    turned on.
+    (ticks, c): of the pose to draw in; posed: where there is one; turn_deg: rotation that is added.
     """
 
     begins: Ints
@@ -139,7 +135,10 @@ class Inertial(NamedTuple):
 
 
 def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertial:
-    """Inertialize pictures; line_deg (ticks,) is the direction that a sprite is drawn for."""
+    """Return what inertialization adds to pictures.
+
+    line_deg (ticks,): direction for which each sprite is drawn.
+    """
     bodies, frame, number = how.bodies, shown.frame, shown.number
     own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
     last, new = own.select(np.s_[:-1]), own.select(np.s_[1:])
@@ -147,7 +146,7 @@ def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertia
     natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
     natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
     moves = np.append(True, ~(natural & how.rests[new.row]))
-    natural[1:] |= (new.row[1:] == last.row[1:]) & (last.row[1:] == last.row[:-1])  # it is held
+    natural[1:] |= (new.row[1:] == last.row[1:]) & (last.row[1:] == last.row[:-1])  # held still
     at = np.flatnonzero(~natural) + 1
     old = follows.select(at - 1)
     before = wrap_deg(old.heading_deg - last.heading_deg[at - 1])
@@ -163,7 +162,7 @@ def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertia
     since = clock - np.maximum.accumulate(_last(clock[at], clock[-1] + 1))[clock]
     posed, codes = since < len(springs[0]), bodies.codes(own)
     codes[posed] += left[posed, :-1]
-    shapes = bodies.poses.shapes  # what is so near to a filmed posture is possible
+    shapes = bodies.poses.shapes  # a posture near a filmed one is possible
     doubtful = posed & (np.linalg.norm(left[:, :-1], axis=1) > shapes.gap)
     if doubtful.any():
         codes[doubtful] = shapes.nearest_codes(codes[doubtful]).codes
@@ -183,9 +182,9 @@ def _next_bodies(
 def _jumps(
     own: Body, old: Body, at: Ints, before_deg: Floats, bodies: Bodies
 ) -> tuple[Floats, Floats]:
-    """The differences (ticks, c + 1) at the ticks `at`: of codes and heading; of their velocities.
+    """Return the jumps (ticks, c + 1) of codes and heading at ticks `at`, and of their velocities.
 
-    own: of all ticks; old: what was expected at these; before_deg: how it turned.
+    own: bodies of all ticks; old: bodies expected at `at`; before_deg: turn before each.
     """
     here, ticks = own.select(at), len(own.row)
     ahead = np.minimum(at + 1, ticks - 1)
@@ -204,7 +203,7 @@ def _jumps(
 
 
 def _last(at: Ints, ticks: int) -> Ints:
-    """The ticks themselves where they are in `at`, else one that is long gone."""
+    """Return each tick (ticks,) itself if it is in `at`, else a long-gone one."""
     last = np.full(ticks, -(2**31))
     last[at] = at
     return last
@@ -213,10 +212,10 @@ def _last(at: Ints, ticks: int) -> Ints:
 def cross_fades(
     shown: PictureSequence, begins: Ints, fade: int, following: Callable[[str, int], int]
 ) -> tuple[PictureSequence, Floats]:
-    """The pictures (ticks,) that fade out, and their shares, 0 where none does.
+    """Return the pictures (ticks,) that fade out, and their shares, 0 where none does.
 
-    Where something else begins, the old plays on for `fade` ticks and loses its share. following:
-    the picture after one of a kind.
+    At each tick of `begins` the old picture plays on for `fade` ticks and loses its share.
+    following(kind, number): the next picture.
     """
     ticks = len(shown.number)
     partner = PictureSequence(

@@ -1,8 +1,8 @@
-"""Measures of an edit list by itself: what it shows, how smoothly, how varied; and the film's.
+"""Measures of an edit list alone: what it shows, how smooth and how varied it is; also of the film.
 
-A *step* is the distance (Eq. 5) between two successive pictures; the film's own steps are the
-measure. A *seam* is that of a join between what would have come and what comes: its *ratio* is its
-distance over the median of the film's steps, 1 = as smooth as the film.
+A *step* is the distance (Eq. 5) between two successive pictures, compared with the film's own
+steps. A *seam* is the distance of a join, between the picture that would follow and the one that
+does. Its *ratio* divides it by the median of the film's steps: 1 is as smooth as the film.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ FILM, POSED, MIRRORED, SPRITE_SHOWN, PREDICTED = SHOWN = (
 
 
 def picture_kinds(edit: pd.DataFrame) -> pd.Series:
-    """Return what each tick (ticks,) shows, one of `SHOWN`."""
+    """Return which of `SHOWN` each tick (ticks,) is."""
     frame = edit["kind"] == FRAME
     choices = [~frame, edit["state"] == STATES[FORECAST], edit["mirrored"], edit["pose"].notna()]
     names = [SPRITE_SHOWN, PREDICTED, MIRRORED, POSED]
@@ -41,8 +41,8 @@ def picture_kinds(edit: pd.DataFrame) -> pd.Series:
 def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
     """Return the percentage of ticks that show each of `SHOWN`, and the number of switches.
 
-    film_pct: ticks played as filmed, bent or mirrored or not; stuck_pct: ticks on the spot as no
-    way leads on; switches: between sprites and film; switches_without_gateway: those by no gateway.
+    film_pct: ticks of film, bent or mirrored or not; stuck_pct: ticks on the spot because no way
+    leads on; switches: between sprites and film; switches_without_gateway: those by no gateway.
     """
     names, frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
     switched = np.append(False, frame[1:] != frame[:-1])
@@ -61,10 +61,9 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def area_missed(edit: pd.DataFrame) -> dict[str, float]:
-    """Return how far turns miss the motion area that the network gives, in the median (Fig. 18).
+    """Return the median error of the motion area in turns, against the network's (Fig. 18).
 
-    The relative motion area of the most bent sprite shown against that asked for; nothing without
-    turns by the network.
+    The error is that of the most bent sprite shown; nothing without turns by the network.
     """
     turns = edit[edit["sprite_area"].notna() & edit["motion_area"].notna()]
     if turns.empty:
@@ -74,12 +73,12 @@ def area_missed(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Average the measures of several fish, each over the fish that have it."""
+    """Return the mean of each measure over the fish that have it."""
     return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
 
 
 def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Measure whether the error of the heading falls at every tick of every turn to the aim."""
+    """Return in how many turns the heading error falls at every tick."""
     turning = (edit["state"] == STATES[TURN]).to_numpy()
     begins = edit["reason"].notna().to_numpy()
     number = np.cumsum(begins)
@@ -100,13 +99,13 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def step_measures(mine: Floats, film: Floats) -> dict[str, float]:
-    """Compare the steps between drawn pictures with the film's own."""
+    """Return measures of the steps between drawn pictures against the film's own."""
     above = 100 * float((mine > np.quantile(film, 0.995)).mean())
     return _against(film, "step", mine, "steps") | {"steps_above_film_p995_pct": above}
 
 
 def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
-    """Compare the discontinuities of joins, drawn without cross-fade, with the film's steps."""
+    """Return measures of the discontinuities of joins, without cross-fade, against film steps."""
     if seams.size == 0:
         return {"jumps": 0.0}
     return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
@@ -132,13 +131,13 @@ def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
 
 
 def state_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the share of time in each state."""
+    """Return the percentage of time in each state."""
     share = 100 * edit["state"].value_counts(normalize=True)
     return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
 
 
 def longest_repeat(edit: pd.DataFrame) -> int:
-    """The longest run of pictures that comes twice, the second after the first, in ticks."""
+    """Return the length, in ticks, of the longest run of pictures that is repeated later."""
     pictures, longest = _pictures(edit), 0
     for lag in range(1, len(pictures)):
         if len(pictures) - lag <= longest:
@@ -151,7 +150,7 @@ def longest_repeat(edit: pd.DataFrame) -> int:
 
 
 def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
-    """A number (ticks,) for each picture that an edit list names, the same for the same."""
+    """Return a number (ticks,) for each picture of an edit list, equal for equal pictures."""
     names = ["kind", "source", "orientation", "mirrored"]
     return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
 
@@ -159,9 +158,9 @@ def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return the longest time one picture stays and the shortest time between two jumps.
+    """Return the longest time that one picture stays, and the shortest time between two jumps.
 
-    jumps: ticks at which the picture does not follow; only those from frame to frame count.
+    jumps: ticks of transitions; only those from frame to frame count.
     """
     changes = np.diff(_pictures(edit)) != 0
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))
@@ -175,5 +174,5 @@ def rhythm_measures(
 
 
 def table(modes: Mapping[str, Mapping[str, float]], film: Mapping[str, float]) -> pd.DataFrame:
-    """All measures side by side: a row each, a column per mode and one of the film itself."""
+    """Return all measures side by side: a row each, a column for each mode and one for the film."""
     return pd.DataFrame({**modes, "film": film}).rename_axis("measure").reset_index()

@@ -1,19 +1,19 @@
-"""The playing modes by name: the one list of them, with what tables, pictures and pages say."""
+"""The one list of playing modes by name, with the texts for tables, pictures and pages."""
 
-from typing import Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple, get_args
 
 Mode = Literal["network", "loops", "hybrid", "matching"]
-"""The name of a mode, everywhere: settings, edit lists, metrics, live messages."""
+"""The name of a mode in settings, edit lists, metrics and live messages."""
 
 RETARGET = "retarget"
-"""What names the edit list of the stage `retarget` in place of a mode: a recorded track."""
+"""In place of a mode, the name of the edit list that stage `retarget` makes of a recorded track."""
 
-Shown = Literal[Mode, "retarget"]
+Shown = Annotated[Literal[Mode, "retarget"], "a mode or retarget"]
 """What can be drawn: the edit list of a mode, or the retargeted one."""
 
 
 class ModeFacts(NamedTuple):
-    """What people read of a mode: title, source, one sentence; colour: of its curves, as hex."""
+    """Texts about a mode: title, source, one sentence; colour: of its curves, as hex."""
 
     title: str
     source: str

@@ -13,10 +13,10 @@ _LOT = 10_000  # rows at a time
 
 
 class Movement(NamedTuple):
-    """How far (n - 1,) the body moves about its centre from each row to the next, in sizes.
+    """How far (n - 1,) the body moves about its centre from each row to the next, in body sizes.
 
-    The root mean square over the points of the backbone. whole: of a body that turns and bends;
-    bends: of one that keeps its heading.
+    Both are root mean squares over the points of the backbone. whole: turning and bending; bends:
+    bending alone, with the heading kept.
     """
 
     whole: Floats
@@ -24,7 +24,7 @@ class Movement(NamedTuple):
 
 
 def movement(pose: Pose) -> Movement:
-    """The movement of n poses."""
+    """Return the movement of n poses."""
 
     def of_lot(first: int) -> Floats:
         lot = pose[first : first + _LOT + 1]
@@ -40,5 +40,4 @@ def movement(pose: Pose) -> Movement:
 
 
 def _apart(lines: Floats, others: Floats) -> Floats:
-    """The root mean square distance (k,) of the points of lines (k, p, 2) and others."""
     return np.sqrt(((lines - others) ** 2).sum(-1).mean(-1))

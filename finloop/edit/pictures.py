@@ -1,4 +1,4 @@
-"""Pictures behind an edit list: what is drawn from tick to tick, and how well it joins (Eq. 5)."""
+"""The pictures of an edit list: what is drawn from tick to tick, and how well it joins (Eq. 5)."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _HELPS = 100_000  # pairs of rows that are remembered
 
 @dataclass(frozen=True)
 class Pictures:
-    """Centred pictures of what an edit list names, at the drawn size, `size` px."""
+    """Draws what an edit list names, centred, at the drawn size, `size` px wide."""
 
     reel: Reel
     size: int
@@ -33,7 +33,7 @@ class Pictures:
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool,
     ) -> Picture:  # fmt: skip
-        """A sprite in an orientation, or a frame (its orientation does not count), turned."""
+        """Draw a sprite in an orientation, or a frame, which has none, turned by `rotation_deg`."""
         reel, turn = self.reel, float(rotation_deg)
         if kind == FRAME:
             one, cutout = reel.place(source), reel.film[source]
@@ -46,7 +46,7 @@ class Pictures:
         return picture(cutout, one, reel.length_px / scale, self.size, turn)
 
     def target(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
-        """Where a body is drawn, turned on, in the posture of these codes (c,)."""
+        """Return where to draw a body in the posture of these codes (c,), turned by `turn_deg`."""
         middle = (self.size - 1) / 2
         pose = self.bodies.poses.pose_from_codes(int(body.row), codes)
         size = float(pose.size_px) * scale * self.size / (SPAN * self.reel.length_px)
@@ -60,9 +60,9 @@ class Pictures:
 
     @cached_property
     def helps(self) -> Callable[[int, int, bool, bool], bool]:
-        """Whether a row is more like another one if it is drawn in the other's posture.
+        """Return the test whether a row looks more like another one in that one's posture.
 
-        Of the rows' numbers, and whether each is mirrored.
+        Its arguments: the two row numbers, and whether each row is mirrored.
         """
         return lru_cache(_HELPS)(self._helps)
 
@@ -83,17 +83,17 @@ class Pictures:
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
-        """Return every sprite headed right."""
+        """Draw every sprite headed right."""
         return self.reel.sprite_pictures(self.size)
 
     @cached_property
     def sprite_successors(self) -> Picture:
-        """What the film shows after every sprite, turned as the sprite's next one would be."""
+        """Draw what the film shows after every sprite, turned as the sprite's next one would be."""
         return self.reel.after_sprites(self.size)
 
 
 def fade_distance(row: Any, pictures: Pictures) -> float:
-    """Eq. 5 between the two pictures of a cross-fade, a row of an edit list."""
+    """Return the distance (Eq. 5) between the pictures of a cross-fade, a row of an edit list."""
     return float(apart(_row_picture(row, pictures), _partner(row, pictures)))
 
 
@@ -123,9 +123,9 @@ def _partner_body(row: Any, pictures: Pictures) -> Body:
 
 
 def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
-    """The edit list without what fades out while it is farther than `most` from what fades in.
+    """Return the edit list without partners farther than `most` from the picture they fade into.
 
-    Two unlike fish on one another look like ghosts.
+    Two unlike fish on top of each other look like ghosts.
     """
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
@@ -141,7 +141,7 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
 
 
 def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
-    """Eq. 5 between what is drawn at successive ticks, joins and all."""
+    """Return the distances (Eq. 5) between what is drawn at successive ticks, joins included."""
     every = pairwise(draw_edit(edit, pictures))
     return np.array([float(apart(after, before)) for before, after in every])
 
@@ -164,12 +164,12 @@ def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
 
 
 def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.intp]]:
-    """D of every join of an edit list, without its cross-fade, and its tick.
+    """Return the discontinuity D and the tick of every join of an edit list, without cross-fades.
 
-    What the film shows after the picture on screen, turned as that is, against what is drawn. A
-    picture that is held for several ticks has one join, where it comes the second time. Where
-    the pose of the picture before has not died away, the film is bent by what is left of it, as the
-    pose of the new one says, and only light and skin are compared.
+    It compares what the film would show next, turned as the picture on screen, with what is drawn.
+    A picture that is held for several ticks has one join, where it comes the second time. Where an
+    earlier join has not died away, the pose of the new picture includes what is left of it. There
+    only light and skin are compared.
     """
     next_sprite = film_next(pictures.reel.sprites)
     distances, ticks = [], []
@@ -192,7 +192,6 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
 
 
 def _new(now: Any, pictures: Pictures) -> Picture:
-    """The picture of a row without its partner, the fish headed right."""
     turn = -float(now.heading_deg)
     if now.pose is not None:
         body = _body(now, pictures)
@@ -203,7 +202,7 @@ def _new(now: Any, pictures: Pictures) -> Picture:
 
 
 def _next_picture(before: Any, now: Any, pictures: Pictures) -> Picture:
-    """Return what the film shows after a row, drawn at the fish's current heading."""
+    """Draw what the film shows after a row, at the fish's current heading."""
     turn = -float(now.heading_deg)
     if before.pose is not None and now.pose is not None:
         target = pictures.target(_body(now, pictures), now.scale, now.pose, turn)
@@ -220,7 +219,7 @@ def _next_picture(before: Any, now: Any, pictures: Pictures) -> Picture:
 
 
 def film_next(sprites: pd.DataFrame) -> Ints:
-    """For every sprite the sprite of the film's next frame, −1 where there is none."""
+    """Return for every sprite the sprite of the film's next frame, or −1."""
     if not len(sprites):
         return np.zeros(0, np.int64)
     step = sprites["step"].to_numpy()

@@ -1,16 +1,16 @@
 """The edit list: what is drawn where at every tick. Planners write it, renderers read it.
 
-It has a row for every fish and tick, fish after fish; fish are numbered from 0 on. A tick is the
-time of one film frame. The picture, `source`, is the number of a sprite, in one of its orientations
-(1 … n), or a row of the film, a frame, which has no orientation. A frame may be `mirrored`, about
-the line through its mass centre in the direction of its heading. It is turned by `rotation_deg`
-anticlockwise about its mass centre, which is drawn at (x_px, y_px) of the tank. In a cross-fade a
-second picture, the partner, is drawn at the same place, and `weight` is its share. A fish of a
-higher number is drawn over those of lower numbers.
+It has a row for every fish and tick, fish after fish; fish are numbered from 0. A tick lasts one
+film frame. The picture, `source`, is the number of a sprite in one of its orientations (1 … n), or
+a row of the film, a frame, which has no orientation. A frame may be `mirrored`, about the line
+through its mass centre along its heading. It is turned by `rotation_deg` anticlockwise about its
+mass centre, which is drawn at (x_px, y_px) of the tank. In a cross-fade a second picture, the
+partner, is drawn at the same place, and `weight` is its share. Fish with higher numbers are drawn
+on top.
 
-Where `pose` is not empty, the animal is drawn in another posture than it was filmed in: the one of
-these codes of the film's principal shapes (stage `pose`), as seen on screen, so after mirroring.
-Place, heading and size are those of the source; the partner is drawn there and so bent, too.
+Where `pose` is not empty, the animal is drawn in the posture of these codes of the film's principal
+shapes (stage `pose`), as seen on screen, so after mirroring. Place, heading and size are those of
+the source; the partner is drawn in the same place and posture.
 """
 
 from typing import NamedTuple
@@ -28,10 +28,10 @@ INERTIAL, FADE, CUT = "inertial", "fade", "cut"
 TERMS = (
     "seam", "repeat", "rarity", "lag", "path", "time", "to_come", "chance",
 )  # fmt: skip
-"""What a way costs: for the seams of its jumps; for film that was on screen just now; for steps
-that the film shows seldom; for falling behind the film's speed; for being beside the path, late,
-headed otherwise and corrected; the ticks that it takes; about what is still to come; and what is
-left to chance, so that ways that cost about the same are all taken."""
+"""The terms of a cost: the seams of jumps; film that was on screen just now; steps that the film
+seldom shows; lag behind the film's speed; deviation from the path in place, time and heading, and
+corrections; the ticks taken; an estimate of what is still to come; and a random part, so that ways
+of about equal cost are all taken."""
 
 EDIT = Schema(
     Column("fish", "int16", "1"),
@@ -68,21 +68,20 @@ EDIT = Schema(
     *columns("float32", "s", *(f"taken_{term}_s" for term in TERMS), nullable=True),
     *columns("float32", "s", *(f"other_{term}_s" for term in TERMS), nullable=True),
 )
-"""`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
-model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for.
+"""`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was requested of
+the model, `goal` the goal's name (empty: the fish wanders), aim the point that it heads for.
 `mode` is the mode that plays the tick (`finloop.edit.modes`): in `hybrid`, `network` or `loops`.
-`mirrored` is of a frame; a sprite was mirrored
-or not when it was made.
+`mirrored` is set for frames only; sprites are mirrored when they are made.
 
 The columns from `reason` on say why, on the first tick of each stretch; they are empty on its other
 ticks. `reason` is a code of `REASONS`; `exit`, of `EXITS`, where the film is left; `seam` that of a
-jump or gateway. Of a way of the film: `value_s`, all that it costs to the goal, and the `quadrant`
-that it leads to (Fig. 11). How many `ways` were weighed, none where it was planned before, along a
-path; and how many of them fail each test of Fig. 19. Of a turn: `turn_deg` wanted (+ = left), the
-motion area of the strongest sprite, and the share of the film's displacement for which there was
-`room`. Of a phase: the `film_speed` at which the film's began. Of a way of `matching`: what it
-costs, term by term (`taken_seam_s` …), and what the cheapest other way would have cost
-(`other_seam_s` …; empty where none led on)."""
+jump or gateway. For a way of the film: `value_s`, its whole cost to the goal, and the `quadrant`
+that it leads to (Fig. 11). `ways` counts the ways that were weighed, none where it was planned
+before, along a path; the next columns count those that fail each test of Fig. 19. For a turn:
+`turn_deg` wanted (+ = left), the motion area of the strongest sprite, and the share of the film's
+displacement for which there was `room`. For a phase: the `film_speed` at which the film's began.
+For a way of `matching`: its cost, term by term (`taken_seam_s` …), and that of the cheapest other
+way (`other_seam_s` …; empty where none led on)."""
 
 WHY = EDIT.names[EDIT.names.index("reason") :]
 """The columns that say why."""
@@ -91,21 +90,21 @@ REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, FORETOLD, WAITING = (
     "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast", "wait",
 )  # fmt: skip
 """Swim on like a phase of the film, turn, slow down before a wall; play the film on, jump at a
-loop, enter the film by a gateway, turn on the spot as no way leads on; swim as is foretold; wait
+loop, enter the film by a gateway, turn on the spot as no way leads on; swim as predicted; wait
 for other fish to make way."""
 
 EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
-"""The film is left: no way of it is legal and gains enough; the mode shows sprites alone."""
+"""Why the film is left: no way of it is legal and gains enough, or the mode shows only sprites."""
 
 STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
 STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "forecast")
-"""What a fish does: by sprites, as a stretch of film, or as is foretold."""
+"""How a fish moves: by sprites, as a stretch of film, or as predicted."""
 
 PATH = "path"
-"""The goal of whoever swims a path."""
+"""The goal of a fish that follows a path."""
 
 VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
-"""Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better.
+"""Whether a way passes the tests of Fig. 19, which test it fails, or that better ways displaced it.
 A way that meets another fish fails as one that leaves the tank."""
 
 CONSIDERED = Schema(
@@ -118,13 +117,13 @@ CONSIDERED = Schema(
     Column("fails", "string", "1"),
     Column("taken", "bool", "1"),
 )
-"""What was weighed at a tick: rows of the film that could have been shown, mirrored or not; what
-the best way from there costs (empty: there is none, or it was passed over for better ones), in all
-but for what is left to chance, and term by term; and its verdict, of `VERDICTS`."""
+"""What was weighed at a tick: rows of the film that could be shown, mirrored or not; the cost of
+the best way from each (empty: there is none, or better ways displaced it), without the random
+part, and term by term; and its verdict, of `VERDICTS`."""
 
 
 class Goal(NamedTuple):
-    """A place to swim to, in pixels of the clip; a fish that comes within the radius is there."""
+    """A place to swim to, px of the clip; a fish within the radius has reached it."""
 
     name: str
     x_px: float
@@ -133,5 +132,5 @@ class Goal(NamedTuple):
 
 
 def by_fish(edit: pd.DataFrame) -> list[pd.DataFrame]:
-    """The edit list of each fish by itself, its rows counted from 0 on."""
+    """Return the edit list of each fish by itself, its rows counted from 0."""
     return [one.reset_index(drop=True) for _, one in edit.groupby("fish")]

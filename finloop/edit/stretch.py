@@ -1,7 +1,7 @@
 """Stretches: what a planner hands over to be drawn, and why.
 
-A stretch is some ticks of swimming that one decision gives. `finloop.edit.build` makes an edit list
-of stretches; whoever plans them need not be known here.
+A stretch is some ticks of swimming that one decision gives. `finloop.edit.build` turns stretches of
+any planner into an edit list.
 """
 
 from dataclasses import dataclass, replace
@@ -15,11 +15,11 @@ from finloop.edit.schema import FRAME, SPRITE
 
 
 class Decision(NamedTuple):
-    """Why a stretch is swum: codes and numbers, as `EDIT` has them; `in_words` tells them.
+    """Why a stretch was chosen, as codes and numbers of `EDIT`; `in_words` turns them into text.
 
     reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
     Numbers that a reason does not have are NaN, counts and quadrant 0. taken_terms: seconds that
-    the way taken costs, of `TERMS`; other_terms: the cheapest other way; () where there is none.
+    the chosen way costs, by `TERMS`; other_terms: the cheapest other way; () where there is none.
     """
 
     reason: str
@@ -41,14 +41,14 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """Some ticks (n,) of one state. way (n, 3): x, y px, heading deg; number (n,): of the pictures.
+    """Some ticks (n,) in one state. way (n, 3): x, y px, heading deg; number (n,): of the pictures.
 
     kind: SPRITE or FRAME; rot (n,): by how much frames are turned; phase (n,): place in the cycle,
-    in frames, where sprites of one are played; new: whether the first picture does not follow on
-    the one before; aim: x, y px of the point that it heads for, first; area: asked of the network,
-    NaN where it was not asked; touched: whether the last tick touches the goal; waits: whether it
-    waits for a gateway; whole: whether it was not cut short; options: what was weighed; steer
-    (n, 2): degrees and px by which it was corrected, on a path alone.
+    in frames, where sprites of one are played; new: whether the first picture does not follow the
+    one before; aim: x, y px of the point that the fish heads for, first; area: requested of the
+    network, else NaN; touched: whether the last tick touches the goal; waits: whether the fish
+    waits for a gateway; whole: whether the stretch is uncut; options: what was weighed; steer
+    (n, 2): corrections in degrees and px, on a path alone.
     """
 
     state: int
@@ -70,7 +70,7 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """The numbers (n,) of what is shown, by which discs are looked up (`company.Discs`)."""
+        """Return the picture numbers (n,) by which discs are looked up (`company.Discs`)."""
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property
@@ -79,11 +79,11 @@ class Stretch:
         return np.column_stack([self.way, self.pictures])
 
     def rest(self, gone: int) -> Floats:
-        """What is shown (k, 4) after so many of its ticks, at least its last one."""
+        """Return what is shown (k, 4) after the first `gone` ticks, at least the last tick."""
         return self.path_and_pictures[min(gone, len(self.way) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
-        """Its first `ticks` ≥ 1 alone."""
+        """Return the first `ticks` ≥ 1 ticks alone."""
         if ticks >= len(self.way):
             return self
         return replace(

@@ -1,8 +1,8 @@
-"""Poses as DeepLabCut writes them for several animals: a CSV with a header of four rows.
+"""Poses in DeepLabCut's layout for several animals: a CSV with a header of four rows.
 
-`movement` (`load_poses.from_file`, source "DeepLabCut"), DeepLabCut itself and what is built on it
-read that layout. Programs tell it by `scorer, individuals, bodyparts, coords` in the first column;
-a fish that is not seen has empty cells.
+`movement` (`load_poses.from_file`, source "DeepLabCut"), DeepLabCut itself and programs built on it
+read that layout. They recognise it by `scorer, individuals, bodyparts, coords` in the first column.
+The cells of a fish that is not seen are empty.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ SCORER = "finloop"
 
 
 def deeplabcut(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
-    """The rows of the layout, one per frame of the clip, `block` frames at a time."""
+    """Yield the rows of the layout, one per frame of the clip, `block` frames at a time."""
     columns = pd.MultiIndex.from_product(
         [[SCORER], poses.individuals, poses.keypoints, ["x", "y", "likelihood"]],
         names=["scorer", "individuals", "bodyparts", "coords"],

@@ -18,8 +18,8 @@ from finloop.render.painter import Box, Painter, Placed
 
 Image = NDArray[np.uint8]
 _WHITE = 255
-RIM = 3  # px that colour is bled under the edge of the fish, and beyond
-_FAINT = 16  # alpha below which a pixel is too coarse to tell its own colour
+RIM = 3  # px of colour added under the edge of the fish, and beyond
+_FAINT = 16  # alpha below which a pixel's own colour is too coarse
 
 _SOURCE = (
     Column("track_id", "int32", "1"),
@@ -37,29 +37,29 @@ READABLE = Schema(
     *columns("float64", "mm", *_MM, nullable=True),
     Column("speed_mm_s", "float64", "mm/s", nullable=True),
 )
-"""An edit list that other programs can read: with the track and frame of the film that each row
-shows (a sprite is a frame, too), the sprite's name in the atlas, and places and speed in mm, empty
+"""An edit list for other programs: with the track and frame of the film that each row shows (a
+sprite is a frame, too), the sprite's name in the atlas, and places and speed in mm, empty
 without a scale."""
 
 
 class Alone:
-    """Fish without their tank: painted over black and over white, which tells its alpha.
+    """Paints fish without their tank, over black and over white, which gives their alpha.
 
     Over black a pixel is F, premultiplied by alpha a; over white it is F + 255 − a.
     """
 
     def __init__(self, height: int, width: int, channels: int) -> None:
-        """A canvas of that size, of 1 or 3 channels."""
+        """Create a canvas of this size, with 1 or 3 channels."""
         black = np.zeros((height, width, channels), np.uint8)
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
     def show(self, *fish: Placed) -> Box:
-        """Paint these fish alone, the lowest first; their box."""
+        """Paint these fish alone, the lowest first; return their box."""
         self.white.show(*fish)
         return self.black.show(*fish)
 
     def cut(self, box: Box) -> Image:
-        """The fish in the box, (h, w, 4) RGBA uint8 premultiplied by alpha.
+        """Return the fish in the box, (h, w, 4) RGBA uint8 premultiplied by alpha.
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
@@ -81,7 +81,7 @@ def bounding_box(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
 
 
 def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iterator[Image]:
-    """Tick by tick the fish on nothing: the part `crop` of the canvas, RGBA with straight alpha.
+    """Yield the fish without background, tick by tick: the part `crop`, RGBA with straight alpha.
 
     The array is drawn on again: take a copy to keep it. `crop` is that of `bounding_box`, or a
     smaller one.
@@ -102,7 +102,7 @@ def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iter
 
 
 def straight(pixels: Image) -> Image:
-    """Premultiplied RGBA with straight alpha, coloured under and beyond its edge as beside it.
+    """Return premultiplied RGBA with straight alpha, its colour extended under the edge and beyond.
 
     A faint pixel's own colour is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the mean
     around it, as transparent pixels within `RIM` do. Else 4:2:0 and filters would bring noise, or
@@ -121,9 +121,9 @@ def straight(pixels: Image) -> Image:
 def cycle(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[Placed]], int]:
-    """A sequence of sprites on the spot, headed right: a fish a step; half the canvas [px].
+    """Return a sequence of sprites on the spot, headed right, and half the canvas [px].
 
-    The mass centre is the middle pixel of a square canvas, 2 half + 1 px wide.
+    A fish a step. The mass centre is the middle pixel of a square canvas, 2 half + 1 px wide.
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
@@ -138,7 +138,7 @@ def readable(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
-    """An edit list (schema EDIT) with the source of every row (schema READABLE).
+    """Return an edit list (schema EDIT) with the source of every row (schema READABLE).
 
     tracks: track_id and frame of every cut-out; sprites: schema SPRITES; mm_per_px: None where
     unknown; length_px: of the animal as drawn.
@@ -155,7 +155,7 @@ def readable(
 
 
 def flat(listed: pd.DataFrame) -> pd.DataFrame:
-    """An edit list for CSV, without lists: `pose` becomes pose_1, pose_2 …; empty: no pose.
+    """Return an edit list for CSV, without lists: `pose` becomes pose_1, pose_2 …; empty: no pose.
 
     Without columns in mm where no scale is known.
     """

@@ -1,11 +1,11 @@
 """Parameters of `export`: what is handed to other programs, and how fine."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from finloop.base.settings import NotNegative, Quality
+from finloop.base.settings import NotNegative
 from finloop.edit.modes import Shown
 
 
@@ -13,20 +13,17 @@ from finloop.edit.modes import Shown
 class ExportSettings:
     """Which edit list and which tracks are handed on, and how fine."""
 
-    mode: Shown  # the edit list that is exported and filmed
-    # quality of the films with alpha, VP9: 0 = best, 63 = worst
+    mode: Shown
     webm_crf: Annotated[int, Field(ge=0, le=63)]
-    # s, of the animated WebP, shorter than the WebM; 0 = none of the animation
     webp_seconds: NotNegative
-    # s, of stimulus.html, a page that plays the animation by itself; 0 = no page
     stimulus_seconds: NotNegative
-    webp_quality: Quality  # of the colours: 0 = worst, 100 = best; alpha is kept without loss
-    # points of tracks.csv along the backbone, between head and tail
-    body_points: Annotated[int, Field(ge=0, le=31)]
-    tracks_least_s: NotNegative  # s; shorter tracks are left out of tracks.csv
-    # the most animals in it, those seen longest: each has columns of its own
-    tracks_most: Annotated[int, Field(ge=1, le=1000)]
-    # whether tracks.nc of movement is written as well; needs `make tracks`
+    tracks_body_points: Annotated[int, Field(ge=0, le=31)]
+    tracks_min_s: NotNegative
     tracks_netcdf: bool
-    # whether nwb/<animal>.nwb are written as well; needs `make tracks`
     tracks_nwb: bool
+
+    webp_quality: ClassVar[int] = 80  # of the colours (100 = best); alpha is kept without loss
+    # animals in tracks.csv, those seen longest; each has columns of its own, and wide tables load
+    # slowly
+    tracks_most: ClassVar[int] = 100
+    RENAMED: ClassVar = {"body_points": "tracks_body_points", "tracks_least_s": "tracks_min_s"}

@@ -1,4 +1,4 @@
-"""Tracks as poses: named points of every fish in every frame, for programs that study behaviour."""
+"""Tracks as poses: named points of every fish in every frame, for behavioural programs."""
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ from finloop.features.head import tail_first
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
 USED = ("track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px")
-"""The columns of a table of tracks that poses are made of."""
+"""The columns of a table of tracks from which poses are made."""
 
 
 def poses(
@@ -23,7 +23,7 @@ def poses(
     most: int,
     animals: pd.Series | None = None,
 ) -> Poses:
-    """Head, points of the backbone at equal distances, tail and mass centre of every track.
+    """Return head, equidistant points of the backbone, tail and mass centre of every track.
 
     The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1.
     FinloopError if no track is long enough.
@@ -44,7 +44,7 @@ def poses(
         raise FinloopError(
             f"no track has {least_frames} frames; the longest has {longest}",
             "at least one track to export",
-            "lower export.tracks_least_s",
+            "lower export.tracks_min_s",
         )
     ids = np.sort(longest_first)
     rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]

@@ -1,7 +1,7 @@
 """From film to tracks of isolated fish: cut-outs, outlines, backbones (fish paper §2.1-2.2.1).
 
 Background and noise (`background`), silhouettes (`segment`), the backbone (`skeleton`, `backbone`),
-tracks (`tracks`); `samples` looks at the film first; `film` puts them together.
+tracks (`tracks`). `samples` measures sample frames first; `film` combines all of them.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Fish of one film drawn and measured as those of another: of one size, in one light.
+"""Fish of one film drawn and measured like those of another: of one size, in one light.
 
 Cut-outs are (h, w, channels) uint8, colour premultiplied by alpha, the last channel.
 """
@@ -13,28 +13,28 @@ import pandas as pd
 from finloop.base.arrays import Floats, Picture
 from finloop.base.cutout import Cutout
 
-_OPAQUE = 250  # alpha of a pixel that shows the fish alone
-# What differs by less is left as filmed, because every resampling blurs: tracks of one zebrafish
-# film differ by up to 8 % from its typical length, and its light drifts by 2 %, the carp's by 3 %.
+_OPAQUE = 250  # least alpha of a pixel that shows only the fish
+# Smaller differences are ignored, because every resampling blurs: tracks of one zebrafish film
+# differ by up to 8 % from its typical length, and its light drifts by 2 %, the carp's by 3 %.
 _SAME_LENGTH, _SAME_LIGHT = 0.1, 0.05
-_MOST_LIGHT = 3.0  # a gain beyond this would show noise and not a fish
+_MOST_LIGHT = 3.0  # a larger gain would show noise instead of a fish
 
 
 class Likeness(NamedTuple):
-    """What brings a film's fish to those of the first film."""
+    """The change that makes a film's fish like those of the first film."""
 
-    scale: float = 1.0  # of lengths
-    gains: tuple[float, ...] = ()  # of each channel's light; none: as filmed
-    grey: bool = False  # whether colours are given up
+    scale: float = 1.0  # factor on lengths
+    gains: tuple[float, ...] = ()  # factor on each channel's light; none: as filmed
+    grey: bool = False  # whether colours are dropped
 
     @property
     def none(self) -> bool:
-        """Whether nothing is changed."""
+        """Return whether nothing changes."""
         return self == Likeness()
 
 
 def levels(cutouts: Iterable[Cutout], grey: bool) -> Floats:
-    """Median level (channels,) of the fish's own pixels in some cut-outs, alpha left out."""
+    """Return the median level (channels,) of the fish's own pixels in cut-outs, without alpha."""
     opaque = []
     for one in cutouts:
         pixels = as_grey(one.pixels) if grey else one.pixels
@@ -45,10 +45,10 @@ def levels(cutouts: Iterable[Cutout], grey: bool) -> Floats:
 def likeness(
     length_px: float, first_length_px: float, light: Floats, first_light: Floats, grey: bool
 ) -> Likeness:
-    """How fish of this length and light become like those of the first film.
+    """Return the change that makes fish of this length and light like those of the first film.
 
-    light, first_light (channels,): of `levels`. Differences that fish of one film show, too, are
-    left.
+    light, first_light (channels,): as `levels` gives them. Differences that also occur within one
+    film are ignored.
     """
     scale = first_length_px / length_px
     if abs(scale - 1) <= _SAME_LENGTH:
@@ -59,13 +59,13 @@ def likeness(
 
 
 def as_grey(pixels: Picture) -> Picture:
-    """A cut-out in colour as one in grey."""
+    """Convert a cut-out in colour to grey."""
     mono = cv2.cvtColor(np.ascontiguousarray(pixels[..., :-1]), cv2.COLOR_RGB2GRAY)
     return np.dstack([mono, pixels[..., -1]])
 
 
 def alike(one: Cutout, like: Likeness) -> Cutout:
-    """A cut-out as it would be in the first film; place and size are scaled about (0, 0)."""
+    """Change a cut-out to match the first film; place and size are scaled about (0, 0)."""
     pixels = as_grey(one.pixels) if like.grey else one.pixels
     if like.gains:
         lit = pixels[..., :-1] * np.array(like.gains)
@@ -77,7 +77,7 @@ def alike(one: Cutout, like: Likeness) -> Cutout:
 
 
 def _resample(one: Cutout, scale: float) -> Cutout:
-    """Resample a cut-out on the grid of the first film: its pixel X shows what X / scale showed."""
+    """Resample a cut-out on the first film's grid: pixel X shows what X / scale showed."""
     h, w = one.pixels.shape[:2]
     x0, y0 = (int(np.floor(scale * (start - 0.5))) for start in (one.x0_px, one.y0_px))
     x1, y1 = (
@@ -85,7 +85,7 @@ def _resample(one: Cutout, scale: float) -> Cutout:
         for start, size in ((one.x0_px, w), (one.y0_px, h))
     )
     pixels = one.pixels
-    if scale < 1:  # so that nothing finer than the new grid is left
+    if scale < 1:  # avoids aliasing
         blur = 0.4 * float(np.sqrt(scale**-2 - 1))
         pixels = cv2.GaussianBlur(pixels, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
     to_film = np.array([
@@ -93,15 +93,15 @@ def _resample(one: Cutout, scale: float) -> Cutout:
     ])  # fmt: skip
     how = cv2.INTER_LINEAR if scale < 1 else cv2.INTER_CUBIC
     drawn = cv2.warpAffine(pixels, to_film, (x1 - x0, y1 - y0), flags=how | cv2.WARP_INVERSE_MAP)
-    drawn = np.minimum(drawn, drawn[..., -1:])  # a colour is never beyond its alpha
+    drawn = np.minimum(drawn, drawn[..., -1:])  # a colour never exceeds its alpha
     return one._replace(x0_px=x0, y0_px=y0, pixels=drawn)
 
 
 def measured_alike(tracks: pd.DataFrame, like: Likeness) -> pd.DataFrame:
-    """Rows of the table of tracks as they would be in the first film.
+    """Change rows of the table of tracks to match the first film.
 
-    px and, of the area, px² are scaled; contrast is in the film's own grey levels: it is scaled
-    with the light.
+    px and, for the area, px² are scaled; contrast, in the film's own grey levels, is scaled with
+    the light.
     """
     if like.none:
         return tracks

@@ -23,19 +23,19 @@ from finloop.base.kernel import kernel
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
 _STEP = 0.5  # px, sampling step along flanks and at the ends
-_DEPTH = 2.0  # in half widths, how far inside an end its direction is taken
-_NOTCH = 0.5  # of the body's largest half width, the radius of a disc that no notch may hold
+_DEPTH = 2.0  # half widths from an end to where its direction is measured
+_NOTCH = 0.5  # radius of the disc that closes notches, as a share of the largest half width
 _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoother()
 
 
 class Backbone(NamedTuple):
     """A backbone in the coordinates of its cut-out (pixel centres at integers).
 
-    Which end is the head is not decided here.
+    Either end may be the head.
 
     points_px: (n, 2) float64, columns x, y, equally spaced along the arc, outline to outline.
-    half_width_px: (n,) float64, mean distance from the backbone to its two flanks.
-    length_px: arc length.
+    half_width_px: (n,) float64, mean distance from the backbone to its two flanks. length_px: arc
+    length.
     """
 
     points_px: Floats
@@ -44,7 +44,7 @@ class Backbone(NamedTuple):
 
 
 def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
-    """Backbone of the silhouette `mask` (h, w) with `points` points; None if it is too short.
+    """Trace the backbone of the silhouette `mask` (h, w) with `points` points; None if too short.
 
     `field` (h, w) is the difference image, from which flanks and tips are read at sub-pixel
     precision; values below `floor` (grey levels) are noise.
@@ -57,11 +57,11 @@ def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | N
 
 
 def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
-    """The silhouette (h, w) without notches far narrower than the body.
+    """Return the silhouette (h, w) and field without notches far narrower than the body.
 
-    A notch is skin as bright as the tank, like the black eye of a pale fish, and leads a skeleton
-    aside. The silhouette, and the field in it, are closed (dilated, then eroded) with a disc of
-    `_NOTCH` of the largest half width. Not where that closes a ring: there head and tail are near.
+    A notch is skin as bright as the tank, like the black eye of a pale fish, and diverts the
+    skeleton. The silhouette, and the field in it, are closed (dilated, then eroded) with a disc of
+    `_NOTCH` of the largest half width, unless that closes a ring: there head and tail are near.
     """
     picture = mask.view(np.uint8)
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
@@ -70,12 +70,12 @@ def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     closed = _closing(picture, disc)
     if _has_holes(closed):
         return mask, field
-    inside = np.where(closed, field, 0)  # not what is beside it: that may be another fish
+    inside = np.where(closed, field, 0)  # beside it there may be another fish
     return closed.view(bool), np.maximum(_closing(inside, disc) * closed, field)
 
 
 def _closing(picture: Picture, disc: Picture) -> Picture:
-    """The closing (h, w) of a picture in which nothing lies beyond the border."""
+    """Return the closing (h, w) of a picture in which nothing lies beyond the border."""
     (h, w), rim = picture.shape, len(disc) // 2
     closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, disc)
     return closed[rim : rim + h, rim : rim + w].copy()
@@ -93,7 +93,7 @@ def _has_holes(mask: Picture) -> bool:
 
 @lru_cache
 def smoother(points: int) -> Floats:
-    """Whittaker smoother with a third-difference penalty as one (points, points) matrix.
+    """Return a Whittaker smoother with a third-difference penalty, a (points, points) matrix.
 
     Straight lines and parabolas pass unchanged, so a steady bend is not flattened.
     """
@@ -114,13 +114,13 @@ def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def resample(xy: Floats, points: int) -> Floats:
-    """`points` points at equal arc lengths along the polyline `xy` (m, 2)."""
+    """Return `points` points at equal arc lengths along the polyline `xy` (m, 2)."""
     arc = np.zeros(len(xy))
     for i in range(1, len(xy)):
         arc[i] = arc[i - 1] + np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
     out = np.empty((points, 2))
     step, k = arc[-1] / (points - 1), 0
-    for i in range(points):  # np.interp, without the seconds that compiling that takes
+    for i in range(points):  # np.interp, but without seconds of compilation
         at = i * step if i < points - 1 else arc[-1]
         while k + 1 < len(arc) and arc[k + 1] <= at:
             k += 1
@@ -134,17 +134,17 @@ def resample(xy: Floats, points: int) -> Floats:
 
 @kernel
 def _share_below(before, here, half):  # type: ignore[no-untyped-def]
-    """Share, in [0, 1], of the last step that lies beyond the crossing of `half`."""
+    """Return the share, in [0, 1], of the last step that lies beyond the crossing of `half`."""
     return 1.0 if before <= half else (half - here) / (before - here)
 
 
 @kernel
 def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
-    """Point x, y at which the line `xy`, extended beyond its first end, leaves the fish.
+    """Return the point x, y at which the line `xy`, extended beyond its first end, leaves the fish.
 
     There the field has half of its height. The extension is straight, in the direction that the
-    line has one body width inside: nearer to a blunt end the direction is uncertain, farther from
-    a slender end it is a different one.
+    line has one body width inside: nearer to a blunt end the direction is uncertain, farther from a
+    slender end it is a different one.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
     wide, near = 0.0, len(xy) // 10
@@ -174,7 +174,7 @@ def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
 
 @kernel
 def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
-    """Distance from `point` (x, y) along `normal` (x, y) to where the field falls below `half`."""
+    """Return the distance from `point` along `normal` to where the field falls below `half`."""
     (x, y), (nx, ny) = point, normal
     before = _bilinear(field, x, y)
     far = 0.0
@@ -189,7 +189,7 @@ def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
 
 @kernel
 def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
-    """The outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
+    """Return the outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
 
     `chain` (m, 2) are the pixels just inside it, in order, closed. They are resampled evenly, moved
     outwards along the normal to the crossing, and resampled again.
@@ -222,7 +222,7 @@ def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
 
 @kernel
 def upper_level(patch: Picture, threshold: float, share: float) -> float:
-    """The level below which `share` of the pixels of `patch` that exceed `threshold` lie."""
+    """Return the quantile `share` of the pixels of `patch` that exceed `threshold`."""
     count = np.zeros(256, np.int64)
     for y in range(patch.shape[0]):
         for x in range(patch.shape[1]):
@@ -238,7 +238,6 @@ def upper_level(patch: Picture, threshold: float, share: float) -> float:
 
 @kernel
 def _median(values, i):  # type: ignore[no-untyped-def]
-    """Of a value and its two neighbours."""
     a, b = values[i - 1], values[i]
     return max(min(a, b), min(max(a, b), values[i + 1]))
 
@@ -253,7 +252,6 @@ def _median3(values):  # type: ignore[no-untyped-def]
 
 @kernel
 def _quantile(values, share):  # type: ignore[no-untyped-def]
-    """np.quantile of a few values."""
     rising = values.copy()
     for i in range(1, values.size):
         k = i
@@ -268,7 +266,7 @@ def _quantile(values, share):  # type: ignore[no-untyped-def]
 
 @kernel
 def _line(skeleton, half_width, fields, smooth, floor):  # type: ignore[no-untyped-def]
-    """Backbone from a skeleton: its points, half widths and length, NaN where it is too short."""
+    """Return points, half widths and length of a skeleton's backbone; NaN where it is too short."""
     points = len(smooth)
     path = trim_forks(longest_geodesic(skeleton, half_width), half_width)
     if len(path) < 4:
@@ -284,7 +282,7 @@ def _line(skeleton, half_width, fields, smooth, floor):  # type: ignore[no-untyp
 def _refine(fields, path, smooth, points, floor):  # type: ignore[no-untyped-def]
     """Extend the path to the outline, centre it between the flanks, smooth and resample it.
 
-    fields: as it is, for the flanks, and without notches, for the tips.
+    fields: unchanged, for the flanks, and without notches, for the tips.
     """
     field, filled = fields
     xy = smooth @ resample(path, points)
@@ -316,7 +314,7 @@ def _refine(fields, path, smooth, points, floor):  # type: ignore[no-untyped-def
             right = _flank(field, point, (-nx, -ny), half, 0.25 * length)
             normal[i, 0], normal[i, 1] = nx, ny
             shift[i], width[i] = 0.5 * (left - right), 0.5 * (left + right)
-        # a fin on one side moves one flank only: never by more than the body is wide there
+        # a fin on one side moves only one flank: limit the shift to the body's width there
         typical = _quantile(width, 0.8)
         for i in range(points):
             shift[i] = min(max(shift[i], -typical), typical)

@@ -1,8 +1,8 @@
 """The empty tank, the noise of the film, and the threshold between fish and tank (fish paper §2.1).
 
-The paper subtracts a background, and does not say how it is made or how the threshold is chosen.
-Here the background is the median of frames spread over the clip; the noise level is the standard
-deviation of the smoothed difference image where no fish is; the threshold is a multiple of it.
+The paper subtracts a background; it explains neither the background nor the threshold. Here the
+background is the median of frames spread over the clip; the noise level is the standard deviation
+of the smoothed difference image where no fish is; the threshold is a multiple of it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,17 +20,17 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.parallel import ALONE, Threads, ordered_map
 
-_GRID = 16  # every 16th pixel in both directions is enough to measure the light
-_SMOOTH = (3, 3)  # px, the Gaussian that every difference image goes through
+_GRID = 16  # every 16th pixel in both directions suffices to measure the light
+_SMOOTH = (3, 3)  # px, the Gaussian that smooths every difference image
 _STRIP = 64  # rows
 _NOISE_FRAMES = 8  # frames from which the noise is measured, some million pixels
 # The floor around a ghost. On the trout, whose median shows it, the patched background gives the
 # same fish with a smaller side of 60-180, a window of 31-61, a share of 0.02-0.3.
-_SMALL = 120  # px, the smaller side that a picture is reduced to, so that all sizes are alike
+_SMALL = 120  # px, smaller side of the reduced picture in which all films are alike
 _AROUND = 41  # px of the reduced picture: the window's side, a third of the smaller side
-_AWAY = 0.1  # share of a ghost that at least is floor in some frame; of a stone nothing is
-_MEMORY = 2**29  # bytes that the frames of a median may take
-_ONE_SIDED = 0.9  # share of changed pixels on one side from which a polarity is called one-sided
+_AWAY = 0.1  # least share of a ghost that is floor in some frame; a stone never is
+_MEMORY = 2**29  # most bytes of the frames of a median
+_ONE_SIDED = 0.9  # least share of changed pixels on one side of a one-sided polarity
 
 
 Polarity = Literal["dark", "bright", "both", "auto"]
@@ -42,7 +42,7 @@ class Scene:
     """The empty tank of a clip, and how fish differ from it.
 
     background: (h, w) or (h, w, 3) uint8. polarity: never `auto`. noise: standard deviation of the
-    smoothed difference image, grey levels. threshold: grey levels, above it a pixel is not noise.
+    smoothed difference image, grey levels. threshold: grey levels, noise stays below.
     """
 
     background: Picture
@@ -52,15 +52,15 @@ class Scene:
 
     @cached_property
     def tank(self) -> "LitPixels":
-        """Pixels of the background by which the light of a frame is measured."""
+        """Return the pixels of the background that measure the light of a frame."""
         return tank_of(self.background)
 
 
 class LitPixels(NamedTuple):
-    """Pixels of a background that are bright enough to measure the light by.
+    """Pixels of a background that are bright enough to measure the light.
 
-    lit: (rows, columns[, 3]) bool of every `_GRID`th pixel; levels: of those that are lit, and
-    level their median.
+    lit: (rows, columns[, 3]) bool for every `_GRID`th pixel; levels: of the lit pixels; level:
+    their median.
     """
 
     lit: Mask
@@ -68,30 +68,33 @@ class LitPixels(NamedTuple):
     level: float
 
 
-_SIGNS = {"dark": (1, 0), "bright": (0, 1), "both": (1, 1)}  # what counts: darker, brighter
+_SIGNS = {"dark": (1, 0), "bright": (0, 1), "both": (1, 1)}  # whether darker, brighter counts
 
 
 def sample_size(samples: int, frames: int, shape: tuple[int, ...]) -> int:
-    """Number of sample frames of `shape`: `samples`, but odd, and limited by frames and memory."""
+    """Return the number of sample frames: `samples`, but odd, and limited by frames and memory.
+
+    shape: of a frame.
+    """
     most = max(1, min(samples, frames, _MEMORY // int(np.prod(shape))))
     return most - (most + 1) % 2
 
 
-def median_background(frames: Iterable[Picture], crew: Threads = ALONE) -> Picture:
-    """Median over frames (k, h, w[, 3]) over the clip, each brought to the first one's light."""
+def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Picture:
+    """Return the median over frames (k, h, w[, 3]), each brought to the first one's light."""
     first, *others = frames
     alike = [first, *(scale_brightness(frame, 1 / light(frame, first)) for frame in others)]
-    # a strip of every frame at a time stays in the cache
+    # a strip of every frame at a time fits into the cache
     strips = [slice(top, top + _STRIP) for top in range(0, len(first), _STRIP)]
-    medians = ordered_map(lambda strip: _median([frame[strip] for frame in alike]), strips, crew)
+    medians = ordered_map(lambda strip: _median([frame[strip] for frame in alike]), strips, workers)
     return np.concatenate(list(medians))
 
 
 def _median(pictures: Sequence[Picture]) -> Picture:
-    """Median of an odd number of pictures, bit by bit from the highest.
+    """Return the median of an odd number of pictures, bit by bit from the highest.
 
     A bit is set if at most half of the pictures are below the number with that bit. It is the exact
-    median, seven times as quick as sorting each pixel.
+    median, seven times as fast as sorting each pixel.
     """
     median = np.zeros_like(pictures[0])
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
@@ -104,9 +107,9 @@ def _median(pictures: Sequence[Picture]) -> Picture:
 
 
 def flat_background(frames: Sequence[Picture]) -> Picture:
-    """A background of one even tone, for clips in which the fish hardly leaves its place.
+    """Return a background of one even tone, for clips in which the fish hardly leaves its place.
 
-    Otsu's threshold parts the pixels of all frames in two; the larger part is the tank, and its
+    Otsu's threshold divides the pixels of all frames in two; the larger part is the tank, and its
     median tone the background.
     """
     sample = np.stack([frame[::4, ::4] for frame in frames])
@@ -125,11 +128,12 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
 
 
 def patched_background(frames: Sequence[Picture], middle: Picture, least: float) -> Picture:
-    """The median of frames without the ghost of a fish that moved less than its own length.
+    """Return the median of frames without the ghost of a fish that moved less than its length.
 
     A *ghost* is a patch of the median that differs from its surroundings by more than `least` grey
-    levels, while some frame differs by less than half of that: the fish was away, and the floor is
-    seen. It becomes as its surroundings are. What belongs to the tank is there in every frame.
+    levels, while some frame differs by less than half of that: there the fish was away, and the
+    floor is visible. The ghost takes the level of its surroundings. A part of the tank is there in
+    every frame, and stays.
     """
     around = _surroundings(middle)
     differs = _strong(cv2.absdiff(middle, around)) > least
@@ -139,7 +143,7 @@ def patched_background(frames: Sequence[Picture], middle: Picture, least: float)
         seen |= _strong(cv2.absdiff(here, around)) <= least / 2
     count, label = cv2.connectedComponents(differs.astype(np.uint8))
     away = np.bincount(label[seen], minlength=count) / np.bincount(label.ravel(), minlength=count)
-    away[0] = 0.0  # what does not differ
+    away[0] = 0.0  # the part that does not differ
     edge = 2 * round(_reduction(middle)) + 1  # soft: a pixel of the reduced picture to each side
     ghost = cv2.dilate((away > _AWAY)[label].astype(np.uint8), np.ones((edge, edge), np.uint8)) > 0
     patched = middle.copy()
@@ -148,12 +152,12 @@ def patched_background(frames: Sequence[Picture], middle: Picture, least: float)
 
 
 def _reduction(picture: Picture) -> float:
-    """How many times smaller the picture is made in which surroundings are measured."""
+    """Return how many times smaller the picture is in which surroundings are measured."""
     return max(1.0, min(picture.shape[:2]) / _SMALL)
 
 
 def _surroundings(picture: Picture) -> Picture:
-    """Of every pixel the median of its surroundings, in which a narrow fish is a minority."""
+    """Return each pixel's median of its surroundings, in which a narrow fish is a minority."""
     height, width = picture.shape[:2]
     less = _reduction(picture)
     size = round(width / less), round(height / less)
@@ -163,13 +167,12 @@ def _surroundings(picture: Picture) -> Picture:
 
 
 def _strong(change: Picture) -> Picture:
-    """The strongest channel, smoothed."""
     grey = change if change.ndim == 2 else change.max(axis=-1)
     return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))
 
 
 def light(frame: Picture, background: Picture) -> float:
-    """Brightness of `frame` relative to `background`: median of the ratio of their pixels.
+    """Return the brightness of `frame` relative to `background`, the median ratio of pixels.
 
     Exactly 1.0 if they differ by less than half a grey level: then nothing has to be converted.
     """
@@ -177,7 +180,7 @@ def light(frame: Picture, background: Picture) -> float:
 
 
 def tank_of(background: Picture) -> LitPixels:
-    """The pixels of a background by which the light is measured."""
+    """Return the pixels of a background that measure the light."""
     grid = background[::_GRID, ::_GRID].astype(np.float32)
     lit = grid > 16
     return LitPixels(lit, grid[lit], float(np.median(grid[lit])) if lit.any() else 0.0)
@@ -198,7 +201,7 @@ def scale_brightness(picture: Picture, gain: float) -> Picture:
 
 
 def in_light_of(scene: Scene, frame: Picture) -> Scene:
-    """The scene in the light of `frame`."""
+    """Return the scene with its background in the light of `frame`."""
     gain = _light(frame, scene.tank)
     return (
         scene
@@ -208,7 +211,7 @@ def in_light_of(scene: Scene, frame: Picture) -> Scene:
 
 
 def difference(frame: Picture, scene: Scene) -> Picture:
-    """Difference image, (h, w) uint8, smoothed over 3x3 pixels; colour: the strongest channel."""
+    """Return the difference image (h, w) uint8, smoothed over 3x3 px; RGB: strongest channel."""
     if frame.ndim == 2:
         return _difference(frame, scene.background, *_SIGNS[scene.polarity])
     if scene.polarity == "dark":
@@ -223,10 +226,10 @@ def difference(frame: Picture, scene: Scene) -> Picture:
 
 @kernel
 def _difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-def]
-    """Of grey pictures: what is `darker` and `brighter` than the tank, in one pass.
+    """Return how much grey pictures are `darker` and `brighter` than the tank, in one pass.
 
     Weights 1, 2, 1 in both directions are the Gaussian of 0.85 px, mirrored at the edges. Numbers
-    are kept to 16 bits, so that many are worked at a time.
+    have 16 bits, so many are processed at a time.
     """
     height, width = frame.shape
     out = np.empty((height, width), np.uint8)
@@ -255,7 +258,7 @@ def survey_noise(
     polarity: Polarity,
     sigmas: float,
     least: float,
-    crew: Threads = ALONE,
+    workers: Threads = ALONE,
 ) -> Scene:
     """Measure noise and polarity on sampled frames and derive the threshold.
 
@@ -264,7 +267,7 @@ def survey_noise(
     the tank. The threshold is `sigmas` times the noise, and at least `least` grey levels.
     """
     sample = frames[:: max(1, len(frames) // _NOISE_FRAMES)]
-    residue = np.stack(list(ordered_map(partial(_residue, background), sample, crew)))
+    residue = np.stack(list(ordered_map(partial(_residue, background), sample, workers)))
     noise = float(np.quantile(np.abs(residue), 0.6827))
     threshold = max(sigmas * noise, least)
     if polarity == "auto":
@@ -273,7 +276,7 @@ def survey_noise(
 
 
 def _residue(background: Picture, frame: Picture) -> NDArray[np.float32]:
-    """Smoothed difference between a frame and the tank, with its sign; every second pixel."""
+    """Return the signed, smoothed difference between a frame and the tank at every second pixel."""
     gain = light(frame, background)
     change = frame.astype(np.float32) - gain * background.astype(np.float32)
     change = cv2.GaussianBlur(change, _SMOOTH, 0.85)[::2, ::2]
@@ -281,7 +284,7 @@ def _residue(background: Picture, frame: Picture) -> NDArray[np.float32]:
 
 
 def _strongest(change: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Of three channels (h, w, 3) the one that changed most, with its sign."""
+    """Return, of three channels (h, w, 3), the one that changed most, with its sign."""
     channel = np.abs(change).argmax(axis=-1, keepdims=True)
     return np.take_along_axis(change, channel, axis=-1)[..., 0]
 

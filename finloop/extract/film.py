@@ -1,9 +1,8 @@
 """Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
 
 Three steps: `samples.survey` measures tank, noise and a typical fish on frames of the whole clip;
-`detections` streams the film once and detects the fish of each frame, on every core; `tracks`
-links them. Memory holds some stretches of detections and the fish of `min_track_frames` frames,
-however long the clip is.
+`detections` streams the film once and detects the fish of each frame, on every core; `tracks` links
+them. Memory holds only some stretches of detections and the fish of `min_track_frames` frames.
 """
 
 from collections import Counter
@@ -48,14 +47,15 @@ class TrackedFish(NamedTuple):
     fish: SegmentedFish
 
 
-_STRETCH = 240  # frames that a worker works on at a time, at most
-_SPECK = 0.125  # of a typical fish's area: smaller patches are ignored
+_STRETCH = 240  # most frames that a worker takes at a time
+_SPECK = 0.125  # share of a typical fish's area; smaller patches are ignored
 
 
 def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int) -> list[int]:
-    """Numbers of frames of `shape` spread evenly over a clip, ascending.
+    """Return the numbers of sample frames spread evenly over a clip, ascending.
 
-    Multiples of `stride`, the distance of key frames, where the clip is long enough to choose.
+    They are multiples of `stride`, the distance of key frames, where the clip is long enough.
+    shape: of a frame.
     """
     count = sample_size(samples, frames, shape)
     numbers = np.linspace(0, frames - 1, count).round().astype(int)
@@ -67,7 +67,7 @@ def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int
 def follow(
     frames: Iterable[Picture], scene: Scene, rate_hz: float
 ) -> Iterator[tuple[Picture, Scene]]:
-    """Each frame with the scene whose background MOG2 has learnt so far, renewed every second."""
+    """Yield each frame with the scene whose background MOG2 has learnt, renewed every second."""
     model = cv2.createBackgroundSubtractorMOG2(
         history=max(2, round(20 * rate_hz)), detectShadows=False
     )
@@ -96,11 +96,11 @@ class Detector:
     settings: ExtractSettings
 
     def __call__(self, frame: Picture, scene: Scene) -> Detections:
-        """Return all silhouettes of `frame`; those that are isolated fish are measured."""
+        """Return all silhouettes of `frame`; isolated fish are measured."""
         return self.detect(frame, in_light_of(scene, frame))
 
     def detect(self, frame: Picture, scene: Scene) -> Detections:
-        """Return the same of a frame that is in the light of `scene`."""
+        """Return all silhouettes of a frame in the light of `scene`; isolated fish are measured."""
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         ends = SilhouetteEdge(
@@ -112,8 +112,8 @@ class Detector:
             measure(s, frame, scene, settings.points) if verdict == "fish" else None
             for s, verdict in zip(patches, verdicts, strict=True)
         ]
-        told = bool(settings.tracks_path)
-        spots = [_spot(s, f, told) for s, f in zip(patches, fish, strict=True)]
+        outlined = bool(settings.tracks_path)
+        spots = [_spot(s, f, outlined) for s, f in zip(patches, fish, strict=True)]
         return Detections(verdicts, spots, fish)
 
 
@@ -124,17 +124,17 @@ class Reader(Protocol):
 
 
 class Keeper(Protocol):
-    """Keeps what was made of a piece, in any thread; a cluster pickles it."""
+    """Stores the results of pieces, in any thread; a cluster pickles it."""
 
     def load_or_make(self, name: str, make: Callable[[], T]) -> T:
-        """Load what is stored under a name, or else return what `make` makes."""
+        """Load the piece stored under a name, or store and return the result of `make()`."""
         ...
 
 
 class ClipStream(NamedTuple):
     """A clip to read: its length, its frames per second, and the distance of its key frames.
 
-    keeper: of what is detected in its stretches; None: nothing is kept.
+    keeper: stores the detections of its stretches; None stores nothing.
     """
 
     read: Reader
@@ -147,10 +147,10 @@ class ClipStream(NamedTuple):
 def detections(
     film: ClipStream, scene: Scene, detector: Detector, workers: Workers
 ) -> Iterator[Detections | None]:
-    """Detections of every frame in order, computed by `workers`; None where it cannot be decoded.
+    """Yield the detections of every frame in order; None where it cannot be decoded.
 
-    Each reads its own stretches of the clip. They begin at key frames, so that no frame is
-    decoded in vain. A background by MOG2 depends on all frames before: then one worker reads all,
+    Each of `workers` reads its own stretches of the clip. They begin at key frames, so no frame is
+    decoded in vain. A background by MOG2 depends on all earlier frames: then one worker reads all,
     nothing is kept, and UndecodableError ends it.
     """
     if detector.settings.background == "mog2":
@@ -167,7 +167,7 @@ def detections(
 def _stretch(
     film: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> list[Detections | None]:
-    """What is detected in the frames of a span, kept or computed."""
+    """Return the detections in the frames of a span, stored or computed."""
     compute = partial(_detect_span, film, scene, detector, span)
     if film.keeper is None:
         return compute()
@@ -192,7 +192,7 @@ def _detect_span(
 
 
 def fill_lost_frames(seen: Iterable[Detections | None], lost: list[int]) -> Iterator[Detections]:
-    """Yield detections of every frame, none for a lost one, whose number is added to `lost`."""
+    """Yield detections of every frame, empty for a lost one, whose number is appended to `lost`."""
     for number, one in enumerate(seen):
         if one is None:
             lost.append(number)
@@ -205,7 +205,7 @@ def tracks(
     settings: ExtractSettings,
     cuts: Sequence[int] = (),
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-    """For each frame the counts of its verdicts, and the fish of tracks that are long enough.
+    """Yield for each frame the counts of its verdicts, and the fish of tracks that are long enough.
 
     A track is given out, with all its fish so far, as soon as it has `min_track_frames` frames.
     Tracks end at `cuts`, the numbers of the first frames of further segments.
@@ -242,7 +242,7 @@ def _spot(silhouette: Silhouette, fish: SegmentedFish | None, outlined: bool) ->
 
 
 def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
-    """The same fish in larger batches, which are quicker to write."""
+    """Yield the same fish in larger batches, which are faster to write."""
     batch: list[TrackedFish] = []
     for some in fish:
         batch += some
@@ -268,13 +268,13 @@ def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> Fol
 
 
 def cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
-    """The cut-outs of the fish."""
+    """Yield the cut-outs of the fish."""
     for f in fish:
         yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
 
 
 def rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
-    """The fish as rows of `tracks_schema`."""
+    """Convert the fish to rows of `tracks_schema`."""
     return pd.DataFrame(
         {
             "track_id": [f.track_id for f in fish],

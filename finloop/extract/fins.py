@@ -1,9 +1,9 @@
-"""What is seen of a fish beyond its silhouette: pale fins, a shadow, or gloom.
+"""Pale pixels around a silhouette: fins, a shadow, or gloom.
 
-A silhouette ends where the difference from the tank falls to a share of the fish's contrast. What
-is paler, and still no noise, is a fin that light passes through, the tip of a tail, a shadow, or
-the gloom around an animal that takes the light from its floor. Which of them it is, many fish tell
-together (`kind`). What is brighter than the tank is no shadow.
+A silhouette ends where the difference from the tank falls to a share of the fish's contrast. Paler
+pixels that are no noise are a fin that light passes through, the tip of a tail, a shadow, or the
+gloom around an animal that takes the light from its floor. Many fish together show which of them it
+is (`kind`). Pixels brighter than the tank are no shadow.
 """
 
 from collections.abc import Iterable
@@ -17,26 +17,26 @@ from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone
 
-_REACH = 0.3  # of the diagonal of a silhouette's box; what is so far from the box is no fin
-_ALIKE = 1.2  # as long as this the two means count as equal: fish that all head the same way
-# Of the way round an animal, from which on it is gloom; measured: fins 0.00-0.04, a mouse's 0.28.
+_REACH = 0.3  # share of the diagonal of a silhouette's box; pixels farther from it are no fin
+_ALIKE = 1.2  # largest ratio of two means that count as equal: all fish may head the same way
+# Least share of the way round an animal that is gloom; measured: fins 0.00-0.04, a mouse's 0.28.
 _AROUND = 0.15
-_EDGE = 2.0  # px that the soft edge of a silhouette may reach
-_LEAST = 0.02  # of a silhouette's area; less of it that is pale tells no side
+_EDGE = 2.0  # px, width of the soft edge of a silhouette
+_LEAST = 0.02  # least pale share of a silhouette's area that shows a side
 _RIM = 2  # px of tank that a cut-out keeps about its fins
 
 Fins = Literal["all", "darker", "brighter", "none"]
-"""Which pale pixels count as fins: by whether they are darker or brighter than the tank."""
+"""Which pale pixels count as fins: those darker or brighter than the tank, both, or none."""
 
 
 Kind = Literal["fins", "shadow", "gloom"]
-"""What the pale pixels about the fish of a film are."""
+"""The nature of the pale pixels about the fish of a film."""
 
 
 class Pale(NamedTuple):
     """The pale pixels about one silhouette.
 
-    x0, y0: the upper left pixel, in px of the picture. mask: (h, w) bool, none of a silhouette.
+    x0, y0: the upper left pixel, in px of the picture. mask: (h, w) bool, without the silhouette.
     field: (h, w) uint8, the difference image.
     """
 
@@ -47,9 +47,9 @@ class Pale(NamedTuple):
 
 
 def nearest(bodies: Picture) -> NDArray[np.int32]:
-    """The number (h, w) of the silhouette that is nearest to each pixel, from 1 on.
+    """Return the number (h, w), from 1, of the silhouette that is nearest to each pixel.
 
-    bodies: (h, w) uint8, 1 where one is.
+    bodies: (h, w) uint8, 1 inside a silhouette.
     """
     numbers = cv2.distanceTransformWithLabels(
         1 - bodies, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
@@ -58,10 +58,11 @@ def nearest(bodies: Picture) -> NDArray[np.int32]:
 
 
 def pale_of(corner: tuple[int, int], body: Mask, mask: Mask, field: Picture) -> Pale:
-    """The pale pixels about a silhouette `body` (h, w), whose first pixel is at `corner`, x and y.
+    """Return the pale pixels about a silhouette `body` (h, w).
 
-    mask, field: (H, W) of the patch to which `corner` counts, as do x0 and y0 of the result: the
-    pixels that are pale or of the body, and the difference image.
+    corner: x, y of its first pixel in the patch; x0 and y0 of the result are in the patch, too.
+    mask, field: (H, W) of the patch: the pixels that are pale or of the body, and the difference
+    image.
     """
     (x, y), (h, w) = corner, body.shape
     reach = int(_REACH * np.hypot(h, w))
@@ -75,12 +76,12 @@ def pale_of(corner: tuple[int, int], body: Mask, mask: Mask, field: Picture) -> 
 def with_fins(
     alpha: Picture, corner: tuple[int, int], fins: Pale, levels: tuple[float, float]
 ) -> tuple[Picture, tuple[int, int]]:
-    """Soft alpha (h, w) uint8 of a silhouette with its fins, and its first pixel, x and y.
+    """Return the soft alpha (h, w) uint8 of a silhouette with its fins, and its first pixel x, y.
 
-    A fin's pixel is as opaque as its difference is a share of the fish's contrast, so that any tank
-    shines through it; below twice the threshold it fades, so that a fin has no edge where noise
-    begins. levels: contrast and threshold, grey levels. alpha: of the silhouette, its first pixel
-    at `corner`.
+    A fin's pixel is as opaque as its difference is a share of the fish's contrast, so any tank
+    shines through it; below twice the threshold it fades, so a fin has no edge where noise begins.
+    levels: contrast and threshold, grey levels. alpha: of the silhouette, its first pixel at
+    `corner`.
     """
     at = corner[0] - fins.x0, corner[1] - fins.y0
     shown, x, y = _add_fins(alpha, at, fins.mask, fins.field, levels)
@@ -115,7 +116,7 @@ def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
 
 
 def is_darker(film: Picture, tank: Picture) -> Mask:
-    """Where (h, w) the film (h, w) or (h, w, 3) is darker than the tank, all channels together."""
+    """Return where (h, w) the film (h, w[, 3]) is darker than the tank, summed over channels."""
     change = film.astype(np.int16) - tank
     return np.asarray((change if change.ndim == 2 else change.sum(axis=2)) < 0)
 
@@ -123,8 +124,8 @@ def is_darker(film: Picture, tank: Picture) -> Mask:
 class Side(NamedTuple):
     """Where the pale pixels of one fish lie, as seen from the middle of its silhouette.
 
-    in_picture: (2,) x, y px; on_fish: (2,) px ahead and to one side; around: share of the way
-    round the fish, as far from it as half of its half width, that is pale.
+    in_picture: (2,) x, y px; on_fish: (2,) px ahead and to one side; around: share of the way round
+    the fish, at a distance of half of its half width, that is pale.
     """
 
     in_picture: Floats
@@ -133,10 +134,10 @@ class Side(NamedTuple):
 
 
 def side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pale) -> Side | None:
-    """The side on which the pale pixels of a fish lie; None if there are next to none.
+    """Return the side on which the pale pixels of a fish lie; None if there are next to none.
 
     mask: (h, w) the silhouette, its first pixel at `corner`, x and y. The thicker half of the
-    backbone, in px of the mask, is taken for the front.
+    backbone, in px of the mask, counts as the front.
     """
     if np.count_nonzero(fins.mask) < _LEAST * np.count_nonzero(mask):
         return None
@@ -158,16 +159,17 @@ def side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pale) ->
 
 
 def _middle(weight: Picture | Mask) -> Floats:
-    """The centre of mass (2,) x, y px of a picture."""
+    """Return the centre of mass (2,) x, y px of a picture."""
     moments = cv2.moments(weight.astype(np.uint8))
     return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
 
 
 def kind(sides: Iterable[Side | None]) -> Kind:
-    """What is pale about fish: fins keep their place on the fish, a shadow its side of the picture.
+    """Return the nature of the pale pixels: fins keep their place on the fish, shadows do not.
 
-    Of places that are kept alike well that on the fish counts, for all may head the same way. Fins
-    are at a few places, and gloom is at many. Fins, too, where there is next to nothing pale.
+    A shadow keeps its side of the picture. If both places are equally constant, the one on the fish
+    counts, for all fish may head the same way. Fins are at a few places, gloom at many. Fins, too,
+    if there is next to nothing pale.
     """
     known = [one for one in sides if one is not None]
     if not known:

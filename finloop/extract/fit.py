@@ -1,4 +1,4 @@
-"""Another program's poses made ready for a clip, and the question whether they are of this film."""
+"""Prepare another program's poses for a clip, and check whether they belong to this film."""
 
 import re
 from collections.abc import Sequence
@@ -16,14 +16,14 @@ from finloop.extract.tracks import SilhouettePlace
 
 HEADS = ("nosetip", "nose", "snout", "rostrum", "mouth", "headtip", "head")
 TAILS = ("tailtip", "tailend", "tailfin", "caudalfin", "caudal", "tail", "tailbase", "peduncle")
-"""Common names of keypoints, without case and signs; the first that there is counts."""
-_MOST_NORMAL = 1.5  # px; places that are all nearer to the corner are shares of the picture
-_AT_THE_END = 12  # frames; by so many two decoders may count the end of a film differently
+"""Common names of keypoints, without case and signs; the first one that exists counts."""
+_MOST_NORMAL = 1.5  # px; if all places are nearer to the corner, they are shares of the picture
+_AT_THE_END = 12  # frames by which two decoders may disagree about the end of a film
 _MOST_NEEDED = 0.9  # share of places, see `SilhouetteFit.least_share`
 
 
 class FilmSize(NamedTuple):
-    """Of the film that was tracked: its frames, and its picture."""
+    """The size of the film that was tracked: its frames, and its picture."""
 
     frames: int
     width_px: int
@@ -35,13 +35,13 @@ def map_poses_to_clip(
 ) -> tuple[Given, str | None, str | None]:
     """Return the poses by frames of the clip, and the names of head and tail keypoints, if any.
 
-    clip_frames: (frames of the clip,) the frame of the film that each shows. FinloopError if a
-    keypoint that is named is missing, the file says places beyond the film's end or none in the
-    clip, or the places are not in px of the picture.
+    clip_frames: (frames of the clip,) the film's frame that each shows. FinloopError if a named
+    keypoint is missing, the file has places beyond the film's end or none in the clip, or the
+    places are not in px of the picture.
     """
     head = keypoint(poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint")
     tail = keypoint(poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint")
-    sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: not said
+    sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
     points = np.where(sure[..., None], poses.places * p.tracks_px_per_unit, np.nan)
     there: Mask = np.all(np.isfinite(points), axis=2)
     rows = np.any(there, axis=1)
@@ -49,7 +49,7 @@ def map_poses_to_clip(
     if not len(frame):
         raise FinloopError(
             f"no point of the tracks has a confidence of {p.tracks_least_confidence:g} or more",
-            "points that the program is sure of",
+            "points of high confidence",
             "take tracks of a better trained model, or export them without confidences",
         )
     _refuse_other_length(frame, clip_frames, film)
@@ -70,9 +70,9 @@ def map_poses_to_clip(
 def keypoint(
     keypoints: Sequence[str], name: str, common: Sequence[str], parameter: str
 ) -> str | None:
-    """The keypoint of that name, or by `auto` the one with a common name; None if there is none.
+    """Return the keypoint called `name`, or for `auto` the first with a common name; else None.
 
-    FinloopError if a keypoint that is named, by that parameter, is not there.
+    FinloopError if a named keypoint does not exist; it mentions `parameter`.
     """
     if name == "auto":
         plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(keypoints)}
@@ -91,24 +91,24 @@ def _refuse_other_length(
 ) -> None:
     if frame[-1] >= film.frames + _AT_THE_END:
         raise FinloopError(
-            f"the tracks go on to frame {frame[-1]}, and the film has {film.frames} frames",
+            f"the tracks continue to frame {frame[-1]}, and the film has {film.frames} frames",
             "tracks of this film, whose frames are counted from 0",
-            "give the film that was tracked, or its own tracks",
+            "use the film that was tracked, or this film's own tracks",
         )
     common = np.isin(clip_frames, frame)
     reached = float((clip_frames <= frame[-1]).mean())
     if not common.any() or reached < 0.5:
         raise FinloopError(
-            f"the tracks tell of frames {frame[0]} … {frame[-1]} of the film, and the clip shows "
+            f"the tracks have frames {frame[0]} … {frame[-1]} of the film, and the clip shows "
             f"its frames {clip_frames.min()} … {clip_frames.max()}",
             "tracks of at least half of the clip",
-            "set clip.start_s and clip.end_s to what was tracked; frames are counted from the "
-            "beginning of the film, whatever clip.start_s is",
+            "set clip.start_s and clip.end_s to the range that was tracked; frames count from the "
+            "beginning of the film, not from clip.start_s",
         )
 
 
 def _refuse_other_units(points: Floats, film: FilmSize) -> None:
-    """FinloopError if most places lie outside the picture, or all in its first pixels."""
+    """Raise FinloopError if most places lie outside the picture, or all in its first pixels."""
     place = np.nanmean(points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
     if max(-x0, -y0, x1, y1) <= _MOST_NORMAL:
@@ -124,7 +124,7 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
             f"{outside.mean():.0%} of the places lie outside the picture: they are at x {x0:.4g} … "
             f"{x1:.4g}, y {y0:.4g} … {y1:.4g}",
             f"places in px of a picture of {film.width_px}×{film.height_px}, from its upper left",
-            "correct extract.tracks_px_per_unit, or give this film's tracks",
+            "correct extract.tracks_px_per_unit, or use this film's tracks",
         )
 
 
@@ -132,8 +132,8 @@ class SilhouetteFit(NamedTuple):
     """How well places agree with silhouettes in sample frames.
 
     share: of the places that have a silhouette of any kind within a body length; chance: the same
-    of places beside the silhouettes of other moments; places: how many; lost: animals, of several
-    places each, that never have one; seen: silhouettes in a frame, at most.
+    share at silhouettes of other moments; places: their number; lost: animals, of several places
+    each, that never have one; seen: most silhouettes in a frame.
     """
 
     share: float
@@ -146,8 +146,8 @@ class SilhouetteFit(NamedTuple):
     def least_share(self) -> float:
         """Return the least share for tracks of this film: midway between chance and all.
 
-        Tracks of another film agree by chance alone; so do this film's where animals rest, which
-        have to agree nearly always then.
+        Tracks of another film agree by chance alone. So do this film's tracks where animals rest,
+        which then must agree nearly always.
         """
         return min(_MOST_NEEDED, (1 + self.chance) / 2)
 
@@ -158,7 +158,7 @@ def fit(
     spots: Sequence[Sequence[SilhouettePlace]],
     length_px: float,
 ) -> SilhouetteFit:
-    """How well the places of sample frames agree with the silhouettes (`spots`) of these frames."""
+    """Compare the places of sample frames with the silhouettes (`spots`) of these frames."""
     shift = len(frames) // 2
     own, other = [], []
     for number, frame in enumerate(frames):
@@ -184,7 +184,7 @@ def _near(points: Floats, spots: Sequence[SilhouettePlace], length_px: float) ->
 
 
 def refuse_other_film(tracks: Given, agreement: SilhouetteFit, film: FilmSize) -> None:
-    """FinloopError if too few places show an animal."""
+    """Raise FinloopError if too few places show an animal."""
     if agreement.share >= agreement.least_share:
         return
     place = np.nanmean(tracks.points, axis=1)
@@ -197,6 +197,6 @@ def refuse_other_film(tracks: Given, agreement: SilhouetteFit, film: FilmSize) -
         f"places lie at x {x0:.4g} … {x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of "
         f"{film.width_px}×{film.height_px}" + (f"; never at an animal: {lost}" if lost else ""),
         f"tracks of this film: at least {agreement.least_share:.0%}, midway between chance and all",
-        "give this film's tracks, in px (extract.tracks_px_per_unit), without animals that are not "
+        "use this film's tracks, in px (extract.tracks_px_per_unit), without animals that are not "
         f"there; where they are this film's, {SHOWN_ALONE}",
     )

@@ -1,6 +1,6 @@
-"""Places of animals that another program gives, beside the silhouettes of the film.
+"""Match places of animals from another program with the silhouettes of the film.
 
-The program says who is where; the silhouette, backbone and cut-out are those found here. A place is
+The program defines who is where; silhouette, backbone and cut-out are those found here. A place is
 an animal's given points; its distance from a silhouette is the mean distance of these points from
 it, 0 for a point inside. A place *within* a silhouette is nearer than a tenth of a body length, as
 points at the tips of head and tail are; it takes the nearest. Every other place takes the nearest
@@ -27,23 +27,23 @@ _WITHIN = 0.1  # body lengths; a place farther from a silhouette is not within i
 _TIE = 1e-6  # of a distance from a centre; it decides where other distances are equal
 
 Outcome = Literal["used", "no silhouette", "shared", "not isolated"]
-"""What became of a place: it has its own isolated silhouette, none is near, two places are in it,
-or it is none of an isolated fish (at the border, too large, too small, too pale)."""
+"""The outcome of a place: it has its own isolated silhouette, none is near, two places share one,
+or the silhouette is no isolated fish (at the border, too large, too small, too pale)."""
 
 SHOWN_ALONE = (
-    "look at what is found without the file: extract.tracks_path=null, then "
+    "see what is found without the file: extract.tracks_path=null, then "
     "reports/extract/detections.png"
 )
-"""What to do where a film and its tracks disagree: a run that fails draws no picture."""
+"""Advice where a film and its tracks disagree: a run that fails draws no picture."""
 
 
 @dataclass(frozen=True)
 class Given:
-    """Where another program sees animals, by frames of the clip.
+    """Where another program places animals, by frames of the clip.
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
-    where a point is not given; head, tail: (rows, 2) px, NaN where not given; start, stop: (frames
-    of the clip,) the rows start … stop − 1 are those of a frame.
+    where a point is missing; head, tail: (rows, 2) px, NaN where missing; start, stop: (frames of
+    the clip,) the rows start … stop − 1 are those of a frame.
     """
 
     names: tuple[str, ...]
@@ -55,13 +55,13 @@ class Given:
     stop: NDArray[np.int64]
 
     def rows(self, frame: int) -> slice:
-        """The rows of a frame of the clip."""
+        """Return the rows of a frame of the clip."""
         return slice(int(self.start[frame]), int(self.stop[frame]))
 
     def row_of(
         self, frame: NDArray[np.integer], individual: NDArray[np.integer]
     ) -> NDArray[np.int64]:
-        """The row (n,) of an animal in a frame of the clip, both (n,); every one has to exist."""
+        """Return the row (n,) of an animal (n,) in a frame (n,) of the clip; all must exist."""
         row = self.start[frame].copy()
         while (wrong := self.individual[row] != individual).any():
             row[wrong] += 1
@@ -69,7 +69,7 @@ class Given:
 
 
 def distances(points: Floats, spots: Sequence[SilhouettePlace], most_px: float) -> Floats:
-    """Distances (animals, silhouettes) px of places (animals, k, 2) px from silhouettes.
+    """Return the distances (animals, silhouettes) px of places (animals, k, 2) px from silhouettes.
 
     Infinite where the box of a silhouette is farther than `most_px`.
     """
@@ -95,7 +95,7 @@ def match_silhouettes(
     apart = distances(points, spots, length_px)
     centres = np.array([(spot.x_px, spot.y_px) for spot in spots])
     off = np.hypot(*(np.nanmean(points, axis=1)[:, None] - centres).transpose(2, 0, 1))
-    apart += _TIE * off  # of silhouettes that overlap the one whose centre is nearest
+    apart += _TIE * off  # of overlapping silhouettes the one with the nearest centre
     nearest = apart.argmin(axis=1)
     within = apart.min(axis=1) <= _WITHIN * length_px
     apart[:, np.unique(nearest[within])] = np.inf  # for those that are within none
@@ -115,24 +115,24 @@ def match_silhouettes(
 
 
 class GivenTrackLinker:
-    """Tracks as the program gives them: runs of frames in which an animal has a silhouette.
+    """Links tracks as the program gives them: runs of frames in which an animal has a silhouette.
 
     The track of an animal's k-th run, both from 0, has the number animal + k · animals. So a later
-    stage's tracks are whole, and `track_id % len(names)` tells the animal.
+    stage's tracks are whole, and `track_id % len(names)` is the animal.
 
-    outcomes: counts of (animal, what became of its place), after the film has run.
+    outcomes: counts of (animal, outcome of its place), after the film has run.
     """
 
     def __init__(self, given: Given, length_px: float, least_frames: int) -> None:
         self._given, self._length, self._least = given, length_px, least_frames
         self.outcomes: Counter[tuple[int, Outcome]] = Counter()
-        self.short = 0  # places of runs that are too short for a track
+        self.short = 0  # places in runs that are too short for a track
 
     def tracks(
         self, detections: Iterable[Detections], cuts: Sequence[int] = ()
     ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-        """As `finloop.extract.film.tracks`; runs end at `cuts`, too."""
-        waiting: dict[int, list[TrackedFish]] = {}  # by animal, of runs that are still short
+        """Yield the same as `finloop.extract.film.tracks`; runs also end at `cuts`."""
+        waiting: dict[int, list[TrackedFish]] = {}  # by animal, runs that are still too short
         running: dict[int, int] = {}  # animal → its track
         runs: Counter[int] = Counter()
         for number, (verdicts, spots, fish) in enumerate(detections):
@@ -162,7 +162,6 @@ class GivenTrackLinker:
     def _end(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
-        """End the runs of all animals but those that are seen."""
         for animal in [animal for animal in waiting if animal not in seen]:
             self.short += len(waiting.pop(animal))
         for animal in [animal for animal in running if animal not in seen]:
@@ -179,7 +178,7 @@ def no_silhouette_error(
     longest, without = longest_run(given), int((given.stop == given.start).sum())
     became = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
     of_file = (
-        f"the places of an animal in the file of tracks go on for {longest} frames at most, and "
+        f"the places of an animal in the file of tracks continue for {longest} frames at most, and "
         f"{without} of {len(given.start)} frames have no place"
     )
     do = SHOWN_ALONE
@@ -197,7 +196,7 @@ def no_silhouette_error(
 
 
 def longest_run(given: Given) -> int:
-    """The most frames of the clip on end in which an animal has a place."""
+    """Return the most successive frames of the clip in which an animal has a place."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
     animal = given.individual[row]

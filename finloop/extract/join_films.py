@@ -1,6 +1,6 @@
 """Several films as one motion base: their fish of one size and in one light.
 
-The first film gives the tank, the body length and the light; `io.several` says where things lie.
+The first film gives the tank, the body length and the light; `io.several` defines the folders.
 """
 
 import shutil
@@ -25,7 +25,7 @@ from finloop.io.several import FILMS, FilmPart, frames_at, parts_of
 from finloop.io.table import load_table, table_writer
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 
-_SAMPLE = 200  # cut-outs of a film, from which its light is measured
+_SAMPLE = 200  # cut-outs of a film from which its light is measured
 Rows = NDArray[np.intp]
 
 
@@ -41,7 +41,7 @@ class Contribution(NamedTuple):
 class FilmTracks(NamedTuple):
     """The tracks of one of several films.
 
-    table: of its rows at the common rate; rows (k,): their numbers in the film's own table and
+    table: its rows at the common rate; rows (k,): their numbers in the film's own table and
     cut-outs; home: its folder.
     """
 
@@ -59,15 +59,15 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
     Tracks of another program are written as well. A film whose tracks are all shorter than a frame
     of the common rate adds none.
 
-    `errors`: of the films, by name, in which nothing could be followed. FinloopError if the first
-    is among them: the animation is shown in its tank.
+    `errors`: by name of each film without tracks, the reason. FinloopError if the first film is
+    among them: the animation is shown in its tank.
     """
     parts, whole = parts_of(clip), load_facts(clip / FACTS_NAME)
     if parts[0].name in errors:
         raise FinloopError(
             f"{parts[0].path}, the first film, cannot be followed: {errors[parts[0].name]}",
             "a first film in which fish can be followed: the animation is shown in its tank",
-            "put another film first, or mend this one's parameters",
+            "put another film first, or correct this one's parameters",
         )
     first = folder / FILMS / parts[0].name
     for name in (SCENE_NAME, BACKGROUND_NAME):
@@ -123,7 +123,6 @@ def _external_rows(film: FilmTracks, table: pd.DataFrame, like: Likeness) -> pd.
 
 
 def _load(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> FilmTracks:
-    """A film's tracks at the common rate and in the common count of frames."""
     home = folder / FILMS / part.name
     scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
     facts = load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -136,7 +135,6 @@ def _load(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> FilmTr
 
 
 def _sample_cutouts(store: CutoutStore, rows: Rows) -> Iterator[Cutout]:
-    """Yield cut-outs spread over these rows."""
     for row in np.unique(np.linspace(0, len(rows) - 1, _SAMPLE).astype(int)):
         yield store[int(rows[row])]
 

@@ -1,6 +1,6 @@
-"""Tracks of another program laid over a clip, from its file to the tables of `extract`.
+"""Lay tracks of another program over a clip, from their file to the tables of `extract`.
 
-The door from `extract.given` to files; `extract.write` comes this way where tracks are from a file.
+It connects `extract.given` to files; `extract.write` uses it where tracks are from a file.
 """
 
 from collections import Counter
@@ -26,7 +26,7 @@ from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_sp
 
 @dataclass(frozen=True)
 class GivenTracks:
-    """Another program's tracks of a clip: its places, the keypoints that are head and tail."""
+    """Another program's tracks of a clip: its places, and the keypoints that are head and tail."""
 
     given: Given
     head: str | None
@@ -35,16 +35,16 @@ class GivenTracks:
 
 
 def tracks_of(film: Path, pattern: str) -> str:
-    """The path of the tracks of one of several films.
+    """Return the path of the tracks of one of several films.
 
     pattern: in which {folder} and {name} stand for the film's, without ending, and `*`, `?`, `[…]`
-    for what is not known. FinloopError if it fits none, or more than one.
+    for unknown parts. FinloopError if it matches none, or more than one.
     """
     if "{name}" not in pattern and "{folder}" not in pattern:
         raise FinloopError(
             f"several films, and one file of tracks: {pattern}",
             "a file for each film",
-            'name the film in extract.tracks_path: "{folder}/{name}*.h5"; or give one film alone',
+            'name the film in extract.tracks_path: "{folder}/{name}*.h5"; or use a single film',
         )
     folder, name = escape(str(film.absolute().parent)), escape(film.stem)
     path = Path(pattern.replace("{folder}", folder).replace("{name}", name)).expanduser().absolute()
@@ -53,13 +53,16 @@ def tracks_of(film: Path, pattern: str) -> str:
         raise FinloopError(
             f"{len(paths)} tracks of {film} lie at {path}" + "".join(f"\n    {f}" for f in paths),
             "one file, or folder, of tracks for each film",
-            "correct extract.tracks_path, so that it fits that file alone",
+            "correct extract.tracks_path, so that it matches only that file",
         )
     return str(paths[0])
 
 
 def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> GivenTracks:
-    """The tracks that the settings name, by frames of the clip; FinloopError if they cannot be."""
+    """Load the tracks that the settings name, by frames of the clip.
+
+    FinloopError if they cannot be read, or do not fit the clip.
+    """
     software = None if p.tracks_software == "auto" else p.tracks_software
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
     source_frames = load_table(clip / FRAMES_NAME, FRAMES)["source_frame"].to_numpy(np.int64)
@@ -70,7 +73,10 @@ def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> GivenTracks
 def check_given(
     tracks: GivenTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
-    """How well the places agree with the film in sample frames; FinloopError if they do not."""
+    """Measure how well the places agree with the film in sample frames.
+
+    FinloopError if they do not.
+    """
     there = np.flatnonzero(tracks.given.stop > tracks.given.start)
     spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
     sample = there[np.unique(spread.round().astype(int))].tolist()
@@ -84,7 +90,7 @@ def check_given(
 def save_given(folder: Path, given: Given, points: int) -> None:
     """Write another program's animal, head and tail for every row of the table of tracks.
 
-    points: of a backbone in that table.
+    points: the number of points of a backbone in that table.
     """
     rows = load_table(folder / TRACKS_NAME, tracks_schema(points), ["track_id", "frame"])
     animal = rows["track_id"].to_numpy() % len(given.names)

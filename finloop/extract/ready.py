@@ -1,7 +1,7 @@
-"""What measures a fish, ready at once: importing this module loads the compiled kernels.
+"""Load the compiled kernels that measure a fish: import this module to have them ready.
 
-They take half a second to load. The server from which workers are forked imports it, so that they
-have them.
+Loading takes half a second. The server from which workers are forked imports it, so they inherit
+the kernels.
 """
 
 import cv2
@@ -14,7 +14,6 @@ _TONE, _NOISE, _POINTS = 200, 6.0, 21
 
 
 def _measure_one() -> None:
-    """Measure a drawn fish, in grey."""
     tank = np.full((48, 96), _TONE, np.uint8)
     film = np.asarray(cv2.ellipse(tank.copy(), (48, 24), (30, 6), 0, 0, 360, (40,), cv2.FILLED))
     scene, arena = Scene(tank, "dark", 1.0, _NOISE), np.full(tank.shape, 255, np.uint8)

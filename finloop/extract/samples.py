@@ -1,9 +1,9 @@
-"""What is measured first, on frames spread over the film: tank, noise, a typical fish.
+"""First measurements, on frames spread over the film: tank, noise, a typical fish.
 
 The background is the median of these frames. But a fish that stays in its place, or moves less than
-its length, is in the median itself: a *ghost*. What differs from such a background is the part that
-moved, now darker, now brighter, of any size. So where fish are both darker and brighter than the
-median, or nothing is found, two other backgrounds are tried: the median without ghosts, and one
+its length, is in the median itself: a *ghost*. The difference from such a background is the part
+that moved, now darker, now brighter, of any size. So where fish are both darker and brighter than
+the median, or nothing is found, two other backgrounds are tried: the median without ghosts, and an
 even tone. The one whose fish are most alike in size is taken, if it is clearly better.
 """
 
@@ -35,8 +35,8 @@ from finloop.extract.settings import ExtractSettings
 class Typical(NamedTuple):
     """A typical fish of the clip: area of its silhouette, length of its backbone, its contrast.
 
-    fins: which pale pixels beyond silhouettes are shown with them; thin: whether its thin parts
-    belong to it where they are pale.
+    fins: which pale pixels beyond silhouettes are shown with them; thin: whether pale thin parts
+    belong to the silhouette.
     """
 
     area_px: float
@@ -47,19 +47,19 @@ class Typical(NamedTuple):
 
 
 Verdict = Literal["fish", "at border", "too large", "too small", "too pale"]
-"""Whether a silhouette is one isolated fish, or why not."""
+"""Whether a silhouette is one isolated fish, or the reason why not."""
 
 _GHOST = 12.0  # grey levels, least contrast of a ghost; 6-30 give trout and sunfish the same fish
 # Share of the median's spread below which another background is clearly better: without ghosts
 # 0.04-0.14 was measured (trout, sunfish, a carp of three beats), of a shaking camera 1.00.
 _BETTER = 0.67
-# How much lengths differ; below that thin parts are not looked for. Measured: mouse 0.20, larva
+# How much lengths differ; below that thin parts are not searched. Measured: mouse 0.20, larva
 # 0.07, zebrafish 0.05; with thin parts 0.11, 0.01, 0.10.
 _UNSTEADY = 0.04
 
 
 def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -> Verdict:
-    """The verdict on a silhouette, by its place, size and contrast."""
+    """Judge a silhouette by its place, size and contrast."""
     if silhouette.contrast < settings.min_contrast_ratio * typical.contrast:
         return "too pale"
     if silhouette.at_border:
@@ -72,9 +72,9 @@ def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -
 
 
 class BackgroundSurvey(NamedTuple):
-    """What a background shows: scene, typical fish, and how much its fish differ in area.
+    """The measurements with a background: scene, typical fish, and its fish's spread in area.
 
-    spread: half the width of the middle 68 % of their areas, relative to the median (of Gaussian
+    spread: half the width of the middle 68 % of their areas, relative to the median (for Gaussian
     areas the standard deviation); infinite for fewer than one fish in two frames.
     """
 
@@ -84,28 +84,30 @@ class BackgroundSurvey(NamedTuple):
 
 
 def survey(
-    sample: Sequence[Picture], arena: Picture, settings: ExtractSettings, crew: Threads = ALONE
+    sample: Sequence[Picture], arena: Picture, settings: ExtractSettings, workers: Threads = ALONE
 ) -> tuple[Scene, Typical]:
-    """Scene and typical fish from frames spread over the clip; `crew` looks at some at a time.
+    """Measure scene and typical fish on frames spread over the clip.
 
     FinloopError if nothing stands out from the background, or no silhouette can be an isolated
     fish.
     """
     if settings.background == "threshold":
-        return _survey(sample, flat_background(sample), arena, settings, crew)[:2]
-    median, spread = median_background(sample, crew), attrgetter("spread")
+        return _survey(sample, flat_background(sample), arena, settings, workers)[:2]
+    median, spread = median_background(sample, workers), attrgetter("spread")
     if settings.background != "auto":
-        return _survey(sample, median, arena, settings, crew)[:2]  # `mog2` goes on from the median
+        return _survey(sample, median, arena, settings, workers)[
+            :2
+        ]  # `mog2` starts from the median
     try:
-        usual = _survey(sample, median, arena, settings, crew)
+        usual = _survey(sample, median, arena, settings, workers)
     except FinloopError:
-        others = _without_ghosts(sample, median, arena, settings, crew)
+        others = _without_ghosts(sample, median, arena, settings, workers)
         if not others:
             raise
         return min(others, key=spread)[:2]
     if usual.scene.polarity != "both":
         return usual[:2]
-    others = _without_ghosts(sample, median, arena, settings, crew)
+    others = _without_ghosts(sample, median, arena, settings, workers)
     best = min(others, key=spread, default=usual)
     return (best if best.spread < _BETTER * usual.spread else usual)[:2]
 
@@ -115,15 +117,15 @@ def _without_ghosts(
     median: Picture,
     arena: Picture,
     settings: ExtractSettings,
-    crew: Threads,
+    workers: Threads,
 ) -> list[BackgroundSurvey]:
-    """What is measured with the patched median and with one even tone, if there is a fish."""
+    """Measure with the patched median and with an even tone, if there is a fish."""
     least = max(settings.least_contrast, _GHOST)
     patched = partial(patched_background, sample, median, least)
     surveys = []
     for background in (patched, partial(flat_background, sample)):
         with suppress(FinloopError):
-            surveys.append(_survey(sample, background(), arena, settings, crew))
+            surveys.append(_survey(sample, background(), arena, settings, workers))
     return surveys
 
 
@@ -132,11 +134,16 @@ def _survey(
     background: Picture,
     arena: Picture,
     settings: ExtractSettings,
-    crew: Threads,
+    workers: Threads,
 ) -> BackgroundSurvey:
-    """What is measured with a background; FinloopError as `survey`."""
+    """Measure with a background; FinloopError as in `survey`."""
     scene = survey_noise(
-        sample, background, settings.polarity, settings.noise_sigmas, settings.least_contrast, crew
+        sample,
+        background,
+        settings.polarity,
+        settings.noise_sigmas,
+        settings.least_contrast,
+        workers,
     )
     fins: Fins = "darker" if settings.fins == "auto" and scene.polarity != "bright" else "none"
     ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, fins)
@@ -147,7 +154,7 @@ def _survey(
 
     def find_silhouettes(thin: bool) -> tuple[list[Silhouette], Typical, float]:
         look = partial(of_frame, ends._replace(thin=thin))
-        some = [s for one in ordered_map(look, sample, crew) for s in one]
+        some = [s for one in ordered_map(look, sample, workers) for s in one]
         typical, unsteady = typical_fish(some, scene, settings)
         return some, typical._replace(thin=thin), unsteady
 
@@ -166,11 +173,11 @@ def _survey(
 def typical_fish(
     candidates: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> tuple[Typical, float]:
-    """The typical fish of a clip, from silhouettes of sample frames; how much its length differs.
+    """Return the typical fish of a clip, from silhouettes of sample frames; and lengths' spread.
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt,
     bubbles and figures of a clock count little; length and contrast are the medians of the
-    silhouettes of about that area. The lengths differ by half the width of their middle 68 %,
+    silhouettes of about that area. The spread is half the width of the middle 68 % of lengths,
     relative to the median.
     """
     free = [s for s in candidates if not s.at_border]
@@ -189,9 +196,9 @@ def typical_fish(
         for s, line in zip(alike, lines, strict=True)
         if line is not None and s.fins is not None
     )
-    told = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or kind(sides)
+    pale = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or kind(sides)
     both: Fins = "brighter" if scene.polarity == "both" else "none"
-    fins: Fins = "all" if told == "fins" else both if told == "shadow" else "none"
+    fins: Fins = "all" if pale == "fins" else both if pale == "shadow" else "none"
     contrast = float(np.median([s.contrast for s in alike]))
     low, middle, high = np.quantile(lengths, (0.16, 0.5, 0.84))
     return Typical(area, float(middle), contrast, fins), float((high - low) / 2 / middle)
@@ -205,7 +212,7 @@ def _no_fish(
     elif all(s.at_border for s in candidates):
         why = f"all {len(candidates)} silhouettes touch the edge of the picture or of the arena"
     else:
-        why = "what differs from the background is too round to have a backbone"
+        why = "every shape that differs from the background is too round to have a backbone"
     return FinloopError(
         f"no fish found: {why}",
         "fish that swim clear of the edge, darker or brighter than the tank",

@@ -1,9 +1,9 @@
 """One frame → its fish: silhouettes, soft cut-outs, outlines, backbones (fish paper §2.1-2.2.1).
 
-Two thresholds: pixels above the noise form *candidate* patches; within a patch the silhouette are
+Two thresholds: pixels above the noise form *candidate* patches; within a patch, the silhouette has
 the pixels above a share of that fish's own contrast. The first threshold finds pale fish, the
-second keeps soft shadows, wakes and reflections out of the silhouette. Of a fish that is brighter
-and darker than the tank, what is darker than a shadow belongs to the silhouette, too.
+second keeps soft shadows, wakes and reflections out of the silhouette. If a fish is both brighter
+and darker than the tank, its pixels darker than a shadow belong to the silhouette, too.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ class Silhouette:
 
     x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
     difference image. area_px: pixels of the mask. at_border: it touches the edge of the picture or
-    of the arena. fins: pale pixels beyond it; None where they are not looked for.
+    of the arena. fins: pale pixels beyond it; None where they are not searched.
     """
 
     x0: int
@@ -69,9 +69,9 @@ class SegmentedFish:
 class SilhouetteEdge(NamedTuple):
     """Where silhouettes end.
 
-    share: of a fish's own contrast, at which its edge lies; shadow: the share of the tank's light
-    that a shadow takes at most; fins: which pale pixels beyond a silhouette belong to it; thin:
-    whether its thin parts reach on where they are pale (`finloop.extract.thin`).
+    share: of a fish's own contrast, at which its edge lies; shadow: most of the tank's light that a
+    shadow takes; fins: which pale pixels beyond a silhouette belong to it; thin: whether its pale
+    thin parts belong to it (`finloop.extract.thin`).
     """
 
     share: float
@@ -83,7 +83,7 @@ class SilhouetteEdge(NamedTuple):
 def silhouettes(
     frame: Picture, scene: Scene, arena: Picture, least_area: float, ends: SilhouetteEdge
 ) -> Iterator[Silhouette]:
-    """Every patch of `frame` of at least `least_area` px² that stands out from the background.
+    """Yield every patch of `frame` of at least `least_area` px² that differs from the background.
 
     `scene` is in the light of the frame (`in_light_of`); `arena` (h, w) uint8 is 255 inside. The
     rectangle about a candidate may hold parts of others, which are left out.
@@ -126,15 +126,15 @@ def silhouettes(
 
 
 def _darker_than_shadows(film: Picture, tank: Picture, shadow: float) -> Mask:
-    """Pixels (h, w) that lack more than a share of the tank's light, in every channel."""
+    """Return the pixels (h, w) that lack more than a share of the tank's light in all channels."""
     dark = cv2.subtract(tank, film) > shadow * tank
     return dark if dark.ndim == 2 else dark.all(axis=-1)
 
 
 def _with_dark_skin(above: Picture, dark: Mask) -> Picture:
-    """The mask `above` (0 or 255) of a fish, with its `dark` patches.
+    """Return the mask `above` (0 or 255) of a fish, with its `dark` patches.
 
-    Where bright skin becomes dark skin a pixel is as bright as the tank: such seams are closed.
+    Where bright skin becomes dark skin, a pixel is as bright as the tank: such gaps are closed.
     """
     if not (dark & (above == 0)).any():
         return above
@@ -143,9 +143,9 @@ def _with_dark_skin(above: Picture, dark: Mask) -> Picture:
 
 
 def _candidates(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
-    """Edges of the connected pixels above `level` inside the arena, from below up.
+    """Yield the edges of the connected pixels above `level` inside the arena, from below up.
 
-    Only rows near such pixels are looked at; outside of the arena `change` becomes 0 in these.
+    Only rows near such pixels are processed; outside of the arena `change` becomes 0 in these.
     """
     rows = np.flatnonzero(change.max(axis=1) > level)
     if not len(rows):
@@ -163,7 +163,7 @@ def _candidates(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
 def _silhouette(
     edge: Edge, patch: Picture, corner: tuple[int, int], contrast: float, arena: Picture
 ) -> Silhouette:
-    """The part of a candidate inside `edge`, without holes.
+    """Return the part of a candidate inside `edge`, without holes.
 
     edge: px of the patch; corner: x, y of the patch in the picture.
     """
@@ -183,7 +183,7 @@ def _with_fins(
     parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
     seen: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
-    """The silhouettes of a candidate with those of the pixels `seen` that are nearest to each."""
+    """Yield the silhouettes of a candidate, each with the nearest of the pixels `seen`."""
     left, top = corner
     inside = np.zeros(patch.shape, np.uint8)
     cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-left, -top))
@@ -200,7 +200,7 @@ def _with_fins(
 
 
 def _near_border(mask: Picture, arena: Picture) -> bool:
-    """Whether a silhouette comes close to what is outside of the arena."""
+    """Return whether a silhouette comes close to the outside of the arena."""
     inside = arena[: mask.shape[0], : mask.shape[1]]
     if inside.all():
         return False
@@ -208,7 +208,7 @@ def _near_border(mask: Picture, arena: Picture) -> bool:
 
 
 def contour(silhouette: Silhouette) -> Edge:
-    """The pixels of a silhouette's edge, px of the picture."""
+    """Return the pixels of a silhouette's edge, px of the picture."""
     chains, _ = cv2.findContours(
         silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE,
         offset=(silhouette.x0, silhouette.y0),
@@ -219,10 +219,9 @@ def contour(silhouette: Silhouette) -> Edge:
 def measure(
     silhouette: Silhouette, frame: Picture, scene: Scene, points: int
 ) -> SegmentedFish | None:
-    """Backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
+    """Measure backbone, outline and cut-out of an isolated silhouette; None without a backbone.
 
-    `frame` and `scene` are those in which it was found. All but the cut-out are of the silhouette
-    alone; the cut-out shows its fins, too.
+    `frame` and `scene` are those in which it was found. Only the cut-out shows the fins, too.
     """
     backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
@@ -252,7 +251,7 @@ def measure(
 
 @kernel
 def matte(mask: Mask, field: Picture, floor: int) -> Picture:
-    """Soft alpha (h, w) uint8 of a silhouette.
+    """Return the soft alpha (h, w) uint8 of a silhouette.
 
     Near the outline a pixel is a blend of fish and tank, so alpha is its difference divided by the
     largest difference within two pixels inside the fish, `floor` at least. Deep inside, where
@@ -281,7 +280,7 @@ def matte(mask: Mask, field: Picture, floor: int) -> Picture:
 
 
 def outline(alpha: Picture) -> Floats:
-    """The outline as (OUTLINE_POINTS, 2) x, y at equal arc lengths: alpha crosses one half."""
+    """Return the outline (OUTLINE_POINTS, 2) x, y at equal arc lengths, where alpha is one half."""
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return ring(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)

@@ -1,7 +1,7 @@
 """The longest path of a skeleton, without its side branches (fish paper §2.2.1, Fig. 4).
 
 Numbering pixels from one end and keeping the branch with the greatest number finds the longest
-geodesic of the skeleton graph, a diagonal step costing √2.
+geodesic of the skeleton graph, with a diagonal step of length √2.
 """
 
 import numpy as np
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask
 from finloop.base.kernel import kernel
 
-_FORK = 3.0  # a path's end is cut where it is nearer to the tip than this share of its half width
+_FORK = 3.0  # half widths from a path's tip within which it is cut off
 
 
 @kernel
 def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
-    """Longest shortest path of a skeleton, as (m, 2) x, y (§2.2.1, Fig. 4: A to D).
+    """Return the longest shortest path of a skeleton, (m, 2) x, y (§2.2.1, Fig. 4: A to D).
 
     The length of a step is multiplied by the mean `weight` (h, w) of its two pixels. A weight of 1
     is the paper's rule. Then an open fin can be longer than the head, before which the skeleton
     ends. With the distance to the outline as weight a path counts by the area that it passes
-    through, and thin fins are no longer chosen.
+    through, and thin fins are not chosen.
 
     Two sweeps: the pixel farthest from any pixel is one end, and the pixel farthest from that end
     is the other. This is exact on a tree, and the skeleton of a silhouette without holes is one. Of
@@ -43,7 +43,7 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
     best_start, best_size = (
         xs.size,
         0,
-    )  # none yet; not -1: for a literal `_geodesic` is compiled again
+    )  # none yet; a literal -1 would compile `_geodesic` again
     for start in range(count):
         if not visited[start]:
             distance, size = _geodesic(number, xs, ys, weight, start)[0], 0
@@ -69,7 +69,7 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
 
 @kernel
 def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
-    """The path without its forked ends.
+    """Return the path without its forked ends.
 
     Near a blunt end the skeleton forks into the corners of the outline, so the path is cut off
     within `_FORK` half widths of its ends.
@@ -99,7 +99,7 @@ def _farthest(distance: Floats) -> int:
 
 @kernel
 def _geodesic(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
-    """Distances from `start` over the 8-connected skeleton, and each pixel's predecessor."""
+    """Return distances from `start` over the 8-connected skeleton, and each pixel's predecessor."""
     height, width = number.shape
     distance = np.full(xs.size, np.inf)
     previous = np.full(xs.size, -1, np.int64)

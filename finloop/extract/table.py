@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from finloop.base.schema import Column, Schema, columns
 
 OUTLINE_POINTS = 128
-GIVEN_NAME = "given.parquet"  # only where tracks are from a file
+GIVEN_NAME = "given.parquet"  # exists only where tracks are from a file
 
 
 @dataclass(frozen=True)
 class SceneFacts:
     """Facts about the tank and its fish, for later stages.
 
-    points: of a backbone. fins: which pale pixels beyond silhouettes cut-outs show; thin: whether
-    thin parts belong to silhouettes where they are pale. Contrast, noise and threshold in grey
+    points: the number of points of a backbone. fins: which pale pixels beyond silhouettes cut-outs
+    show; thin: whether pale thin parts belong to silhouettes. Contrast, noise and threshold in grey
     levels of the difference image.
     """
 
@@ -38,7 +38,7 @@ head and tail are, if it says so."""
 
 
 def tracks_schema(points: int) -> Schema:
-    """The table of tracks: a row per fish per frame, beside the cut-out of the same number."""
+    """Return the schema of tracks: a row per fish per frame; the row's number is its cut-out's."""
     return Schema(
         *columns("int32", "1", "track_id", "frame"),
         *columns("float64", "px", "x_px", "y_px"),

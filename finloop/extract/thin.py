@@ -1,8 +1,8 @@
 """Thin parts of an animal, such as a mouse's tail or that of a larva, paler than its body.
 
 A silhouette ends where the difference from the tank falls to a share of the animal's contrast. A
-part of a few pixels is blurred, so its own contrast is lower: it is now in the silhouette, now not,
-and the backbone is long in one frame and short in the next.
+part a few pixels wide is blurred, so its own contrast is lower: it is in the silhouette of some
+frames only, and the backbone is long in one frame and short in the next.
 """
 
 import cv2
@@ -11,14 +11,14 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.extract.backbone import pad_picture
 
-EDGE = 0.2  # of the animal's contrast, down to which a thin part belongs to it
-_THIN = 0.4  # of a body's largest half width; what is narrower is thin
+EDGE = 0.2  # share of the animal's contrast at which a thin part ends
+_THIN = 0.4  # share of a body's largest half width; narrower parts are thin
 
 
 def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
-    """Silhouettes (h, w), 0 or 255, with the thin parts of `change` above a level that touch them.
+    """Add thin parts of `change` above a level to the silhouettes (h, w), 0 or 255, they touch.
 
-    What is pale and wide, as a shadow or the gloom around an animal, is not thin.
+    A pale and wide part, such as a shadow or the gloom around an animal, is not thin.
     """
     body = np.minimum(above, 1)
     pale = cv2.threshold(change, level, 1, cv2.THRESH_BINARY)[1] | body

@@ -1,4 +1,4 @@
-"""Fish of one frame joined to those of the next: tracks (fish paper §2.1, several fish at once).
+"""Join the fish of one frame to those of the next: tracks (fish paper §2.1, several fish at once).
 
 A track is a run of consecutive frames of one isolated fish. It ends where its identity becomes
 uncertain: where the fish touches another one or the border, vanishes, or moves farther than a fish
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 
-_GREW = 1.15  # a silhouette that takes in part of a neighbour, or gives it up, changes by more
+_GREW = 1.15  # a silhouette that gains or loses part of a neighbour changes by more
 _CLEARLY = 1.5  # a long step counts only if any other pairing is this many times as far
 
 Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
@@ -53,8 +53,8 @@ class Linker:
     """Joins spots frame by frame by optimal assignment, gated by motion and by area.
 
     gate_px: largest distance of a fish from the place expected from its last two frames. Beyond a
-        quarter of it the pairing must also have no rival, on either side.
-    area_ratio: largest ratio by which a silhouette may grow or shrink from one frame to the next.
+    quarter of it the pairing must also have no rival, on either side. area_ratio: largest ratio by
+    which a silhouette may grow or shrink from one frame to the next.
     """
 
     def __init__(self, gate_px: float, area_ratio: float) -> None:
@@ -64,11 +64,11 @@ class Linker:
         self._next = 0
 
     def cut(self) -> None:
-        """End every track: the film is cut here."""
+        """End every track: the film has a cut here."""
         self._tracks, self._before = [], []
 
     def step(self, spots: list[SilhouettePlace]) -> list[int | None]:
-        """Track number of each spot of the next frame; None for those that are in no track."""
+        """Return the track number of each spot of the next frame; None for spots in no track."""
         owner = self._assign(spots)
         alone = [track for track in self._tracks if track not in owner.values()]
         numbers: list[int | None] = [None] * len(spots)
@@ -93,7 +93,7 @@ class Linker:
         return numbers
 
     def _assign(self, spots: list[SilhouettePlace]) -> dict[int, _Track]:
-        """Spot index → track, for the pairs of an optimal assignment that pass both gates."""
+        """Return spot index → track for the pairs of an optimal assignment that pass both gates."""
         if not self._tracks or not spots:
             return {}
         cost = _distances([t.next_place for t in self._tracks], [(s.x_px, s.y_px) for s in spots])
@@ -115,7 +115,7 @@ class Linker:
         spots: list[SilhouettePlace],
         owner: dict[int, _Track],
     ) -> bool:
-        """Whether spot `own` has shrunk, and a spot without a track has come out of its place."""
+        """Return whether spot `own` has shrunk, and a spot without a track has left its place."""
         if before.area_px <= _GREW * spots[own].area_px:
             return False
         born = (
@@ -128,13 +128,13 @@ class Linker:
 
 
 def _has_swallowed(track: _Track, spot: SilhouettePlace, alone: list[_Track]) -> bool:
-    """Whether a track's spot has grown, over where a track without a spot was expected."""
+    """Return whether a track's spot has grown over the expected place of a track without a spot."""
     grown = spot.area_px > _GREW * track.spot.area_px
     return grown and _holds_any(spot.box, (other.next_place for other in alone))
 
 
 def _others(cost: Floats) -> Floats:
-    """For each entry the least of the other entries in its row; infinity where there is none."""
+    """Return, for each entry, the least other entry in its row; infinity where there is none."""
     if cost.shape[1] < 2:
         return np.full_like(cost, np.inf)
     two = np.partition(cost, 1, axis=1)[:, :2]

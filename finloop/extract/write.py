@@ -1,7 +1,6 @@
-"""A normalised clip as tracks and cut-outs of its fish (fish paper §2.1-2.2.1).
+"""Convert a normalised clip to tracks and cut-outs of its fish (fish paper §2.1-2.2.1).
 
-The door from the room `extract` to files: the stage `extract` and the library's verb `track` come
-this way.
+It connects the package `extract` to files, for the stage `extract` and the library's verb `track`.
 """
 
 from collections import Counter
@@ -46,14 +45,14 @@ from finloop.io.video import (
 )
 
 SCENE_NAME, BACKGROUND_NAME = "scene.json", "background.png"
-_LOOKED_AT = 8  # frames, at most, by which the room on the disk is estimated
+_LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 
 
 class Extraction(NamedTuple):
-    """What was found in a clip: its scene, how silhouettes were judged, frames of each track.
+    """The results of a clip: its scene, how silhouettes were judged, frames of each track.
 
-    given: what became of the places in a file of tracks, see `place_metrics`; empty without one.
-    lost: numbers of the frames that could not be decoded.
+    given: outcomes of the places in a file of tracks, see `place_metrics`; empty without one. lost:
+    numbers of the frames that could not be decoded.
     """
 
     scene: SceneFacts
@@ -64,7 +63,10 @@ class Extraction(NamedTuple):
 
 
 def scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
-    """What later stages are told about the tank and its fish. points: of a backbone."""
+    """Return the facts about the tank and its fish for later stages.
+
+    points: the number of points of a backbone.
+    """
     area, length, contrast, fins, thin = typical
     levels = scene.polarity, scene.noise, scene.threshold
     return SceneFacts(*levels, area, length, contrast, fins, points, thin)
@@ -81,8 +83,8 @@ def extract(
     """Write tracks, cut-outs, scene and background of a clip's folder to another folder.
 
     Each of `workers` decodes and measures its own stretches; `advance()` after each frame. A frame
-    that cannot be decoded is as one without fish. `pieces`: where what is found in stretches is
-    kept. FinloopError if the clip cannot be read, the disk has too little room, or no fish can be
+    that cannot be decoded counts as one without fish. `pieces` stores the detections of stretches.
+    FinloopError if the clip cannot be read, the disk has too little space, or no fish can be
     followed.
     """
     facts = load_facts(clip / FACTS_NAME)
@@ -91,16 +93,14 @@ def extract(
     arena = mask.astype(np.uint8) * 255
     frames = sample_of(clip / CLIP_NAME, facts, p.samples)
     scene, typical = survey(frames, arena, p, Threads(THREADS))
-    # One thread each: every core decodes its own stretch.
+    # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
     whole = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
     detector = film.Detector(arena, typical, p)
     sample = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
     _refuse_small_disk(folder, facts.frames, list(sample), pieces)
     cuts = [start for start, _ in facts.segments[1:]]
-    verdicts: Counter[Verdict] = Counter()
-    lengths: Counter[int] = Counter()
-    lost: list[int] = []
+    verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
     agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
     follower = (
         GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames) if tracks else None
@@ -142,11 +142,11 @@ def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
 
 
 def sample_of(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
-    """Frames spread over a clip, those that can be decoded; UndecodableError where none can."""
+    """Return frames spread over a clip that can be decoded; UndecodableError if none can."""
     refuse_other_length(path, facts.frames)
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
     numbers = film.sample_frames(samples, facts.frames, shape, KEY_FRAME_EVERY)
-    # One thread each: a decoder of several decodes the frames after a key frame in vain.
+    # One thread per decoder: several threads would decode frames after a key frame in vain.
     read = partial(read_spread, path, colour=facts.colour, threads=1)
 
     def read_pictures(part: NDArray[np.intp]) -> list[Picture]:
@@ -168,10 +168,10 @@ def sample_of(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
 def _refuse_small_disk(
     folder: Path, frames: int, sample: Sequence[film.Detections], pieces: Pieces | None
 ) -> None:
-    """FinloopError where a disk has too little room for all that is written of a film.
+    """Raise FinloopError if a disk has too little space for all results of a film.
 
-    sample: what is detected in frames of it. Table and cut-outs are there twice when they are put
-    in order, beside the pieces.
+    sample: detections in some of its frames. While rows are put in order, table and cut-outs exist
+    twice, beside the pieces.
     """
     isolated = [one for detections in sample for one in detections.fish if one is not None]
     fish = [film.TrackedFish(0, number, one) for number, one in enumerate(isolated)]
@@ -186,4 +186,4 @@ def _refuse_small_disk(
         size += len(pack_piece(list(sample)))
         written = pieces.size()
     wanted = size / len(sample) * frames - written
-    refuse_small(folder, wanted, f"what is found in {frames} frames", "take a shorter film")
+    refuse_small(folder, wanted, f"the results of {frames} frames", "take a shorter film")

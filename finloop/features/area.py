@@ -22,19 +22,19 @@ _G = np.array([245, 56, 1]) / 360  # gₖ for k = 1, 2, 3
 
 
 def control_points(backbone: Reals) -> Floats:
-    """The six control points (rows, 6, 2) of backbones (rows, n, 2), equal steps from the head."""
+    """Return the control points (rows, 6, 2) of backbones (rows, n, 2) with equal steps."""
     return at_places(backbone, CONTROL_ARCS * (backbone.shape[1] - 1))
 
 
 def at_places(lines: Reals, places: Floats) -> Floats:
-    """Points (rows, k, 2) of lines (rows, n, 2) at places (k,) counted in points, 0 … n − 1."""
+    """Interpolate lines (rows, n, 2) at places (k,), counted in points 0 … n − 1: (rows, k, 2)."""
     low = np.minimum(places.astype(int), lines.shape[1] - 2)
     share = (places - low)[:, None]
     return (1 - share) * lines[:, low] + share * lines[:, low + 1]
 
 
 def signed_area(control: Reals) -> Floats:
-    """Area (rows,) in px² enclosed by the closed uniform cubic B-spline of (rows, m, 2) points.
+    """Return the area (rows,) [px²] of the closed uniform cubic B-spline of (rows, m, 2) points.
 
     Positive where the curve runs anticlockwise as seen on screen (y down). For a fish, whose points
     run from head to tail, that is a bend to its right; see `bend`.
@@ -47,14 +47,14 @@ def signed_area(control: Reals) -> Floats:
 
 
 def closed_spline(control: Reals, per_knot: int = 16) -> Floats:
-    """Points (m · per_knot, 2) along the closed uniform cubic B-spline of control points (m, 2)."""
+    """Return points (m · per_knot, 2) along the closed cubic B-spline of control points (m, 2)."""
     m = len(control)
     spline = scipy.interpolate.BSpline(np.arange(m + 7.0), np.vstack([control, control[:3]]), 3)
     return spline(np.linspace(3, m + 3, m * per_knot, endpoint=False))
 
 
 def bend(backbone: Reals, length_px: Reals) -> Floats:
-    """Signed motion area per squared body length (rows,), + = bent to the fish's left.
+    """Return the signed motion area (rows,) [squared body length], + = bent to the fish's left.
 
     `motion_area` of the feature table is its absolute value.
     """

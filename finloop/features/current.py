@@ -1,7 +1,7 @@
 """A current past an animal that stays in its place: how fast it swims through the water.
 
-In a swim tunnel, or in a stream, a fish beats its tail and comes nowhere in the picture. What it
-does there is swimming: animated, it should move on as it would in still water.
+In a swim tunnel, or in a stream, a fish beats its tail and stays in the same place of the picture.
+It is swimming: in the animation, it should move as it would in still water.
 """
 
 from collections.abc import Sequence
@@ -13,22 +13,22 @@ from finloop.base.arrays import Floats, Reals
 from finloop.features.memory import memory_frames
 
 # Measured: sunfish 0.02, trout 0.03, a drawn shark in a current 0.31, a carp in a small tub 1.3.
-_STAYS = 1.0  # body lengths
+_STAYS = 1.0  # body lengths within which an animal stays in its place
 # Measured: trout, sunfish 1.00, the shark 0.99, the carp 0.34.
 _STEADY = 0.9  # length of the mean of all headings as unit vectors
 _LEAST_BEAT = 0.05  # body lengths from side to side; less may be noise
-_STROUHAL = 0.3  # of fish that cruise: tail beats/s × their width / speed (Taylor et al. 2003)
+_STROUHAL = 0.3  # of cruising fish: tail beats/s × their width / speed (Taylor et al. 2003)
 _MOST_STRIDE = 0.7  # body lengths in a tail beat (Bainbridge 1958)
-_MEMORIES = 6.0  # in a beat: a sine is forgotten after a sixth of its period
+_MEMORIES = 6.0  # memories in a beat: a sine is forgotten after a sixth of its period
 
 
 def measured_current(
     places: Reals, heading_deg: Reals, tail: Reals, bent: Reals, tracks: Sequence[slice],
     rate_hz: float,
 ) -> float:  # fmt: skip
-    """Speed through the water, body lengths/s, of animals that stay in their places; else 0.
+    """Return the speed through the water [body lengths/s] of animals that stay in place; else 0.
 
-    From how fast and how far the tail beats: fish that cruise do so at a Strouhal number of 0.3.
+    It follows from how fast and how far the tail beats: fish cruise at a Strouhal number of 0.3.
     places (n, 2): in body lengths; tail (n,): its tip's offset from the head's axis, body lengths;
     bent (n,): signed motion area; tracks: the rows of each.
     """
@@ -36,7 +36,7 @@ def measured_current(
         return 0.0
     if abs(np.exp(1j * np.radians(heading_deg)).mean()) < _STEADY:
         return 0.0
-    wide = 2 * np.sqrt(2) * float(np.std(tail))  # of a sine, from side to side
+    wide = 2 * np.sqrt(2) * float(np.std(tail))  # width of a sine, from side to side
     if wide < _LEAST_BEAT:
         return 0.0
     track = np.repeat(np.arange(len(tracks)), [one.stop - one.start for one in tracks])
@@ -45,9 +45,9 @@ def measured_current(
 
 
 def through_water(features: pd.DataFrame) -> Floats:
-    """Places (n, 2), px, of every row as if its track were swum in still water.
+    """Return places (n, 2) [px] of every row as if its track were filmed in still water.
 
-    As filmed where there is no current (column `current`, body lengths/s); else moved on along the
+    They are as filmed without a current (column `current`, body lengths/s); else moved on along the
     heading. Only differences within a track have a meaning.
     """
     place = features[["x_px", "y_px"]].to_numpy(float)

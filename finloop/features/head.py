@@ -1,11 +1,11 @@
 """Which end is the head, decided once for a whole track.
 
-The paper locates head and tail and does not say how. Deciding frame by frame flips; so each frame
+The paper locates head and tail without saying how. A decision frame by frame flips; so each frame
 only gives evidence, and the most probable sequence of a two-state hidden Markov model decides
 (Viterbi). State 0: the first backbone point is the head; state 1: the last one.
 
-Evidence: the head is the blunt end, and fish swim forwards. Between frames, an end stays near where
-it was: exchanging head and tail would mean a jump of a body length, and costs accordingly.
+Evidence: the head is the blunt end, and fish swim forwards. Between frames, an end stays near its
+place: exchanging head and tail would be a jump of a body length, and costs accordingly.
 """
 
 import math
@@ -18,15 +18,15 @@ from finloop.base.arrays import Floats, Mask, Reals
 
 _BLUNT = 0.12  # relative difference in width between the halves that makes the odds e : 1
 _FORWARD = 0.05  # body lengths of travel between frames that make the odds e : 1
-_MOST = 2.0  # most that either cue may say about one frame, in log odds
+_MOST = 2.0  # most log odds of either cue in one frame
 _WANDER = 0.15  # body lengths that an end moves between frames, standard deviation
 _MOST_ODDS = 700.0  # log odds whose exponential is still finite
 _CERTAIN = 1e6  # log odds; more than all evidence about a track
-_MEMORY_S = 0.4  # frames nearer than this tell the same thing twice
+_MEMORY_S = 0.4  # nearer frames repeat the same evidence
 
 
 def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
-    """Which lines (rows, n, 2) px, beside a feature table, begin at the tail of their fish."""
+    """Return which lines (rows, n, 2) px, beside a feature table, begin at their fish's tail."""
     head = features[["head_x_px", "head_y_px"]].to_numpy(float)
     first, last = (np.linalg.norm(lines[:, end] - head, axis=1) for end in (0, -1))
     return last < first
@@ -51,17 +51,26 @@ def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8
 def head_first(
     backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None
 ) -> tuple[Mask, Floats]:
-    """Whether the first point is the head, and how sure that is, for one track.
+    """Decide whether the first point is the head, for one track; return that and its probability.
 
-    backbone: (frames, n, 2) px, of consecutive frames, either end first.
-    half_width: (frames, n) px, beside it.
-    rate_hz: frames per second.
-    given_head: (frames,) as `match_head_end` gives it; where it is not 0 it decides.
+    Parameters
+    ----------
+    backbone
+        (frames, n, 2) px, of consecutive frames, either end first.
+    half_width
+        (frames, n) px, beside it.
+    rate_hz
+        Frames per second.
+    given_head
+        (frames,) as `match_head_end` gives it; where it is not 0 it decides.
 
     Returns
     -------
-    first : (frames,) bool; confidence : (frames,) probability of that, in [0.5, 1]; below where the
-    frame by itself says the opposite of its track, or of the other program.
+    first
+        (frames,) bool: whether the first point is the head.
+    confidence
+        (frames,) its probability, in [0.5, 1]; below 0.5 where the frame by itself contradicts its
+        track, or the other program.
     """
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
     evidence = _blunt(half_width) + _forward(backbone, length)
@@ -74,14 +83,14 @@ def head_first(
 
 
 def _blunt(half_width: Reals) -> Floats:
-    """Log odds (frames,) that the first point is the head, from the widths near both ends."""
+    """Return log odds (frames,) that the first point is the head, from the widths of both ends."""
     part = half_width.shape[1] * 3 // 8
     first, last = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
     return np.clip((first - last) / np.maximum(first + last, 1e-9) / _BLUNT, -_MOST, _MOST)
 
 
 def _forward(backbone: Reals, length: float) -> Floats:
-    """Log odds (frames,) that the first point is the head, from the travel around each frame."""
+    """Return log odds (frames,) that the first point is the head, from the travel."""
     if len(backbone) < 2:
         return np.zeros(len(backbone))
     middle = backbone.mean(1)
@@ -92,7 +101,7 @@ def _forward(backbone: Reals, length: float) -> Floats:
 
 
 def _stay_odds(backbone: Reals, length: float) -> Floats:
-    """Log odds (frames - 1,) that both ends stay in the step to the next frame, not exchanged."""
+    """Return log odds (frames - 1,) that both ends stay in the next step, not exchanged."""
     ends = backbone[:, [0, -1]]
     same = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
     exchanged = ((ends[1:, ::-1] - ends[:-1]) ** 2).sum((1, 2))
@@ -100,9 +109,9 @@ def _stay_odds(backbone: Reals, length: float) -> Floats:
 
 
 def _viterbi(evidence: list[float], stay_odds: list[float]) -> Mask:
-    """The most probable states (frames,) of the chain, True for 0; both arguments are log odds.
+    """Return the most probable states (frames,), True for 0; both arguments are log odds.
 
-    Plain numbers: in steps of one frame they are twenty times as quick as arrays of two states.
+    It uses plain numbers, which are twenty times as fast here as arrays of two states.
     """
     from_first = []  # of each step, for state 0 and 1: whether state 0 is the better one before
     odds = evidence[0]
@@ -116,7 +125,7 @@ def _viterbi(evidence: list[float], stay_odds: list[float]) -> Mask:
 
 
 def _posterior(evidence: list[float], stay_odds: list[float]) -> Floats:
-    """Probability (frames,) of state 0 given the whole track (forward-backward)."""
+    """Return the probability (frames,) of state 0 given the whole track (forward-backward)."""
     ahead, behind = evidence[:1], [0.0]
     for own, stay in zip(evidence[1:], stay_odds, strict=True):
         ahead.append(own + _message(ahead[-1], stay))
@@ -127,7 +136,7 @@ def _posterior(evidence: list[float], stay_odds: list[float]) -> Floats:
 
 
 def _message(odds: float, stay: float) -> float:
-    """Log odds of a frame's state from its neighbour's odds and from those of staying: a message.
+    """Return the log odds of a frame's state from its neighbour's and from those of staying.
 
     log((e^(odds + stay) + 1) / (e^odds + e^stay)), written so that nothing overflows.
     """

@@ -1,4 +1,4 @@
-"""A track of the film as a line that can be swum again."""
+"""A track of the film as a path that a fish can follow again."""
 
 import numpy as np
 import pandas as pd
@@ -8,9 +8,9 @@ from finloop.base.line import PX, TRACK, Line, checked_line
 
 
 def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
-    """A track of the film, `track:8`, with times and headings; FinloopError if there is none.
+    """Return a track of the film, `track:8`, as a path with times and headings.
 
-    parameter: that names it.
+    FinloopError if there is no such track; it mentions `parameter`.
     """
     numbers = features["track_id"]
     text = name.removeprefix(TRACK).strip()

@@ -14,16 +14,16 @@ from finloop.base.arrays import Ints, Reals
 DELTA_S = 0.2
 """The paper's Δ."""
 
-_HALF = 0.5  # of the mean square between any two postures; then a posture is forgotten
-_MEMORIES = 3.0  # in Δ: half a beat, as a sine is forgotten after a sixth of its period
-_PARTS = 4  # Δ at least in the longest track: the last one has no motion, and blocks need some
+_HALF = 0.5  # share of the mean square between any two postures at which a posture is forgotten
+_MEMORIES = 3.0  # memories in Δ: half a beat, as a sine is forgotten after a sixth of its period
+_PARTS = 4  # least Δ in the longest track: the last one has no motion, and blocks need some
 
 
 def memory_frames(postures: Reals, track: Ints) -> float:
-    """Frames after which postures (n, k) are half as far from themselves as from any other.
+    """Return the frames after which postures (n, k) are half as far from themselves as from others.
 
-    From the mean square of posture(t + τ) − posture(t) over all tracks (n,), linear between whole
-    frames τ; the longest track's length where that never happens.
+    It compares the mean square of posture(t + τ) − posture(t) over all tracks (n,), linear between
+    whole frames τ. It is the longest track's length where that never happens.
     """
     values = np.asarray(postures, float)
     most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
@@ -38,21 +38,21 @@ def memory_frames(postures: Reals, track: Ints) -> float:
 
 
 def block_frames(block: float, held_out: float, delta: int, frame: Ints, least: int) -> int:
-    """Length, in frames, of the stretches of time that are held out: `block` Δ, or less.
+    """Return the length [frames] of the stretches of time that are held out: `block` Δ, or less.
 
-    In a short film it is the share `held_out` of the film, and `least` frames at least.
-    delta: Δ in frames; frame (n,): of the rows.
+    In a short film it is the share `held_out` of the film, and at least `least` frames. delta: Δ in
+    frames; frame (n,): frame numbers of the rows.
     """
     film = int(np.ptp(frame)) + 1 if len(frame) else 1
     return min(max(1, round(block * delta)), max(least, int(held_out * film)))
 
 
 def measured_delta(bends: Sequence[Reals], rate_hz: float) -> float:
-    """Δ in s, as `features.delta_s=auto` takes it, from the bend of each track (n,).
+    """Return Δ [s] for `features.delta_s=auto`, from the bend of each track (n,).
 
-    That is the paper's Δ, but at most three memories, half a tail beat, so that a quick animal's
-    motion is not smoothed away, and a quarter of the longest track, so that there is something to
-    learn from.
+    It is the paper's Δ, but at most three memories, half a tail beat, so that a quick animal's
+    motion is not smoothed away, and at most a quarter of the longest track, so that there is
+    something to learn from.
     """
     longest = max(len(bend) for bend in bends)
     track = np.repeat(np.arange(len(bends)), [len(bend) for bend in bends])

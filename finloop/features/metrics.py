@@ -1,4 +1,4 @@
-"""Numbers about a feature table: Table 1, errors against ground truth, plausibility."""
+"""Metrics of a feature table: Table 1, errors against ground truth, plausibility."""
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
 
 def table1(features: pd.DataFrame) -> pd.DataFrame:
-    """Table 1 of the fish paper: what each orientation shows, in per cent of its frames.
+    """Compute Table 1 of the fish paper: what each orientation shows, in per cent of its frames.
 
     The largest motion areas are relative to the clip's largest of that type of turn. Per row
     straight + right + left is 100, and the amounts sum to 100 (the paper's own do not: 101.45 in
@@ -41,12 +41,12 @@ def table1(features: pd.DataFrame) -> pd.DataFrame:
 
 
 def longest_track(features: pd.DataFrame) -> pd.DataFrame:
-    """The rows of the track with the most frames."""
+    """Return the rows of the track with the most frames."""
     return features[features["track_id"] == features["track_id"].mode()[0]]
 
 
 def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
-    """Flat numbers about the table, for metrics.json."""
+    """Summarise the table for metrics.json."""
     lengths = features.groupby("track_id").size()
     kinds = features["swimming_type"]
     return {
@@ -69,7 +69,7 @@ def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
 def in_mm(
     features: pd.DataFrame, tank_px: tuple[int, int], rate_hz: float, mm_per_px: float
 ) -> dict[str, float]:
-    """Lengths and speeds in millimetres, for metrics.json; `tank_px`: width and height.
+    """Return lengths and speeds in millimetres for metrics.json; `tank_px`: width and height.
 
     The speed is the displacement over Δ; NaN where no track is as long as Δ.
     """
@@ -83,10 +83,10 @@ def in_mm(
 
 
 def forwards(features: pd.DataFrame) -> dict[str, float]:
-    """The share of moving rows headed within 90° of their way; swaps of head and tail lower it.
+    """Return the share of moving rows headed within 90° of their motion, for metrics.json.
 
-    The way is the displacement over Δ, the heading that in the middle of it. In a current the film
-    shows no way.
+    Swaps of head and tail lower it. The motion is the displacement over Δ, the heading that in the
+    middle of it. In a current the film shows no such motion.
     """
     delta = delta_of(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)
@@ -105,11 +105,11 @@ def forwards(features: pd.DataFrame) -> dict[str, float]:
 def against_truth(
     features: pd.DataFrame, backbones: np.ndarray, truth: pd.DataFrame
 ) -> dict[str, float]:
-    """Errors against the drawn carp's ground truth, for metrics.json.
+    """Return errors against the drawn carp's ground truth, for metrics.json.
 
-    `backbones` (rows, n, 2) head first, of the table's rows. Each row is compared with the fish of
-    the same frame that is nearest. A backbone's error is the mean distance of its points from the
-    true points at the same shares of the length, so errors along the body count too.
+    `backbones` (rows, n, 2) head first, of the table's rows. Each row is compared with the nearest
+    fish of the same frame. A backbone's error is the mean distance of its points from the true
+    points at the same shares of the length, so errors along the body count too.
     """
     pairs = _nearest(features, truth)
     fish, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
@@ -151,11 +151,11 @@ def against_truth(
 
 
 def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> dict[str, float]:
-    """Agreement of the heads that another program gives with our own, for metrics.json.
+    """Return how well another program's heads agree with our own, for metrics.json.
 
     Our own heads are those of `orient_backbones` without the given ones. The angle is that between
-    the two directions from tail to head; above 90° the ends are exchanged. Where the program gives
-    no tail, its direction is that from the middle of the backbone to the head.
+    the two directions from tail to head; above 90° the ends are exchanged. Where the program has no
+    tail, its direction is that from the middle of the backbone to the head.
 
     tracks: the columns `finloop.features.table.USED`; given: schema GIVEN, the same rows.
     """
@@ -176,23 +176,21 @@ def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> 
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Mean distance (rows,) of corresponding points of lines (rows, n, 2)."""
+    """Return the mean distance (rows,) of corresponding points of lines (rows, n, 2)."""
     return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
 
 
 def _identity_changes(track: pd.Series, fish: pd.Series) -> int:
-    """How often a track passes from one fish to another."""
     same_track = np.diff(track.to_numpy()) == 0
     return int((same_track & (np.diff(fish.to_numpy()) != 0)).sum())
 
 
 def _rank(a: np.ndarray, b: pd.Series) -> float:
-    """Spearman's rank correlation."""
     return float(np.corrcoef(pd.Series(a).rank(), b.rank())[0, 1])
 
 
 def _nearest(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Pairs (k, 2) of row numbers: each fish of a track, and the true fish nearest to it."""
+    """Return pairs (k, 2) of row numbers: each fish of a track, and the true fish nearest to it."""
     fish = features[["frame", "x_px", "y_px"]].assign(fish=np.arange(len(features)))
     true = truth[["frame", "x_px", "y_px"]].assign(true=np.arange(len(truth)))
     both = fish.merge(true, on="frame", suffixes=("", "_true"))

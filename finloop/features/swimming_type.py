@@ -1,11 +1,11 @@
 """Swimming type: straight, turning left, turning right (fish paper §2.3, §3.2, Fig. 7b).
 
 The paper gives no rule. A turning fish is bent and changes its heading, both to the same side; a
-tail beat bends it as well, and a drift changes its heading as well. So both count, in units of
-their thresholds, and the mean of the two decides with hysteresis.
+tail beat also bends it, and a drift also changes its heading. So both count, in units of their
+thresholds, and the mean of the two decides with hysteresis.
 
-How fast a fish turns, and how far it bends, differs between animals: thresholds of one would find
-no turn of another. They are measured in the film, unless they are given.
+Animals differ in how fast they turn and how far they bend, so thresholds of one would find no turn
+of another. They are measured in the film, unless they are given.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ from finloop.base.arrays import Floats, Reals
 STRAIGHT, LEFT, RIGHT = 0, 1, -1
 WORDS = {STRAIGHT: "straight", LEFT: "left", RIGHT: "right"}
 
-_SELDOM = 0.9  # quantile of a film's frames; turns are above it, and last on below
-# Degrees within a track. Measured: fish that keep to one heading 4-8, others 250 and more.
+_SELDOM = 0.9  # quantile of a film's frames; turns start above it, and may continue below
+# Degrees within a track. Measured: fish that keep one heading 4-8, others 250 and more.
 _TURNS_DEG = 45.0
 
 
@@ -33,16 +33,16 @@ class Thresholds(NamedTuple):
 
 
 BRISK = Thresholds(16.0, 0.04)
-"""Those of a fish that turns briskly: zebrafish, and the drawn carp, whose turns are known."""
+"""Thresholds of a brisk fish: zebrafish, and the drawn carp, whose turns are known."""
 
 
 def thresholds(headings_deg: Sequence[Reals], bends: Sequence[Reals], span: int) -> Thresholds:
-    """The thresholds of a film, from heading and bend of each track (n,).
+    """Measure the thresholds of a film from heading and bend of each track (n,).
 
-    Those of a brisk fish. Of one that turns more slowly, or bends less, what it exceeds in a tenth
-    of its frames; both are lowered together till a tenth of them reach the score of a turn. Where
-    no track turns by 45° in all there is no turn to find, and tail beats would pass for turns.
-    span: Δ in frames.
+    They start from those of a brisk fish. If a fish turns more slowly, or bends less, they are the
+    values it exceeds in a tenth of its frames; both are lowered together until a tenth of them
+    reach the score of a turn. If no track turns by 45° in all, there is no turn to find, and tail
+    beats would count as turns. span: Δ in frames.
     """
     ranges = [np.ptp(np.unwrap(one, period=360)) for one in map(np.asarray, headings_deg)]
     if max(ranges) < _TURNS_DEG:
@@ -55,17 +55,17 @@ def thresholds(headings_deg: Sequence[Reals], bends: Sequence[Reals], span: int)
 
 
 def _seldom(values: Reals) -> float:
-    """The size that a tenth of some values (n,) reach; above 0."""
+    """Return the size that a tenth of the values (n,) reach; above 0."""
     return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
 
 
 def score(turn_deg: Reals, bend: Reals, limits: Thresholds) -> Floats:
-    """How much frames (n,) turn: 1 makes a turn to the left, −1 one to the right."""
+    """Return how much frames (n,) turn: 1 makes a turn to the left, −1 one to the right."""
     return 0.5 * (turn_deg / limits.turn_deg + bend / limits.bend)
 
 
 def turn(heading_deg: Reals, span: int) -> Floats:
-    """Change of heading (frames,) in degrees over `span` frames centred on each frame, + = left.
+    """Return the change of heading (frames,) [°] over `span` frames around each frame, + = left.
 
     Near the ends of a track, where the span does not fit, it is shortened and the change scaled up.
     """
@@ -83,7 +83,7 @@ def swimming_type(
     limits: Thresholds,
     release: float,
 ) -> NDArray[np.int8]:
-    """Type (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
+    """Classify consecutive frames: type (frames,) int8, 0 straight, 1 left, −1 right.
 
     A turn is a run of frames whose score - the mean of turn and signed bend, each over its
     threshold - stays above `release` and somewhere reaches 1.

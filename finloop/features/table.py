@@ -30,7 +30,7 @@ USED = (
     "track_id", "frame", "x_px", "y_px", "length_px",
     "backbone_x_px", "backbone_y_px", "half_width_px",
 )  # fmt: skip
-"""The columns of a table of tracks that features are made of."""
+"""The columns of a table of tracks from which features are computed."""
 
 FEATURES = Schema(
     *columns("int32", "1", "track_id", "frame"),
@@ -52,49 +52,49 @@ FEATURES = Schema(
 
 
 def delta_frames(delta_s: float, rate_hz: float) -> int:
-    """Δ in whole frames, at least 1."""
+    """Return Δ in whole frames, at least 1."""
     return max(1, round(delta_s * rate_hz))
 
 
 def delta_of(features: pd.DataFrame) -> int:
-    """Δ in frames of a feature table: the number of empty displacements at the end of a track."""
+    """Return Δ [frames] of a feature table: the number of empty displacements at a track's end."""
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
 def step_of(features: pd.DataFrame) -> int:
-    """Frames of a natural step, the unit of distances between pictures: a fifth of Δ, at least 1.
+    """Return the frames of a natural step, the unit of picture distances: Δ / 5, at least 1.
 
-    That is one frame of the paper's film (25 Hz, Δ of 5 frames). Of a film of many frames in Δ the
-    step from frame to frame would be a unit that shrinks as the camera gets quicker.
+    That is one frame of the paper's film (25 Hz, Δ of 5 frames). In a film of many frames per Δ,
+    the step from frame to frame would shrink as the camera gets faster.
     """
     return max(1, round(delta_of(features) / _STEPS))
 
 
 def wrap_deg(angle: Reals) -> Floats:
-    """The same angle in (−180, 180]."""
+    """Wrap angles to (−180, 180]."""
     return 180.0 - (180.0 - np.asarray(angle, float)) % 360.0
 
 
 def orientation(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
-    """Orientation number, 1 … (§3.3, Table 1: 24): 1 is centred on 0°, then anticlockwise."""
+    """Return the orientation number, 1 … (§3.3, Table 1: 24): 1 is centred on 0°, anticlockwise."""
     sector = 360 / orientations
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
 
 
 def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> Floats:
-    """The heading in [0, 360) that an orientation, 1 … orientations, is centred on."""
+    """Return the heading in [0, 360) at the centre of an orientation, 1 … orientations."""
     return (np.asarray(number, float) - 1) * (360 / orientations)
 
 
 def orientations_of(table: pd.DataFrame) -> int:
-    """The number of orientations in a table of features or of sprites."""
+    """Return the number of orientations in a table of features or of sprites."""
     return int(table["orientations"].iloc[0])
 
 
 def heading(backbone: Reals) -> Floats:
-    """Direction (rows,) in degrees of the head of backbones (rows, n, 2) that run head to tail.
+    """Return the direction (rows,) [°] of the head of backbones (rows, n, 2), head to tail.
 
-    The chord from one third of the body to the head end: the part that does not bend.
+    It is the chord from one third of the body to the head end: the part that does not bend.
     """
     third = at_places(backbone, np.array([HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
     dx, dy = (backbone[:, 0] - third).T
@@ -105,15 +105,12 @@ def features(
     tracks: pd.DataFrame, rate_hz: float, settings: FeaturesSettings,
     given: pd.DataFrame | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:  # fmt: skip
-    """The feature table of a table of tracks, row by row, and the backbones head first.
+    """Compute the feature table of a table of tracks, row by row, and the backbones head first.
 
-    The table of tracks is in the order (track_id, frame), as `extract` writes it. FinloopError if
-    it is not. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of
-    another program; where they are not NaN, they decide which end is the head.
-
-    Returns
-    -------
-    table : columns of `FEATURES`, the rows of `tracks`; backbones : (rows, n, 2) px beside it.
+    The table of tracks is in the order (track_id, frame), as `extract` writes it; else
+    FinloopError. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of
+    another program; where they are not NaN, they decide which end is the head. The feature table
+    has the columns `FEATURES`; the backbones beside it are (rows, n, 2) px.
     """
     if not pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]).is_monotonic_increasing:
         raise FinloopError(
@@ -164,7 +161,7 @@ def features(
 
 
 def _over_delta(table: pd.DataFrame, tracks: Sequence[slice], delta: int) -> tuple[Floats, Floats]:
-    """Displacement [body lengths] and included angle [°] (n,) of the rows of tracks."""
+    """Return displacement [body lengths] and included angle [°] (n,) of the rows of tracks."""
     way, direction, length = (
         through_water(table),
         table["heading_deg"].to_numpy(float),
@@ -180,7 +177,7 @@ def _over_delta(table: pd.DataFrame, tracks: Sequence[slice], delta: int) -> tup
 
 
 def _tail(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
-    """How far (rows,) the tail's tip is from the line of the head, body lengths, + = left."""
+    """Return the offset (rows,) of the tail's tip from the head's axis [body lengths], + = left."""
     dx, dy = (backbone[:, -1] - backbone[:, 0]).T
     back = np.radians(heading_deg)
     return (-dx * np.sin(back) - dy * np.cos(back)) / length
@@ -189,9 +186,9 @@ def _tail(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
 def limits_of(
     direction: Reals, bent: Reals, tracks: Sequence[slice], delta: int, settings: FeaturesSettings
 ) -> Thresholds:
-    """The thresholds of turns: as they are given, or measured in the film.
+    """Return the thresholds of turns: those of the settings, or measured in the film.
 
-    direction [°], bent (n,): heading and bend of all rows; tracks: the rows of each; delta: in
+    direction [°], bent (n,): heading and bend of all rows; tracks: the rows of each; delta: Δ in
     frames.
     """
     given = settings.turn_threshold_deg, settings.bend_threshold
@@ -201,7 +198,7 @@ def limits_of(
 
 
 def spans(tracks: pd.DataFrame) -> list[slice]:
-    """The rows of each track of a table that is sorted by them."""
+    """Return the rows of each track of a table that is sorted by them."""
     first = np.flatnonzero(np.diff(tracks["track_id"].to_numpy(), prepend=np.nan))
     return [slice(*one) for one in pairwise([*first.tolist(), len(tracks)])]
 

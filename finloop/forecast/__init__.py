@@ -1,9 +1,9 @@
-"""The next pose and motion, foretold with their spread: the paper's idea taken further.
+"""Prediction of the next pose and motion with its spread, an extension of the paper's idea.
 
-Eq. 4 of the fish paper foretells motion area and swimming type. Here the state is the pose itself
-with forward, sideways and turning speed; the control stays displacement and included angle (Eqs.
-1, 3). A network foretells the mean of the next state; the film's own departures from it, frame
-after frame, are its spread. So a fish swims as the filmed ones do, but on ways of its own.
+Eq. 4 of the fish paper predicts motion area and swimming type. Here the state is the pose itself
+with forward, sideways and turning speed; the control is still displacement and included angle (Eqs.
+1, 3). A network predicts the mean of the next state; the film's own departures from it, frame after
+frame, are its spread. So a fish swims like the filmed ones, but along new routes.
 """
 
 import lazy_loader

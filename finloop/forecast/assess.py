@@ -1,6 +1,6 @@
 """The quality of forecasts, on held-out rows and on fish that swim by them.
 
-They are compared with persistence (nothing changes) and, for motion area Δ later, with the paper's
+They are compared with persistence (no change) and, for motion area Δ later, with the paper's
 network (`finloop.bpn`) under the same control.
 """
 
@@ -23,8 +23,8 @@ HELD_OUT = Schema(
     Column("row", "int32", "1"),
     *columns("float32", "1", "pose_rank", "forward_rank", "sideways_rank", "turning_rank"),
 )
-"""Rows held out: the share of foretold next states below the true one, 0 … 1, of the first code
-and of the three speeds."""
+"""Held-out rows: the share of predicted next states below the true one, 0 … 1, for the first code
+and the three speeds."""
 
 FREE = Schema(
     Column("row", "int32", "1"),
@@ -33,16 +33,18 @@ FREE = Schema(
     Column("pose", "float32", "1"),
 )
 """A fish that swims freely, tick by tick: its speeds, its first code, and the row that it follows
-(of 2 n, or n where there are no mirror images)."""
+(of 2 n, or of n without mirror images)."""
 
-_TRIALS = 400  # rows from which it is tried how a fish obeys
+_TRIALS = 400  # rows from which a fish's obedience is measured
 _PRIOR = 4.0  # rows of the whole film that count beside an ensemble's own, in its spread
-_LEAST = 5  # members of an ensemble
+_LEAST = 5  # least members of an ensemble
 
 
 class Ensemble(NamedTuple):
-    """Forecasts of held-out rows (k,). mean, spread: (k, d); rank: (k, d) of the true state, the
-    share of its members below that; rows: (k,)."""
+    """Forecasts of held-out rows (k,).
+
+    mean, spread: (k, d); rank: (k, d) of the true state, the share of members below it; rows: (k,).
+    """
 
     rows: Ints
     mean: Floats
@@ -53,10 +55,10 @@ class Ensemble(NamedTuple):
 def ensembles(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator
 ) -> Ensemble:
-    """Forecasts of the next states of held-out rows, from the training rows alone.
+    """Predict the next states of held-out rows, from the training rows alone.
 
-    A member is the mean plus the departure of a similar training row. rng: the rank of the truth
-    between two members.
+    A member is the mean plus the departure of a similar training row. rng draws the rank of the
+    true state between two members.
     """
     in_train = np.zeros(len(film.states), bool)
     in_train[parts.train] = True
@@ -86,7 +88,7 @@ def ensembles(
 def measure_predictions(
     film: FilmStates, ensemble: Ensemble, swim: Sampler, parts: Partition
 ) -> dict[str, float]:
-    """Return errors, log likelihoods [nats per state number] and coverage when held out."""
+    """Return errors, log likelihoods [nats per state number] and coverage on held-out rows."""
     rows, true = parts.held_out, film.states[parts.held_out + 1]
     numbers = {}
     for name, part in {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}.items():
@@ -128,7 +130,7 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
 
 
 def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict[str, float]:
-    """How well a fish follows a control over Δ: slopes of its motion against the control.
+    """Measure how well a fish follows a control over Δ: slopes of its motion against the control.
 
     It starts at random rows of the film; the controls are those of similar rows.
     """
@@ -163,20 +165,20 @@ def _net_displacement(way: Floats) -> tuple[float, float]:
 
 
 def motion_area(postures: Floats) -> Floats:
-    """The motion areas (k,) [squared body length] of postures (k, 2 + 2 n)."""
+    """Return the motion areas (k,) [squared body length] of postures (k, 2 + 2 n)."""
     none = np.zeros(len(postures))
     lines = Pose(none, none, none, none + 1, postures).backbone_px()
     return np.abs(bend(lines, steps(postures).sum(1)))
 
 
 def held_out_table(ensemble: Ensemble) -> pd.DataFrame:
-    """The table of `HELD_OUT`."""
+    """Return the table HELD_OUT of ranks."""
     ranks = dict(zip(HELD_OUT.names[1:], ensemble.rank[:, [0, -3, -2, -1]].T, strict=True))
     return pd.DataFrame({"row": ensemble.rows, **ranks})
 
 
 def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
-    """The table of `FREE`."""
+    """Return the table FREE of a free swim."""
     return pd.DataFrame({
         "row": rows, "forward": states[:, -3], "sideways": states[:, -2], "turning": states[:, -1],
         "pose": states[:, 0],
@@ -186,7 +188,7 @@ def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
 def measure_free_run(
     states: Floats, rows: Ints, film: FilmStates, swim: Sampler
 ) -> dict[str, float]:
-    """Return how a free-swimming fish's spread compares with the film's, and what repeats."""
+    """Return the spread of a freely swimming fish relative to the film's, and its repeats."""
     usual = film.states[film.rows]
     clamped = (states <= swim.low) | (states >= swim.high)
     spread = states.std(0) / usual.std(0)
@@ -201,7 +203,7 @@ def measure_free_run(
 
 
 def longest_repeat(values: NDArray[np.generic]) -> int:
-    """The longest run of rows (n, k) that comes twice, the second after the first."""
+    """Return the longest run of rows (n, k) that comes twice, the second after the first."""
     number = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     longest = 0
     for lag in range(1, len(number)):
@@ -213,7 +215,10 @@ def longest_repeat(values: NDArray[np.generic]) -> int:
 
 
 def autocorrelation(values: Floats, follows: Mask, lags: int) -> Floats:
-    """The autocorrelation (lags,) of a series (n,); follows (n - 1,): whether i + 1 is after i."""
+    """Return the autocorrelation (lags,) of a series (n,).
+
+    follows (n - 1,): whether i + 1 continues i.
+    """
     centred, run = values - values.mean(), np.append(0, np.cumsum(~follows))
     square = float((centred**2).mean())
     return np.array([

@@ -30,7 +30,7 @@ CONTROL = 2
 """Numbers of a control: displacement and included angle."""
 
 LEAST_ROWS = 100
-_LEAST = 1e-6  # of a standard deviation
+_LEAST = 1e-6  # least standard deviation
 
 
 @dataclass(frozen=True)
@@ -60,27 +60,23 @@ class FilmStates:
 
     @property
     def rows(self) -> Ints:
-        """The rows (m,) that can be learnt from."""
+        """Return the usable rows (m,), from which the network can learn."""
         return np.flatnonzero(self.usable)
 
     def past(self, rows: Ints) -> Floats:
-        """The pasts (m, l, d) of rows."""
+        """Return the pasts (m, l, d) of rows."""
         return self.states[np.asarray(rows)[:, None] - self.lags]
 
 
 def film_states(
     features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: ForecastSettings
 ) -> FilmStates:
-    """The states of a film.
+    """Compute the states of a film.
 
     features: columns of `FEATURES` (n rows); codes: (n, c) of their postures, the most important
-    first; mirror: (c, c), codes @ mirror are those of the mirror image; None for a fish that is not
-    to be mirrored.
-
-    Raises
-    ------
-    FinloopError
-        If too few rows have a past and a future, or no fish of them turns or none moves.
+    first; mirror: (c, c), codes @ mirror are those of the mirror image; None for a fish that may
+    not be mirrored. FinloopError if too few rows have a past and a future, or no fish turns or
+    moves in them.
     """
     delta, n = delta_of(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
@@ -110,12 +106,12 @@ def film_states(
 
 
 def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
-    """Return the mirror of postures if `look` of `jumps` has rows of mirror images, else None."""
+    """Return the mirror of postures if `look` has rows of mirror images, else None."""
     return poses.shapes.mirror if len(look) > len(poses.codes) else None
 
 
 def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
-    """Forward, sideways and turning speed (n, 3) from the row before; NaN at a track's first."""
+    """Return forward, sideways and turning speed (n, 3); NaN at a track's first row."""
     place = through_water(features)
     heading = np.radians(features["heading_deg"].to_numpy(float))
     length = typical_length(features).to_numpy(float)
@@ -129,10 +125,10 @@ def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
 
 
 def _check(control: Floats, turns: bool) -> None:
-    """Refuse a film that shows too little to learn from.
+    """Raise FinloopError if a film shows too little to learn from.
 
-    control: (m, 2) of its usable rows; turns: whether a fish turns in one of them: a film without
-    a turn teaches nothing to steer by.
+    control: (m, 2) of its usable rows; turns: whether a fish turns in one of them: without a turn,
+    no steering can be learnt.
     """
     what = ""
     if len(control) < LEAST_ROWS:
@@ -144,7 +140,7 @@ def _check(control: Floats, turns: bool) -> None:
     if what:
         raise FinloopError(
             f"the film has {what}",
-            f"at least {LEAST_ROWS} rows of tracks of some seconds, in which a fish moves and "
+            f"at least {LEAST_ROWS} rows in tracks of some seconds, in which a fish moves and "
             "turns",
             "take a longer film, or leave the forecast out (matching.uses=[film])",
         )

@@ -1,8 +1,8 @@
 """How the network learns the mean of the next state (mean squares, AdamW), with early stopping.
 
-The error of each number of the state counts in units of that of persistence, which says that
-nothing changes. While it learns, the past is disturbed and the next state is not, so the network
-leads back to the film's states from beside them (as a denoising autoencoder; Vincent 2008).
+The error of each number of the state counts in units of the error of persistence, which predicts no
+change. During training the past is disturbed and the next state is not, so the network leads back
+to the film's states from nearby (as a denoising autoencoder; Vincent 2008).
 """
 
 from collections.abc import Callable, Iterator
@@ -20,12 +20,12 @@ from finloop.forecast.model import Forecast
 from finloop.forecast.partition import Partition
 from finloop.forecast.settings import ForecastSettings
 
-_FLOOR = 0.02  # of a variance: what hardly changes at all must not count more than the rest
-_STEADY = 0.3  # of the noise is different at every lag; the rest moves the whole past
+_FLOOR = 0.02  # least share of a variance: nearly constant numbers must not dominate
+_STEADY = 0.3  # share of the noise that differs between lags; the rest shifts the whole past
 
 
 class _Network(nn.Module):
-    """g, and its mean with its mirror image; states and controls in units of their scales."""
+    """The network g, averaged with its mirror image; inputs in units of their scales."""
 
     def __init__(self, film: FilmStates, hidden: int) -> None:
         super().__init__()
@@ -57,10 +57,10 @@ def learn(
     p: ForecastSettings,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[Forecast, pd.DataFrame]:
-    """Train on the rows to learn from; the rows held out say when to stop.
+    """Train on the rows to learn from; the held-out rows decide when to stop.
 
-    advance: called after each epoch. Returns the model, and per epoch the errors of both in
-    units of that of persistence (mean squares).
+    advance: called after each epoch. Return the model, and per epoch the errors on both sets of
+    rows in units of the error of persistence (mean squares).
     """
     with _one_thread(p.seed) as chance:
         network = _Network(film, p.hidden_units)
@@ -110,7 +110,6 @@ def _epoch(
     network: _Network, adam: torch.optim.Optimizer, sample: tuple[Sample, Tensor],
     p: ForecastSettings, chance: torch.Generator,
 ) -> None:  # fmt: skip
-    """Learn from every row once."""
     (past, control, later), weight = sample
     size = min(p.batch_size, len(past))
     order = torch.randperm(len(past), generator=chance)
@@ -125,7 +124,7 @@ def _epoch(
 
 
 def _noise(shape: torch.Size, chance: torch.Generator) -> Tensor:
-    """Disturbances (m, l, d) of pasts: a shift of all lags, and one of each, of various sizes."""
+    """Draw disturbances (m, l, d) of pasts: a shift of all lags, and one of each."""
     m, lags, d = shape
     shift, each = (
         torch.randn(m, count, d, generator=chance, dtype=torch.float64) for count in (1, lags)
@@ -135,7 +134,7 @@ def _noise(shape: torch.Size, chance: torch.Generator) -> Tensor:
 
 
 def _errors(network: _Network, weight: Tensor, train: Sample, held_out: Sample) -> dict[str, float]:
-    """Mean squares of the errors in units of those of persistence, a number of the state each."""
+    """Return mean squares of each state number's error, in units of those of persistence."""
     errors = {}
     with torch.inference_mode():
         for name, (past, control, later) in (("train", train), ("held_out", held_out)):
@@ -150,7 +149,7 @@ def _copy(network: _Network) -> dict[str, Tensor]:
 
 @contextmanager
 def _one_thread(seed: int) -> Iterator[torch.Generator]:
-    """Torch on one thread, which gives the same sums again, its first weights drawn by the seed."""
+    """Run torch on one thread, for reproducible sums; the seed draws its first weights."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

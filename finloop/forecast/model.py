@@ -4,7 +4,7 @@ With x the past (l, d) and u the control, both in units of their scales, and M t
 
     mean(x, u) = x₀ + ½ (g(x, u) + g(x M, u M) M),   g: two hidden layers of SiLU units
 
-so the mirrored past and control give the mirrored mean, whatever was learnt. M is folded into the
+so the mirrored past and control give the mirrored mean for any weights. M is folded into the
 weights of a second, mirrored network g M.
 """
 
@@ -38,8 +38,8 @@ class Forecast:
     """The trained network: weights of g, and what its numbers mean.
 
     layers: (l d + 2, h), (h, h), (h, d); biases: (h,), (h,), (d,); lags: (l,) frames; scale: (d,)
-    and control_scale: (2,) units of states and controls; mirror: (d, d) and side: (2,) of states
-    and controls, ones on the diagonal where nothing is mirrored.
+    and control_scale: (2,) units of states and controls; mirror: (d, d) and side: (2,) mirror
+    states and controls, ones on the diagonal where nothing is mirrored.
     """
 
     layers: tuple[Reals, Reals, Reals]
@@ -51,7 +51,7 @@ class Forecast:
     side: Floats
 
     def net(self) -> Net:
-        """The kernel's weights: raw states in and out, the mirror image beside."""
+        """Return the kernel's weights: raw states in and out, beside those of the mirror image."""
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
         d, lags = len(self.scale), len(self.lags)
         unit = np.concatenate([np.tile(self.scale, lags), self.control_scale])
@@ -68,7 +68,7 @@ class Forecast:
         return Net(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in both))
 
     def mean(self, past: Reals, control: Reals) -> Floats:
-        """The means (m, d) of the next states; past: (m, l, d), control: (m, 2)."""
+        """Predict the means (m, d) of the next states; past: (m, l, d), control: (m, 2)."""
         net = self.net()
         x = np.concatenate([past.reshape(len(past), -1), control], 1)
         mean = past[:, 0].astype(float)
@@ -79,7 +79,7 @@ class Forecast:
         return mean
 
     def record(self) -> dict[str, Any]:
-        """Every number as plain values; `forecast_model` reads them."""
+        """Return every number as plain values; `forecast_model` restores the model from them."""
         weights = dict(zip(_LAYERS, self.layers, strict=True))
         weights |= {f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)}
         rest = {name: getattr(self, name) for name in _UNITS}
@@ -93,9 +93,10 @@ _FORMAT = "finloop forecast 1"
 
 
 def forecast_model(**content: Any) -> Forecast:
-    """The model that `Forecast.record` described.
+    """Restore the model from the fields of `Forecast.record`.
 
-    KeyError, TypeError or ValueError if the content is none: missing, of another size, not finite.
+    KeyError, TypeError or ValueError if the content is no model: missing, of another size, not
+    finite.
     """
     if content["format"] != _FORMAT:
         raise ValueError(f"no forecast: {_FORMAT!r} is wanted, got {content['format']!r}")
@@ -114,15 +115,15 @@ def forecast_model(**content: Any) -> Forecast:
 
 
 def silu(x: Reals) -> Reals:
-    """x · sigmoid(x) (Elfwing 2018)."""
+    """Return x · sigmoid(x) (Elfwing 2018)."""
     return x / (1 + np.exp(-x))
 
 
 @finite_leaf
 def next_mean(net: Net, past: Weights, out: Floats, hidden: Weights) -> None:
-    """The mean of the next state into `out` (d,); past: (l d + 2,) raw, the control last.
+    """Write the mean of the next state into `out` (d,).
 
-    hidden (2, h): room for the layers.
+    past: (l d + 2,) raw, the control last; hidden (2, h): space for the layers.
     """
     d, h, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
     for j in range(d):
@@ -139,7 +140,7 @@ def next_mean(net: Net, past: Weights, out: Floats, hidden: Weights) -> None:
 
 @finite_leaf
 def _layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
-    """SiLU(x weights + bias) into `out`."""
+    """Write SiLU(x weights + bias) into `out`."""
     for j in range(out.size):
         out[j] = bias[j]
     for i in range(x.size):

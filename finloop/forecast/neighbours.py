@@ -25,18 +25,18 @@ from finloop.forecast.settings import ForecastSettings
 
 _LOT = 512  # rows at a time
 _TURN = 4096  # rows whose neighbours are of one part of a long film
-_STRETCH = 20  # Δ, of film that is all of one part
+_STRETCH = 20  # Δ, length of the stretches of a part of the film
 _BLOCK = 50_000  # rows at a time in the embedding
-_SPARE = 2  # times `count`: rows of different passages that are drawn for `count` that look alike
-_NEAR = 8  # times as many nearest rows that look alike are examined for these, ...
-_MOST = 16_384  # ... among this number of nearest rows at most, in a part of the film fewer, ...
-_FEWEST = 2  # ... but so many times as many at least
+_SPARE = 2  # times `count`: rows of different passages that are drawn to find `count` alike ones
+_NEAR = 8  # factor on the number of nearest rows that look alike and are examined for these, ...
+_MOST = 16_384  # ... among at most so many nearest rows, fewer in a part of the film, ...
+_FEWEST = 2  # ... but at least so many times as many
 
 
 def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
-    """The pasts (m, l d) of rows in which Euclidean distance says how similar they are.
+    """Return pasts (m, l d) of rows, scaled so that Euclidean distance measures similarity.
 
-    fade: in Δ; a state so long ago counts half.
+    fade: in Δ; a state this long ago counts half.
     """
     unit = film.scale.copy()
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
@@ -45,19 +45,20 @@ def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
 
 
 VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
-"""How far, in natural steps, rows (k,) and rows (k,), mirrored or not, are apart to the eye."""
+"""The visible distance, in natural steps, of rows (k,) and rows (k,), mirrored or not."""
 
 
 def similar_rows(
     film: FilmStates, look: Reals, visible: VisibleDistance, p: ForecastSettings
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
+    """Return the graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`.
 
-    A row has at most `p.neighbours`, each of another passage: apart from the row and from each
-    other by Δ and by the film's memory. The relation is then made symmetric, and mirror images
-    get the mirror images. look: (m, k) of all rows of the film, together of the deviation 1. The
-    rows after two neighbours, which a fish shows next, are at most `p.look` apart in it, and at
-    most `p.max_discontinuity` natural steps to the eye. FinloopError if no two rows are similar.
+    start (m + 1,), to (e,). A row has at most `p.neighbours`, each of another passage: apart from
+    the row and from each other by Δ and by the film's memory. The relation is then made symmetric,
+    and mirror images get the mirror images. look: (m, k) of all rows of the film, together with the
+    deviation 1. The rows after two neighbours, which a fish shows next, are at most `p.look` apart
+    in it, and have a visible distance of at most `p.max_discontinuity` natural steps. FinloopError
+    if no two rows are similar.
     """
     every = [_alike(pairs, film.count, visible, p) for pairs in _similar(film, look, p)]
     there = np.concatenate([np.empty((0, 2), np.int64), *every])
@@ -66,21 +67,21 @@ def similar_rows(
             "no two rows of the film are similar and look alike",
             f"some whose light and skin are at most {p.look} deviations apart, and that are at "
             f"most forecast.max_discontinuity={p.max_discontinuity} natural steps apart",
-            "take a longer film, in which postures come back, or raise forecast.max_discontinuity, "
+            "take a longer film, in which postures repeat, or raise forecast.max_discontinuity, "
             "or leave the forecast out (matching.uses=[film])",
         )
     return _both_ways(there, film.count, len(film.states))
 
 
 def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, NDArray[np.int32]]:
-    """The graph of pairs (k, 2), of these the other way round, and of their mirror images.
+    """Return the graph of pairs (k, 2), of their reverses, and of their mirror images.
 
-    count: the film's own rows, of `rows` with their mirror images.
+    count: the film's own rows; rows: with their mirror images.
     """
     image = (there + count) % rows if rows > count else there
     ways = ((pairs, side) for pairs in (there, image) for side in (0, 1))
     edges = np.concatenate([pairs[:, side] * rows + pairs[:, 1 - side] for pairs, side in ways])
-    edges.sort()  # in place, as below: of a million rows there are 50 million
+    edges.sort()  # in place, as below: a million rows have 50 million edges
     edges = edges[np.append(True, edges[1:] != edges[:-1])]
     start = np.searchsorted(edges, np.arange(rows + 1) * rows)
     edges %= rows
@@ -88,18 +89,18 @@ def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, NDArray[np.int
 
 
 def _space(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:
-    """The `embedding` (m, l d) of rows about its mean."""
+    """Return the `embedding` (m, l d) of rows about its mean."""
     lots = [rows[first : first + _BLOCK] for first in range(0, len(rows), _BLOCK)]
     mean = sum(embedding(film, lot, fade).sum(0) for lot in lots) / len(rows)
     return np.concatenate([(embedding(film, lot, fade) - mean).astype(np.float32) for lot in lots])
 
 
 def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
-    """Pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
+    """Yield pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
     The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
-    another passage. They come lot by lot of the rows. Of a film of several parts (`parts_of`) the
-    neighbours of a row are of one of them, of some thousand rows later of another one.
+    another passage. They come lot by lot. In a film of several parts (`parts_of`) the neighbours of
+    a row are of one part; every few thousand rows, that part changes.
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
@@ -127,12 +128,12 @@ def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Int
 def _choose_among(
     some: Ints, choose: Choice, queries: Ints, near: Ints
 ) -> tuple[tuple[NDArray[Any], ...], Mask]:
-    """Return what is chosen, where `near` are numbers into `some` rows alone."""
+    """Return the chosen values, where `near` are numbers into `some` rows alone."""
     return choose(queries, np.where(near < 0, -1, some[near]))
 
 
 def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: ForecastSettings) -> Ints:
-    """Of pairs (k, 2) of `_similar` the first `p.neighbours` of each row that look alike."""
+    """Return, of the pairs (k, 2), each row's first `p.neighbours` that look alike."""
     _, row = np.unique(pairs[:, 0], return_inverse=True)
     place = np.arange(len(pairs)) - np.searchsorted(row, row)
     few = np.flatnonzero(place < p.neighbours)
@@ -147,7 +148,7 @@ def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: ForecastSetting
 
 
 def _visible(pairs: Ints, count: int, visible: VisibleDistance) -> Floats:
-    """Visible distance (k,) between the rows after each pair; `count`: the film's own rows."""
+    """Return the visible distance (k,) of the rows after each pair; count: the film's rows."""
     row, neighbour = (pairs + 1).T
     return visible(row, neighbour % count, neighbour >= count)
 
@@ -157,11 +158,11 @@ def _passages(
     rows: Ints, lot: Ints, alike: tuple[NDArray[np.float32], float], limits: tuple[int, int, int],
     some: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """The nearest rows (k, count) of rows[lot[some]] that look alike, one a passage; −1: none.
+    """Return the nearest rows (k, count) of rows[lot[some]] that look alike, one a passage.
 
-    near (k, l): numbers into `rows`, the nearest first. alike: looks (m, c), and how far apart they
-    are at most. limits: how many alike rows are examined, how far passages are apart, count. The
-    mask (k,) is True where `count` passages, or all the rows to be examined, are there.
+    −1: none. near (k, l): numbers into `rows`, the nearest first. alike: looks (m, c), and their
+    largest distance. limits: how many alike rows are examined, how far passages are apart, count.
+    The mask (k,) is True where `count` passages, or all the rows to be examined, are there.
     """
     looks, most_apart = alike
     looked_at, apart, count = limits

@@ -20,17 +20,15 @@ class Partition:
 
 
 def split(film: FilmStates, p: ForecastSettings) -> Partition:
-    """By stretches of time across all fish: a held-out row has no part of its past in the others.
+    """Split rows by stretches of time across all fish; a held-out row shares no past with others.
 
-    Of a long film `p.most_rows` of both.
-
-    Raises
-    ------
-    FinloopError
-        If the film is shorter than two such stretches.
+    In a long film both sides together have `p.most_rows`. FinloopError if the film is shorter than
+    two such stretches.
     """
     rows, least = film.rows, int(film.lags[-1]) + 2
-    block = block_frames(p.held_out_block, p.held_out_ratio, film.delta, film.frame[rows], least)
+    block = block_frames(
+        p.held_out_block_deltas, p.held_out_ratio, film.delta, film.frame[rows], least
+    )
     first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
     blocks = np.unique(first)
     count = min(max(1, round(p.held_out_ratio * len(blocks))), len(blocks) - 1)
@@ -42,7 +40,7 @@ def split(film: FilmStates, p: ForecastSettings) -> Partition:
             f"{len(parts.train)} rows to learn from and {len(parts.held_out)} held out, by "
             f"stretches of {block} frames",
             "some of both",
-            "a smaller forecast.held_out_block, or a longer film",
+            "a smaller forecast.held_out_block_deltas, or a longer film",
         )
     rng = np.random.default_rng((p.seed, 2))
     return Partition(*(

@@ -1,14 +1,14 @@
 """Sampling: the next state is the network's mean plus a departure from it that the film shows.
 
 A fish follows a row: from tick to tick it takes the departures of successive rows, whose states are
-like its own. Now and then it jumps to a similar row of another passage of the film. With F the
-film's states, r the row, f the network, x the fish's state and u the control:
+similar to its own. Now and then it jumps to a similar row of another passage of the film. With F
+the film's states, r the row, f the network, x the fish's state and u the control:
 
     x(t + 1) = F(r + 1) + s · (f(past, u) − f(past of r, u of r))
 
 A fish in a row's own state and under its own control swims as filmed. Elsewhere the network
-foretells the difference, and s < 1 lets it settle. Another control than the row's turns the fish as
-the network has learnt.
+predicts the difference, and s < 1 lets it settle. A control that differs from the row's turns the
+fish as the network has learnt.
 """
 
 from typing import NamedTuple
@@ -23,22 +23,22 @@ from finloop.forecast.model import Forecast, Net, next_mean
 from finloop.forecast.settings import ForecastSettings
 
 _LOT = 50_000  # rows at a time
-_EDGES = 1_000_000  # of the graph, a sample: how much controls of similar rows differ
+_EDGES = 1_000_000  # sample of the graph's edges that measures how much controls differ
 
 
 Similar = NDArray[np.int32]
-"""Rows that are similar to others: of a million rows there are 50 million."""
+"""Rows that are similar to others; a million rows have 50 million of them."""
 
 
 class Sampler(NamedTuple):
-    """The data of a sampler; kernels take it whole. Rows are as in `FilmStates`.
+    """The data of a sampler; kernels take it as a whole. Rows are as in `FilmStates`.
 
-    states, mean: (m, d) of rows, and the means foretold from them; control: (m, 2); usable: (m,);
+    states, mean: (m, d) of rows, and the means predicted from them; control: (m, 2); usable: (m,);
     low, high: (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) the share of a
-    difference that remains after a tick; start, to: the graph of similar rows; follow: ticks, on
-    average, for which a row is followed; obey: (2,) the difference of a row's control from the
-    given one at which the row's likelihood is exp(−1/2);
-    rests: (m,) whether a fish at the row moves as the film does, not as is foretold: it rests.
+    difference that remains after a tick; start, to: the graph of similar rows; follow: mean ticks
+    for which a row is followed; obey: (2,) the difference of a row's control from the given one at
+    which the row's likelihood is exp(−1/2); rests: (m,) whether a fish at the row rests: it moves
+    as in the film, not as predicted.
     """
 
     net: Net
@@ -65,7 +65,7 @@ class RolloutState(NamedTuple):
 
 
 def means(film: FilmStates, model: Forecast) -> Floats:
-    """The states (m, d) foretold from all rows that can be learnt from, 0 of the others."""
+    """Predict the next states (m, d) of all usable rows; 0 for the others."""
     mean = np.zeros_like(film.states)
     for start in range(0, len(film.rows), _LOT):
         lot = film.rows[start : start + _LOT]
@@ -77,9 +77,9 @@ def sampler(
     film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: ForecastSettings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
-    """The sampler of a film and its model.
+    """Build the sampler of a film and its model.
 
-    graph: of `neighbours.similar_rows`; mean: of `means`, None where that is to be called.
+    graph: from `neighbours.similar_rows`; mean: from `means`, None to call it.
     """
     rows, d = film.rows, len(film.scale)
     mean = means(film, model) if mean is None else mean
@@ -97,21 +97,21 @@ def sampler(
 
 
 def begin(swim: Sampler, rng: np.random.Generator) -> RolloutState:
-    """The state of a row of the film, all equally likely."""
+    """Return the state of a random row of the film, all equally likely."""
     return at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
 
 
 def at_row(swim: Sampler, row: int) -> RolloutState:
-    """The state of a row."""
+    """Return the state of a row."""
     return RolloutState(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
 
 
 def step(
     swim: Sampler, state: RolloutState, control: Floats | None, rng: np.random.Generator
 ) -> RolloutState:
-    """One tick on, under a control (2,), or freely.
+    """Return the state a tick later, under a control (2,), or freely.
 
-    Nothing but `rng` is changed: the same state, control and draws give the same next state.
+    Only `rng` changes: the same state, control and draws give the same next state.
     """
     row = state.row
     if not swim.usable[row] or rng.random() < 1 / swim.follow:
@@ -122,7 +122,7 @@ def step(
 
 
 def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
-    """A similar row, or the row itself; more likely one whose own control is like `control`."""
+    """Draw a similar row, or the row itself; one with a similar control is more likely."""
     rows, chance = ways(swim, row)
     if control is not None:
         chance = chance * likeness(swim, rows, control)
@@ -130,15 +130,15 @@ def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Gene
 
 
 def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
-    """The likeness (k,) of the controls of rows to a control, 1 for the most similar one."""
+    """Return the likeness (k,) of rows' controls to a control, 1 for the most similar one."""
     square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
     return np.exp(-0.5 * (square - square.min(initial=np.inf)))
 
 
 def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
-    """Rows (k,) that a fish at a row may follow next, itself last; their probability (Metropolis).
+    """Return the rows (k,) that may follow, the row itself last; their probability (Metropolis).
 
-    A row that cannot be followed has its neighbours alone. Where it has none, they are those of the
+    A row that cannot be followed has only its neighbours. If it has none, they are those of the
     last row before it that has some, shifted by the rows between.
     """
     last = row
@@ -155,7 +155,7 @@ def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
 
 
 def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-    """Swim freely: the states (ticks, d) and the film's rows (ticks,) that were followed."""
+    """Swim freely: return the states (ticks, d) and the film's rows (ticks,) that were followed."""
     (past, row), states, rows, n = begin(swim, rng), [], [], 0
     while n < ticks:
         row = go_over(swim, row, None, rng)
@@ -170,10 +170,10 @@ def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Float
 
 @finite_kernel
 def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
-    """The states (ticks, d), the last one first, of a fish that follows a row.
+    """Return the states (ticks, d), the last one first, of a fish that follows a row.
 
-    There are fewer where the film of the row ends. control: (2,) of the first tick; its difference
-    from the row's own stays.
+    There are fewer if the film of the row ends. control: (2,) of the first tick; its difference
+    from the row's own stays constant.
     """
     d, lags, deep = swim.states.shape[1], swim.lags, len(past)
     while ticks > 1 and not swim.usable[row : row + ticks].all():

@@ -18,7 +18,7 @@ class ForecastSettings:
     input_noise_sd: NotNegative
     seed: Seed
 
-    held_out_block: Positive
+    held_out_block_deltas: Positive
     held_out_ratio: Share
 
     neighbours: Count
@@ -46,7 +46,7 @@ class ForecastSettings:
         "share": "pose_variance_ratio",
         "hidden": "hidden_units",
         "noise": "input_noise_sd",
-        "block": "held_out_block",
+        "block": "held_out_block_deltas",
         "held_out": "held_out_ratio",
         "seen": "max_discontinuity",
     }

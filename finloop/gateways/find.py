@@ -4,9 +4,9 @@
 *Out*: a row is on screen, a sprite is drawn next. The distance of both is Eq. 5 between the picture
 that would have come next and the one that does.
 
-In the pose BODY pictures are compared with the measured heading to the right, so that a sprite
-and its own frame are equal. A sprite is drawn by the line it swims along, some degrees off that,
-and turns on while it is on screen: `turn_deg` says how the film is turned to fit.
+In the pose BODY pictures are compared with the measured heading to the right, so a sprite and its
+own frame are equal. A sprite is drawn by the line it swims along, some degrees off that, and turns
+while it is on screen: `turn_deg` is the turn of the film that fits it.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from finloop.gateways.settings import GatewaysSettings
 
 IN, OUT = "in", "out"
 _BLOCK = 256  # rows whose pictures are held at once
-_DIGITS = 5  # of a distance
+_DIGITS = 5  # digits of a distance
 _CYCLES = ("straight", "slide")
 
 GATEWAYS = Schema(
@@ -53,7 +53,7 @@ Ints = NDArray[np.intp]
 class Nearness:
     """Eq. 5 between s sprites and the pictures of n rows of the feature table.
 
-    rows (n,): rising. ahead (s, n): from the frame of the film after a sprite. own (s, n): from the
+    rows (n,): rising. ahead (s, n): from the film's frame after a sprite. own (s, n): from the
     sprite itself. orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading
     that was turned to the right, BODY: as measured; FILM: that of the orientation. ahead_deg,
     own_deg (s,): the same of the other two, with the sprite drawn at 0°.
@@ -103,9 +103,9 @@ def nearness(
 def sprite_pictures(
     reel: Reel, size: int, pose: str, number: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The film's next picture after every sprite, and the sprites: (s, size, size, c) each.
+    """Return the film's next picture after every sprite, and the sprites: (s, size, size, c) each.
 
-    In the orientation `number`; pose BODY: with the measured heading to the right.
+    They are in the orientation `number`; in pose BODY with the measured heading to the right.
     """
     if pose != BODY:
         return reel.after_sprites(size, number), reel.sprite_pictures(size, number)
@@ -119,19 +119,18 @@ def sprite_pictures(
 
 
 def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
-    """Headings (s,) of the film relative to the sprites' own, mirrored where the sprite is."""
+    """Return the headings (s,) of the film relative to the sprites', mirrored with the sprite."""
     off = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
     return np.where(sprites["mirrored"], -off, off)
 
 
 def _rows_of(reel: Reel) -> tuple[Ints, Ints]:
-    """The row of every sprite's frame, and of the next one; at the end of a track the same."""
+    """Return the row of every sprite's frame, and the next one; at a track's end the same."""
     row = reel.sprites["row"].to_numpy(np.intp)
     return row, reel.next_rows(row)
 
 
 def _frames_ahead(features: pd.DataFrame) -> Ints:
-    """How many frames of its track come after each row."""
     return features.groupby("track_id").cumcount(ascending=False).to_numpy()
 
 
@@ -139,12 +138,12 @@ def gateways(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, step: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:  # fmt: skip
-    """The table of `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
+    """Return `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
 
-    `step` is the median natural step. A sprite leads to its `top_in` nearest rows in each
-    orientation. These are `apart` apart and have `least` of their track ahead. A row leads to the
-    `top_out` sprites of each sequence that are nearest to its next row. The last row of a track has
-    no way out, and a turn is entered by its first sprite only.
+    `step` is the median natural step. A sprite leads to its `frames_per_sprite` nearest rows in
+    each orientation. These are `apart` apart and have `least` of their track ahead. A row leads to
+    the `sprites_per_frame` sprites of each sequence that are nearest to its next row. The last row
+    of a track has no way out, and a turn is entered only by its first sprite.
     """
     most = settings.distance_threshold * step
     ways = [
@@ -166,7 +165,7 @@ def gateways(
 def _ways_in(
     near: Nearness, features: pd.DataFrame, most: float, settings: GatewaysSettings
 ) -> pd.DataFrame:
-    """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
+    """Return sprite, row, rank, distance: the `top_in` best rows of each sprite and orientation."""
     track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
     delta = delta_of(features)
     lasts = _frames_ahead(features)[near.rows] >= settings.least * delta
@@ -191,7 +190,7 @@ def _ways_in(
 def _ways_out(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, most: float, top: int
 ) -> pd.DataFrame:
-    """sprite, row, rank, distance: the `top` best sprites of each sequence, for every row.
+    """Return sprite, row, rank, distance: each row's `top` best sprites of each sequence.
 
     Every sequence is there, because the player chooses among them.
     """
@@ -214,7 +213,7 @@ def _ways_out(
 def nearest(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: GatewaysSettings
 ) -> pd.DataFrame:  # fmt: skip
-    """The table of `GATEWAYS` without a threshold: the gateways that a higher one would add."""
+    """Return `GATEWAYS` without a threshold: the gateways that a higher one would add."""
     endless = replace(settings, distance_threshold=np.inf)
     return gateways(near, sprites, features, 1.0, endless)
 
@@ -223,7 +222,7 @@ def numbers(
     table: pd.DataFrame, every: pd.DataFrame, near: Nearness, features: pd.DataFrame,
     rate_hz: float, step: float,
 ) -> dict[str, float]:  # fmt: skip
-    """Flat numbers about gateways, for metrics.json; `every` is `nearest`."""
+    """Return metrics of gateways, for metrics.json; `every` is from `nearest`."""
     result: dict[str, float] = {}
     for word in (IN, OUT):
         far = table.loc[table["direction"] == word, "distance"] / step
@@ -251,6 +250,5 @@ def numbers(
 
 
 def _longest(flag: Mask, track: pd.Series) -> int:
-    """The longest run of True rows within one track."""
     run = pd.Series(~flag).cumsum()
     return int(pd.Series(flag).groupby([track.to_numpy(), run.to_numpy()]).sum().max())

@@ -1,7 +1,7 @@
 """Identity: tracks joined to animals across touches, by motion and appearance.
 
-A track ends where an animal touches another. Motion (`motion`) and appearance (`appearance`) say
-how probable it is that a later track is the same animal; `joins` finds the best set of joins.
+A track ends where an animal touches another. Motion (`motion`) and appearance (`appearance`) give
+the probability that a later track is the same animal; `joins` finds the best set of joins.
 """
 
 import lazy_loader

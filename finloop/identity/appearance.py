@@ -1,6 +1,6 @@
 """Appearance: the descriptor of an animal, and whether two tracks look like one animal.
 
-The descriptor of a picture holds the animal's length, area, contrast and widths along the body, and
+A picture's descriptor holds the animal's length, area, contrast and widths along the body, and
 principal components of the picture itself, headed right. The directions that distinguish animals
 are learnt from the film: two parts of one track are one animal, two tracks with a frame in common
 are two.
@@ -16,17 +16,17 @@ from finloop.base.arrays import Floats
 from finloop.base.stretches import spread
 from finloop.identity.joins import Pairs, Tracks
 
-# scikit-learn is imported where it is used: that takes a second, and plots do not need it.
+# scikit-learn is imported where it is used: the import takes a second, and plots do not need it.
 if TYPE_CHECKING:
     from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
-_FOLDS = 2  # discriminant directions are tested on tracks that they were not learnt from
-_PARTS = 3  # of a track: the first and the last are compared, the middle lies between them
-_LEAST = 8  # pairs of one animal, and of two: the fewest to learn from
-# Shrinkage: the share of the spread within tracks that is alike in all directions. 0.01 makes the
-# same animals of the zebrafish, 0.2 two more.
+_FOLDS = 2  # discriminant directions are tested on other tracks than they were learnt from
+_PARTS = 3  # parts of a track: the first and the last are compared
+_LEAST = 8  # least pairs of one animal, and of two, to learn from
+# Shrinkage: the share of the spread within tracks that is equal in all directions. 0.01 gives the
+# same zebrafish, 0.2 two more.
 _SHRUNK = 0.05
-# Of a longer film, the pictures that give the components, and the tracks that give the discriminant
+# Of a longer film: most pictures for the components, and most tracks for the discriminant
 # directions; both are spread over it.
 _PICTURES, _TRACKS = 10_000, 1_000
 _BLOCK = 2_000  # pictures held at once
@@ -35,9 +35,9 @@ _BLOCK = 2_000  # pictures held at once
 def descriptors(
     measures: Floats, pictures: Callable[[Tracks], NDArray[np.float32]], components: int
 ) -> Floats:
-    """Descriptors (rows, d). Each measure has the spread 1; the components have it together.
+    """Return descriptors (rows, d). Each measure has the spread 1, as have all components together.
 
-    measures (rows, m); pictures: of some of the rows, (k, pixels).
+    measures (rows, m); pictures: returns those of some rows, (k, pixels).
     """
     rows = np.arange(len(measures))
     some = pictures(spread(rows, _PICTURES)).astype(float)
@@ -58,12 +58,12 @@ def _spread(values: Floats) -> Floats:
 
 
 def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats:
-    """The log ratio (e,) of looking like one animal against two, of pairs of tracks.
+    """Return the log ratio (e,) of pairs of tracks looking like one animal rather than two.
 
-    tracks: of each the numbers (k, d) of its pictures, in the order of time. at_once: the tracks
-    that have a frame in common. All zeros where the film has too few pairs to learn from. Ratios
-    are limited to the number of pairs that they were learnt from, and distances to the median of
-    those of two animals.
+    tracks: for each, the descriptors (k, d) of its pictures, in the order of time. at_once: the
+    pairs of tracks that have a frame in common. All zeros where the film has too few pairs to learn
+    from. Ratios are limited to the number of pairs that they were learnt from, and distances to the
+    median of those of two animals.
     """
     long = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
     one_animal, two = list[Floats](), list[Floats]()
@@ -78,7 +78,7 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     counts = [len(apart) for apart in distances]
     if min(counts) < _LEAST:
         return np.zeros(len(pairs.a))
-    # A track of two animals that touch is far from itself, and one such would flatten the curve.
+    # A track of two animals that touch is far from itself; a single one would flatten the curve.
     farthest = float(np.median(distances[1]))
     from sklearn.linear_model import LogisticRegression
 
@@ -86,7 +86,7 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
         np.minimum(np.concatenate(distances), farthest)[:, None], np.repeat([1, 0], counts)
     )
     slope, offset = float(learnt.coef_[0, 0]), float(learnt.intercept_[0])
-    if slope >= 0:  # what is farther apart would be more alike: nothing was learnt
+    if slope >= 0:  # farther apart would mean more alike: nothing was learnt
         return np.zeros(len(pairs.a))
     first, last = _ends(tracks, _tells(tracks, long))
     most = float(np.log(min(counts)))
@@ -95,7 +95,7 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
 
 
 def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnalysis | None":
-    """The directions that tell these tracks from one another; None of fewer than two tracks."""
+    """Return the directions that distinguish these tracks; None for fewer than two tracks."""
     if len(learnt) < 2:
         return None
     from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
@@ -109,7 +109,7 @@ def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnaly
 def _ends(
     tracks: Sequence[Floats], tells: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
-    """The mean (n, c) of each track's first part, and of its last, in discriminant directions."""
+    """Return the means (n, c) of each track's first and last part, in discriminant directions."""
     part = [max(1, len(track) // _PARTS) for track in tracks]
     first = np.array([track[:k].mean(0) for track, k in zip(tracks, part, strict=True)])
     last = np.array([track[-k:].mean(0) for track, k in zip(tracks, part, strict=True)])

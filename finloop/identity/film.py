@@ -21,12 +21,12 @@ from finloop.identity.settings import IdentitySettings
 
 IDENTITIES = Schema(
     *columns("int32", "1", "track_id", "identity"),
-    Column("after_track", "int32", "1"),  # the track before of the same animal; −1: none
+    Column("after_track", "int32", "1"),  # the same animal's previous track; −1: none
     Column("gap_frames", "int32", "1"),  # from the end of that one; 0 where there is none
     Column("probability", "float32", "1"),  # that it is that animal; 1 where there is none before
 )
-_LEAST_HALF = 10  # frames on either side of a trial gap: a track of twice as many is long
-_EVERY = 4  # of a backbone's points, one at which its width is taken
+_LEAST_HALF = 10  # least frames on either side of a trial gap
+_EVERY = 4  # a backbone's points from one measured width to the next
 USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px", "contrast"]
 
 
@@ -41,7 +41,7 @@ class Spans(NamedTuple):
 class Evidence:
     """The evidence for the identities in a film. measures (n, d): of every row's body.
 
-    segment (n,): the part of the film, between cuts, of each row; no join leads across a cut.
+    segment (n,): each row's part of the film, between cuts; no join leads across a cut.
     """
 
     reel: Reel
@@ -53,7 +53,7 @@ class Evidence:
 def evidence(
     reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
 ) -> Evidence:
-    """The evidence of a film.
+    """Collect the evidence of a film.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
     film's further segments.
@@ -63,7 +63,7 @@ def evidence(
 
 
 def identities(film: Evidence) -> pd.DataFrame:
-    """Schema IDENTITIES: the animal of each track; number 0 is the one on film the longest."""
+    """Return the animal of each track (schema IDENTITIES); number 0 is longest on film."""
     features = film.reel.features
     parts = [np.arange(a, b) for a, b in zip(*spans(features), strict=True)]
     joins = joins_of(film, parts)
@@ -82,7 +82,7 @@ def identities(film: Evidence) -> pd.DataFrame:
 
 
 def from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
-    """Schema IDENTITIES from another program's names of the animals.
+    """Return the animal of each track (schema IDENTITIES) from another program's names.
 
     animals (rows,): the names, in the rows of the feature table.
     """
@@ -102,9 +102,9 @@ def from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
 
 
 def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator) -> Floats:
-    """Trial gaps in whole tracks: the shares joined right and joined wrong; NaN without any.
+    """Return the shares of trial gaps that are joined right and wrong; NaN without any.
 
-    Frames are taken out of the middle of every track that is long enough, as many as in one of the
+    Frames are removed from the middle of every track that is long enough, as many as in one of the
     film's own `gaps`, and all tracks are joined anew.
     """
     parts, halves = list[NDArray[np.intp]](), list[int]()
@@ -127,7 +127,7 @@ def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator)
 
 
 def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
-    """Length, area, contrast and half widths from head to tail of every row (n, d)."""
+    """Return length, area, contrast and half widths from head to tail of every row (n, d)."""
     widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
     back = tail_first(lists_to_points(tracks, "backbone"), features)
     widths = np.where(back[:, None], widths[:, ::-1], widths)
@@ -135,16 +135,16 @@ def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
 
 
 def spans(features: pd.DataFrame) -> Spans:
-    """The rows of each track of a feature table."""
+    """Return the rows of each track of a feature table."""
     edges = np.flatnonzero(np.diff(features["track_id"].to_numpy())) + 1
     return Spans(np.append(0, edges), np.append(edges, len(features)))
 
 
 def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """The joins of tracks, or of parts of tracks: rows in the order of frames.
+    """Join tracks, or parts of tracks, given as rows in the order of frames.
 
-    The score of a join is that of motion and appearance together; the appearance of tracks that are
-    joined is that of all their pictures.
+    The score of a join combines motion and appearance; the appearance of joined tracks is that of
+    all their pictures.
     """
     reel, p = film.reel, film.settings
     features = reel.features
@@ -182,7 +182,7 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
 
 
 def _numbers(joins: TrackJoins, lengths: list[int]) -> NDArray[np.intp]:
-    """The number of each track's animal, 0 for the one with the most rows."""
+    """Return the number of each track's animal, 0 for the one with the most rows."""
     root = np.arange(len(lengths))
     for track in range(len(lengths)):
         head = track

@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite
 from finloop.base.arrays import Floats, Reals
 
 _DRAWS = 500  # best sets under noise; a probability is a share of them
-# The candidates for a join: the tracks that begin soonest after an end. The zebrafish's trial gaps
-# are joined the same from 16 on. In a film of hours all pairs would be too many.
+# Candidates for a join: so many tracks that begin soonest after an end. From 16 on the zebrafish's
+# trial gaps are joined the same. In a film of hours there would be too many pairs.
 _SOONEST = 64
 
 Tracks = NDArray[np.intp]
@@ -28,14 +28,14 @@ class Pairs(NamedTuple):
 
 
 class TrackJoins(NamedTuple):
-    """For each track (n,) its predecessor, −1 for none, and the probability of that."""
+    """For each track (n,) its predecessor, −1 for none, and the probability of that join."""
 
     before: Tracks
     probability: Floats
 
 
 def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> Pairs:
-    """Pairs of every track with the `most` that begin soonest after its end, in its segment.
+    """Pair every track with the `most` that begin soonest after its end, in its segment.
 
     start, stop (n,): first and last frames of the film; segment (n,): rising with the frames.
     """
@@ -47,7 +47,7 @@ def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> P
 
 
 def at_once(start: Reals, stop: Reals) -> Pairs:
-    """All pairs a < b of tracks that have a frame in common; start, stop as in `later`."""
+    """Return all pairs a < b of tracks that have a frame in common; start, stop as in `later`."""
     order = np.argsort(start, kind="stable")
     low = np.empty(len(order), np.intp)
     low[order] = np.arange(len(order)) + 1
@@ -56,7 +56,7 @@ def at_once(start: Reals, stop: Reals) -> Pairs:
 
 
 def _ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
-    """Every track k with the tracks order[low[k]:high[k]]."""
+    """Pair every track k with the tracks order[low[k]:high[k]]."""
     count = np.maximum(high - low, 0)
     offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     return Pairs(np.repeat(np.arange(len(order)), count), order[np.repeat(low, count) + offset])
@@ -66,14 +66,14 @@ def best(
     tracks: int, pairs: Pairs, log_ratio: Floats, strangers: float, least: float,
     rng: np.random.Generator,
 ) -> TrackJoins:  # fmt: skip
-    """The set of joins that is most probable as a whole; every track has at most one on each side.
+    """Return the most probable set of joins; every track has at most one on each side.
 
-    log_ratio (e,): of a join of each of the pairs; no other is made. strangers: how often an animal
+    log_ratio (e,): of a join of each pair; no other joins are made. strangers: how often an animal
     comes or goes. A join less probable than `least` is left out.
 
     The probability of a join is its share of the best sets when all scores are disturbed by noise
-    (perturb and maximise: Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). Noise
-    of a join is the mean of two Gumbel variables, one for each of its tracks.
+    (perturb and maximise: Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The
+    noise of a join is the mean of two Gumbel variables, one for each of its tracks.
     """
     sets = _Sets(pairs, tracks)
     alone = np.full((2, tracks), np.log(strangers))
@@ -93,11 +93,11 @@ def in_passes(
     sure: float,
     best_of: Callable[[int, Pairs, Floats], TrackJoins],
 ) -> TrackJoins:
-    """The joins of tracks, the sure ones first.
+    """Join tracks in several passes, the sure joins first.
 
     Tracks that a join of at least the probability `sure` connects are one chain in the next pass:
-    more of an animal is seen there, and fewer ends are open. scores: pairs of chains, and the log
-    ratio of a join of each; best_of: `best`, of so many chains.
+    then more of an animal is visible, and fewer ends are open. scores: returns pairs of chains and
+    the log ratio of a join of each; best_of: `best`, for a number of chains.
     """
     before, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]
@@ -115,7 +115,7 @@ def in_passes(
 
 
 def _chains(before: Tracks) -> Chains:
-    """Tracks in chains: each after the one before it, in the order of their first tracks."""
+    """Chain tracks: each after its predecessor, in the order of their first tracks."""
     after = np.full(len(before), -1)
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
     chains: Chains = [[int(track)] for track in np.flatnonzero(before < 0)]
@@ -128,7 +128,8 @@ def _chains(before: Tracks) -> Chains:
 class _Component(NamedTuple):
     """Tracks (m,) that pairs connect. Column k of its assignment is start k, m + k end k alone.
 
-    edges: of all edges in their order; column, start: of their sparse matrix (m, 2m).
+    edges: number of each edge in the order of all edges; column, start: of their sparse matrix (m,
+    2m).
     """
 
     tracks: Tracks
@@ -138,7 +139,7 @@ class _Component(NamedTuple):
 
 
 class _Sets:
-    """Sets of joins by assignment, part by part: one of all takes more than all parts."""
+    """Sets of joins by assignment, component by component, which is faster than all at once."""
 
     def __init__(self, pairs: Pairs, tracks: int) -> None:
         self._starts, self._tracks = pairs.b, tracks
@@ -164,12 +165,12 @@ class _Sets:
         ]  # fmt: skip
 
     def best(self, score: Floats, alone: Floats) -> Tracks:
-        """The track before each (n,), −1 for none, in the set of joins with the highest score.
+        """Return the predecessor (n,) of each track, −1 for none, in the best-scored set of joins.
 
         score (e,): of the pairs; alone (2, n): of an end, and of a start, without a join.
         """
         weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
-        # Every end has one edge: a constant changes no assignment, and no edge may cost nothing.
+        # Every end has one edge: a constant changes no assignment, and no edge may cost 0.
         cost = weight.max() + 1 - weight
         before = np.full(self._tracks, -1)
         for tracks, edges, column, start in self._parts:

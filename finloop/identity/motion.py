@@ -1,7 +1,7 @@
 """The drift of an animal during a gap between tracks, measured in its film.
 
-Trial gaps in whole tracks measure it: the error is the distance between the places half way that
-are foretold from before the gap and from after it. Places are in body lengths, gaps in frames.
+Trial gaps in whole tracks measure it: two places half way are predicted, from before the gap and
+from after it; their distance is the error. Places are in body lengths, gaps in frames.
 """
 
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ import pandas as pd
 from finloop.base.arrays import Floats, Reals
 from finloop.identity.joins import Chains, Pairs
 
-_BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured: the best of them
-_LEAST = 30  # trial gaps from which an error is measured
-# The share of joins to any place of the tank: an animal that darts. From 0.005 to 0.02 the
-# zebrafish's joins are the same.
+_BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured; the best is chosen
+_LEAST = 30  # least trial gaps that measure an error
+# Share of gaps in which an animal darts anywhere in the tank. From 0.005 to 0.02 the zebrafish's
+# joins are the same.
 _TAIL = 0.02
-_SUREST = 1e6  # no place is more often that of the same animal than of any: distances end somewhere
-_NO_ERROR = 1e-3  # body lengths; nothing is foretold more exactly than it is measured
+_SUREST = 1e6  # largest ratio of probabilities
+_NO_ERROR = 1e-3  # body lengths; no prediction is more exact than the measurement
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class TrackEnds:
 
 
 def ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
-    """The ends of tracks, given the frames (k,) and places (k, 2) of each.
+    """Return the ends of tracks, given the frames (k,) and places (k, 2) of each.
 
-    before: rows over which a velocity is measured, where there are as many.
+    before: rows over which a velocity is measured, if the track has as many.
     """
     back = [min(before, len(track) - 1) for track in frames]
     return TrackEnds(
@@ -53,7 +53,7 @@ def ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
 
 
 def ends_of(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Where chains of tracks begin and end."""
+    """Return where chains of tracks begin and end."""
     first, last = ([chain[k] for chain in chains] for k in (0, -1))
     return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
@@ -69,22 +69,22 @@ def _pace(frames: Reals, places: Floats, a: int, b: int) -> Floats:
 
 @dataclass(frozen=True)
 class Drift:
-    """The error of the place foretold half way through a gap. gaps (k,): frames, ascending.
+    """The error of the place predicted half way through a gap. gaps (k,): frames, ascending.
 
     error (k,): the median; before: frames over which the velocity is measured.
     """
 
     gaps: Floats
     error: Floats
-    share: Floats  # (k,): of the velocity before the gap, the part that lasts
+    share: Floats  # (k,): share of the velocity before the gap that lasts
     tank: float  # area, body lengths²
     before: int
 
     def log_ratio(self, gap: Floats, apart: Floats) -> Floats:
-        """Log of how much more probable a place is for the same animal than for any animal.
+        """Return the log of how much more probable a place is for the same animal than for any.
 
-        log((1 − ε) A m² / (π (m² + d²)²) + ε), for a distance d between the foretold places
-        (`apart`, body lengths), its median m over a `gap` (frames), a tank of area A, and ε of
+        log((1 − ε) A m² / (π (m² + d²)²) + ε), for a distance d between the predicted places
+        (`apart`, body lengths), its median m over a `gap` (frames), a tank of area A, and ε for
         animals that may be anywhere. The density is Student's t in the plane, with two degrees of
         freedom: most animals swim on, some dart, and those that touch dart more often.
         """
@@ -93,16 +93,16 @@ class Drift:
         return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
 
     def shares(self, gap: Floats) -> Floats:
-        """The share of the velocity before a gap that lasts over it."""
+        """Return the share of the velocity before a gap that lasts over it."""
         return np.interp(gap, self.gaps, self.share)
 
 
 def drift(tracks: pd.DataFrame) -> Drift:
-    """The drift in whole tracks: track_id, frame, x, y (body lengths), rows in that order.
+    """Measure the drift in whole tracks: track_id, frame, x, y (body lengths), rows in that order.
 
-    The gaps double from one frame on, as long as there are enough tracks of that length; beyond, an
-    animal may be anywhere. The number of frames of a velocity is the one with the least error: over
-    less than a tail beat a velocity may point aside.
+    The gaps double from one frame on, while enough tracks are that long; beyond, an animal may be
+    anywhere. The number of frames of a velocity is the one with the least error: over less than a
+    tail beat a velocity may point aside.
     """
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
@@ -124,7 +124,7 @@ def drift(tracks: pd.DataFrame) -> Drift:
 
 
 def _errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]]:
-    """For gaps of 1, 2, 4 … frames: median error, share of the velocity that lasts."""
+    """Return, for gaps of 1, 2, 4 … frames, median error and share of the velocity that lasts."""
     place = tracks[["x", "y"]].to_numpy(float)
     error, shares = list[float](), list[float]()
     gap = 1
@@ -142,7 +142,7 @@ def _errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]
 
 
 def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
-    """Whether the row `ahead` rows later is as many frames later in the same track."""
+    """Return whether the row `ahead` rows later is as many frames later in the same track."""
     key = tracks[["track_id", "frame"]].to_numpy()
     same = np.zeros(len(key), bool)
     if ahead < len(key):
@@ -151,9 +151,9 @@ def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
 
 
 def log_ratios(ends: TrackEnds, drift: Drift, pairs: Pairs) -> Floats:
-    """The log ratio (e,) of a join from the end of a to the start of b, which is later.
+    """Return the log ratio (e,) of joining the end of a to the start of b, which is later.
 
-    The place half way is foretold from both sides: from the end of a and from the start of b.
+    The place half way is predicted from both sides: from the end of a and from the start of b.
     """
     a, b = pairs
     gap = (ends.start[b] - ends.stop[a]).astype(float)

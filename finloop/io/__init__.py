@@ -1,7 +1,7 @@
-"""Files, and nothing else: this room knows arrays, tables and schemas, and no method of the papers.
+"""Files, and nothing else: arrays, tables and schemas, but no method of the papers.
 
-Every output appears under its name when it is whole (`atomic`). Tables have schemas, which are
-checked on save and on load.
+Every output appears under its name only when it is complete (`atomic`). Tables have schemas, which
+are checked on save and on load.
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
 """Morphs as files, by their ending: animated SVG, WebP, MP4, plain JSON, Lottie JSON.
 
-Each appears under its name when it is whole. The numbers in SVG and both JSONs are those of the
-morph, digit for digit: the frames shown have as many folds as were counted.
+A file appears under its name when it is complete. SVG and both JSONs hold the morph's numbers digit
+for digit, so the frames have exactly the counted folds.
 """
 
 import json
@@ -25,15 +25,15 @@ from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.video import THREADS
 
 CRF, QUALITY = 18, 85
-SLOWEST, FASTEST = 0.1, 1000  # frames per second: beyond, a film's clock has no room
+SLOWEST, FASTEST = 0.1, 1000  # frames per second: the limits of a film's clock
 LARGEST_PX = 2048
 
 
 def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 512) -> None:
-    """Write a morph as the ending says; `size` [px] is the longer side of films.
+    """Write a morph in the format of the ending; `size` [px] is the longer side of films.
 
-    FinloopError if the ending is not one of `ENDINGS`, the frame rate not SLOWEST … FASTEST, or the
-    size not 16 … LARGEST_PX.
+    FinloopError if the ending is not one of `ENDINGS`, the frame rate is not SLOWEST … FASTEST, or
+    the size is not 16 … LARGEST_PX.
     """
     write = writer(path)
     if not SLOWEST <= frame_rate <= FASTEST:
@@ -48,7 +48,7 @@ def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 5
 
 
 def writer(path: Path) -> "Writer":
-    """The writer of files with this ending; FinloopError if there is none."""
+    """Return the function that writes files with this ending; FinloopError if there is none."""
     name = path.name.lower()
     for ending, write in ENDINGS.items():
         if name.endswith(ending) and name != ending:
@@ -61,7 +61,7 @@ def writer(path: Path) -> "Writer":
 
 
 def plain(morph: Morph) -> dict[str, Any]:
-    """`{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`."""
+    """Convert to `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`."""
     layers = {name: frames.tolist() for name, frames in morph.layers.items()}
     return {
         "frames": [
@@ -90,7 +90,7 @@ def _save_json(path: Path, content: dict[str, Any]) -> None:
 
 def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
     scale = size / max(morph.width, morph.height)
-    # Even sides, which both formats ask for.
+    # Both formats need even sides.
     height, width = (2 * max(1, round(s * scale / 2)) for s in (morph.height, morph.width))
     shape = height, width, 3
     film: Movie = WebpWriter(path, shape, frame_rate, width, QUALITY)
@@ -102,7 +102,7 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> Non
 
 
 def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterator[Picture]:
-    """Yield the picture (h, w, 3) of every frame; frames that are equal are painted once."""
+    """Yield the picture (h, w, 3) of every frame; paint equal frames once."""
     forms = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
 
     def paint_frame(frame: int) -> Picture:
@@ -114,7 +114,7 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
     equal = first[alike.ravel()]  # of each frame, the first that is equal
     again = {*equal[equal != np.arange(len(equal))].tolist()}
     new = ordered_map(paint_frame, np.sort(first).tolist(), Threads(THREADS))
-    packed = dict[int, bytes]()  # those that come again; flat colours take little room
+    packed = dict[int, bytes]()  # repeated pictures; flat colours compress well
     for frame, one in enumerate(equal.tolist()):
         if one == frame:
             picture = next(new)

@@ -1,7 +1,7 @@
-"""A morph as Lottie JSON (version 5.7): what apps and web pages play as vector animation.
+"""A morph as Lottie JSON (version 5.7), the vector animation of apps and web pages.
 
-A Lottie layer for every shape, the topmost first; a keyframe for every frame with the same number
-of vertices each, straight between them in space and time.
+Every shape is a Lottie layer, the topmost first. Every frame is a keyframe with the same number of
+vertices; in between, players interpolate linearly in space and time.
 """
 
 from fractions import Fraction
@@ -15,7 +15,7 @@ Json = dict[str, Any]
 
 
 def to_lottie(morph: Morph, frame_rate: Fraction) -> Json:
-    """The animation as what `json.dumps` takes."""
+    """Convert a morph to Lottie, as a dictionary for `json.dumps`."""
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
     return {
         "v": "5.7.0", "fr": float(frame_rate), "ip": 0, "op": len(morph.tau),
@@ -44,13 +44,13 @@ def _animated_path(morph: Morph, name: str, closed: bool) -> Json:
         {"t": k, "s": [{"i": straight, "o": straight, "v": points, "c": closed}]}
         for k, points in enumerate(frames)
     ]
-    for key in keys[:-1]:  # players take one with an easing for the start of another step
+    for key in keys[:-1]:  # players take a keyframe with easing for the start of another step
         key |= {"i": {"x": 1, "y": 1}, "o": {"x": 0, "y": 0}}
     return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": keys}}
 
 
 def _paints(paint: Paint) -> list[Json]:
-    """Stroke before fill: what comes first lies on top."""
+    """Return stroke before fill: the first lies on top."""
     paints: list[Json] = []
     if paint.stroke is not None:
         opacity, width = _constant(100 * paint.stroke_opacity), _constant(paint.width)
@@ -63,7 +63,7 @@ def _paints(paint: Paint) -> list[Json]:
 
 
 def _still() -> Json:
-    """A transform that changes nothing."""
+    """Return a transform that changes nothing."""
     numbers = {"o": 100, "r": 0, "p": [0, 0], "a": [0, 0], "s": [100, 100]}
     return {key: _constant(number) for key, number in numbers.items()}
 

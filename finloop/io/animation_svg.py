@@ -11,14 +11,14 @@ from finloop.base.paint import Paint, Shape, shapes
 
 
 def to_svg(morph: Morph, frame_rate: Fraction) -> str:
-    """The text of an SVG file; a path for every shape, its frames as values of `d`.
+    """Return the text of an SVG file: a path for every shape, its frames as values of `d`.
 
-    Points are whole numbers of the morph's grid, each after the first relative to the one before:
-    half as long as decimals, and exact.
+    Points are whole numbers on the morph's grid, each after the first relative to the previous one.
+    That is exact, and half as long as decimals.
     """
     grid = 10.0**morph.decimals
     seconds = len(morph.tau) / frame_rate  # as films last
-    # What the last frame moves to in its time: nothing, or the first after there and back.
+    # The frame after the last: itself, or the first of a morph that goes there and back.
     after = 0 if morph.tau[-1] < morph.tau.max() else -1
     size = f"{morph.width:.10g} {morph.height:.10g}".split()
     lines = [
@@ -38,7 +38,6 @@ def to_svg(morph: Morph, frame_rate: Fraction) -> str:
 
 
 def _frames(morph: Morph, shape: Shape, grid: float) -> list[str]:
-    """The path of a shape in every frame."""
     parts = [
         (np.round(morph.layers[name] * grid).astype(np.int64), closed)
         for name, closed in zip(shape.layers, shape.closed, strict=True)

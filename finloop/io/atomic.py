@@ -1,7 +1,7 @@
-"""Whole or not at all: an output appears under its name only when it is complete.
+"""Complete or not at all: an output appears under its name only when it is complete.
 
-The unfinished work lies beside the output under the hidden name `.<name>.<process>.part…`, so that
-the last step is a rename within one file system. The next process that writes into the same folder
+The unfinished work lies beside the output under the hidden name `.<name>.<process>.part…`, so the
+last step is a rename within one file system. The next process that writes into the same folder
 removes the unfinished files of killed processes.
 """
 
@@ -21,9 +21,9 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; rename it to `path` when the block ends well.
+    """Yield a temporary path beside `path`; rename it to `path` when the block succeeds.
 
-    On any exception the temporary file is removed and `path` is left as it was. FinloopError if the
+    After an exception the temporary file is removed and `path` is unchanged. FinloopError if the
     disk is full.
     """
     part = path.with_name(f".{path.stem}.{_process_tag()}.part{path.suffix}")
@@ -42,10 +42,10 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `path`; it replaces `path` when the block ends well.
+    """Yield a temporary folder beside `path`; it replaces `path` when the block succeeds.
 
-    On any exception the temporary folder is removed and `path` is left as it was. FinloopError if
-    the disk is full.
+    After an exception the temporary folder is removed and `path` is unchanged. FinloopError if the
+    disk is full.
     """
     part = path.with_name(f".{path.name}.{_process_tag()}.part")
     try:
@@ -68,7 +68,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def passing_file(path: Path) -> Iterator[Path]:
-    """Yield a hidden path beside `path` for a file that is needed during the block alone."""
+    """Yield a hidden path beside `path` for a file that only the block needs."""
     part = path.with_name(f".{path.name}.{_process_tag()}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_leftovers(path.parent)
@@ -105,7 +105,7 @@ def _runs(process: int) -> bool:
 
 
 def _to_disk(path: Path) -> None:
-    """Ask the system to put a file's or folder's bytes on the disk before the rename."""
+    """Flush a file's or folder's bytes to the disk before the rename."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -114,7 +114,7 @@ def _to_disk(path: Path) -> None:
 
 
 def _raise_when_full(error: BaseException, path: Path) -> None:
-    """Turn "no space left" into a message; other exceptions pass by."""
+    """Turn "no space left" into a FinloopError; ignore other exceptions."""
     if isinstance(error, OSError) and error.errno in _NO_SPACE:
         raise FinloopError(
             came=f"the disk is full: {path} could not be written, and no part of it was kept",
@@ -124,6 +124,6 @@ def _raise_when_full(error: BaseException, path: Path) -> None:
 
 
 def save_bytes(path: Path, content: bytes) -> None:
-    """Write a file, whole or not at all."""
+    """Write a file, completely or not at all."""
     with whole_file(path) as part:
         part.write_bytes(content)

@@ -1,9 +1,9 @@
 """The cut-out store: every fish of every frame as a small picture with alpha, in one file.
 
-An Arrow IPC file, memory-mapped on reading: opening it costs nothing, any cut-out is reached at
-once, and only those looked at are decompressed (zstd, each cut-out by itself). Any Arrow reader of
-any language opens it. Pictures are (height, width, channels) uint8, channels = grey + alpha or
-RGB + alpha, colour premultiplied by alpha.
+It is an Arrow IPC file, mapped into memory on reading: opening is instant, access is random, and
+only the cut-outs that are read are decompressed (zstd, each by itself). Any Arrow reader of any
+language opens it. Pictures are (height, width, channels) uint8, channels = grey + alpha or RGB +
+alpha, colour premultiplied by alpha.
 """
 
 from collections.abc import Iterator
@@ -46,9 +46,9 @@ Keys = NDArray[np.integer[Any]]
 
 
 class CutoutWriter:
-    """Write cut-outs one after the other; the file appears at `path` when the block ends well.
+    """Write cut-outs one after the other; the file appears at `path` when the block succeeds.
 
-    sprites: whether they are sprites, and the index says which one in which orientation.
+    sprites: whether they are sprites; the index then has their number and orientation.
     """
 
     def __init__(self, path: Path, sprites: bool = False) -> None:
@@ -70,9 +70,9 @@ class CutoutWriter:
         self._append((*cutout[:4], *pixels.shape, *key, packed))
 
     def copy(self, store: "CutoutStore", rows: NDArray[np.intp], keys: Keys | None = None) -> None:
-        """Append these rows of another store, as they are packed there.
+        """Append some rows of another store without unpacking them.
 
-        keys (rows, 2): their track_id and frame here, where those are others.
+        keys (rows, 2): their new track_id and frame; None keeps the old ones.
         """
         index = store.index.to_numpy()[rows]
         if keys is not None:
@@ -97,7 +97,7 @@ class CutoutWriter:
 
 
 def packed_size(cutout: Cutout) -> int:
-    """Bytes that a cut-out takes in a store."""
+    """Return the bytes that a cut-out takes in a store."""
     return len(_CODEC.compress(np.ascontiguousarray(cutout.pixels), asbytes=True))
 
 
@@ -105,8 +105,8 @@ def packed_size(cutout: Cutout) -> int:
 class CutoutStore:
     """An open store. `index`: a row per cut-out in the file's order, its place and size.
 
-    The film's store, of `extract`, is in the order (track_id, frame): the row of the table of
-    tracks, and of the feature table, is the number of the cut-out.
+    The store of `extract` is in the order (track_id, frame): a cut-out's number is its row in the
+    table of tracks and in the feature table.
     """
 
     index: pd.DataFrame
@@ -120,7 +120,7 @@ class CutoutStore:
         return self._pixels[row].as_buffer()
 
     def __getitem__(self, row: int) -> Cutout:
-        """Cut-out number `row` of the index; FinloopError if it is damaged."""
+        """Load cut-out number `row` of the index; FinloopError if it is damaged."""
         track_id, frame, x0, y0, *shape = self._places[row, :7].tolist()
         try:
             raw = _CODEC.decompress(self.pixel_buffer(row), decompressed_size=int(np.prod(shape)))
@@ -132,7 +132,7 @@ class CutoutStore:
 
     @cached_property
     def _places(self) -> NDArray[np.integer[Any]]:
-        """The index as one array, which is read much faster row by row."""
+        """Return the index as one array, which is read much faster row by row."""
         return self.index.to_numpy()
 
 

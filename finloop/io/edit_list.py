@@ -1,4 +1,4 @@
-"""The edit list of a mode, as the stages `modes-…` and `retarget` left it."""
+"""The edit list of a mode, as the stages `modes-…` and `retarget` write it."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from finloop.io.table import load_table
 
 
 def load_edit(folder: Path, mode: str, stage: str, schema: Schema) -> pd.DataFrame:
-    """The edit list `folder`/`mode`.parquet, for the stage that asks.
+    """Load the edit list `folder`/`mode`.parquet; errors name the parameter `stage`.mode.
 
     FinloopError if there is none, or it is damaged.
     """

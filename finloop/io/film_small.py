@@ -1,4 +1,4 @@
-"""A film of few bytes, for a page that carries it."""
+"""A film of few bytes, for a page that embeds it."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -12,12 +12,12 @@ from finloop.base.errors import FinloopError
 from finloop.io.movie import Mp4Writer
 from finloop.io.video import read_frames
 
-_CRF = 28  # of a film made smaller
+_CRF = 28  # coding quality of a film made smaller
 _WIDTHS = (960, 640, 426)
 
 
 def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
-    """The bytes of an MP4, made smaller if they are too many, and its first frame, (h, w, 3) RGB.
+    """Read an MP4, made smaller if it is too large; return its bytes and first frame (h, w, 3).
 
     FinloopError if the film cannot be read, or is too long to become so small.
     """
@@ -28,9 +28,9 @@ def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
             film = _narrower(path, poster.shape, width)
     if len(film) > most_bytes:
         raise FinloopError(
-            f"{path} is {len(film) / 1e6:.1f} MB even {_WIDTHS[-1]} px wide",
+            f"{path} has {len(film) / 1e6:.1f} MB even at a width of {_WIDTHS[-1]} px",
             f"a film of at most {most_bytes / 1e6:.1f} MB",
-            "report.film_most_mb=… larger, or animate.seconds=… shorter",
+            "raise report.max_film_mb, or lower animate.seconds",
         )
     return film, poster
 

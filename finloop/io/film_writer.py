@@ -1,8 +1,8 @@
-"""Writing the film's table of tracks and its cut-outs in one order, (track_id, frame).
+"""Write the film's table of tracks and its cut-outs in one order, (track_id, frame).
 
-Fish come frame by frame and are written so. When the film ends, both files are copied into the
-order in which every later stage numbers its rows: a row is a cut-out. Only a few thousand rows are
-in memory at a time.
+Fish arrive frame by frame and are first written so. At the end of the film both files are copied
+into the order in which every later stage numbers its rows: a row is a cut-out. Only a few thousand
+rows are in memory at a time.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -28,9 +28,9 @@ Write = Callable[[pd.DataFrame, Iterable[Cutout]], None]
 
 @contextmanager
 def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
-    """Write `folder`/tracks.parquet and cutouts.arrow: yields write(rows, their cut-outs).
+    """Write `folder`/tracks.parquet and cutouts.arrow: yield a function write(rows, cut-outs).
 
-    The rows of a track come in the order of their frames, those of different tracks in any order.
+    The rows of a track must come in the order of their frames; tracks may come in any order.
     """
     table, pictures = folder / "unsorted-tracks.arrow", folder / f"unsorted-{CUTOUTS_NAME}"
     tracks: list[NDArray[np.int32]] = []
@@ -66,7 +66,7 @@ def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
 
 
 def _in_order(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
-    """The rows of an Arrow file in another order, `lot` at a time."""
+    """Yield the rows of an Arrow file in another order, `lot` at a time."""
     file = pa.ipc.open_file(source)
     batches = [file.get_batch(k) for k in range(file.num_record_batches)]
     start = np.cumsum([0, *(batch.num_rows for batch in batches)])

@@ -1,7 +1,7 @@
-"""A journal: a table that grows while it is written, safe up to the last part that was kept.
+"""A journal: a table that grows while it is written, and survives a power failure.
 
-It is an Arrow stream. Each part is on the disk when `keep` returns, so that after a power failure
-everything up to the last `keep` can be read. `read_journal` stops at a part that was cut off.
+It is an Arrow stream. Each part is on the disk when `keep` returns, so after a failure everything
+up to the last `keep` can be read. `read_journal` stops at a part that was cut off.
 """
 
 import os
@@ -23,7 +23,7 @@ _HEADER = b"finloop"  # the key of the header in the file's metadata
 
 
 class Journal:
-    """A new journal. header: a text that is kept with the table. FinloopError if it exists."""
+    """A new journal. header: a text kept with the table. FinloopError if the file exists."""
 
     def __init__(self, path: Path, schema: Schema, header: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -32,7 +32,7 @@ class Journal:
         except FileExistsError as error:
             raise FinloopError(
                 f"{path} exists already",
-                "a name that is free: nothing is written over",
+                "a name that is free: no file is overwritten",
                 "take another folder (--out), or recover that file first",
             ) from error
         self.schema = arrow_schema(schema).with_metadata({_HEADER: header.encode()})
@@ -40,7 +40,7 @@ class Journal:
         self._sync()
 
     def keep(self, parts: list[pa.RecordBatch]) -> None:
-        """Write some rows, and return when they are on the disk."""
+        """Write some rows; return when they are on the disk."""
         for part in parts:
             self._writer.write_batch(part)
         self._sync()
@@ -50,7 +50,7 @@ class Journal:
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """End it."""
+        """End the journal."""
         if not self._file.closed:
             self._writer.close()
             self._sync()
@@ -68,7 +68,7 @@ class Journal:
 
 @contextmanager
 def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatch]]]:
-    """The schema of a journal, and its parts up to the end or to where it was cut off.
+    """Yield a journal's schema, and its parts up to its end or to where it was cut off.
 
     FinloopError if not even its beginning can be read.
     """
@@ -96,7 +96,7 @@ def _parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
 
 
 def save_journal(journal: Path, path: Path, schema: Schema) -> int:
-    """Write a journal as Parquet, whole or not at all; how many rows it holds."""
+    """Convert a journal to Parquet, completely or not at all; return its number of rows."""
     rows, coding = 0, parquet_coding(schema)
     with (
         read_journal(journal) as (arrow, parts),
@@ -110,6 +110,6 @@ def save_journal(journal: Path, path: Path, schema: Schema) -> int:
 
 
 def header_of(metadata: Mapping[bytes, bytes] | None) -> str | None:
-    """The header in the metadata of a journal, or of the Parquet file that was made of it."""
+    """Return the header in the metadata of a journal, or of a Parquet file made from it."""
     text = (metadata or {}).get(_HEADER)
     return None if text is None else text.decode()

@@ -1,4 +1,4 @@
-"""Lines in: a table with x and y, CSV or Parquet, or an SVG drawing of one path."""
+"""Read a path: a table with x and y, CSV or Parquet, or an SVG drawing with one path."""
 
 from pathlib import Path
 
@@ -13,23 +13,24 @@ from finloop.base.line import MM, PX, TANK, Line, checked_line
 from finloop.io.svg import load_svg
 
 _WANTED = (
-    "columns x and y (or x_px and y_px, x_mm and y_mm, x_tank and y_tank), and if you like time_s "
+    "columns x and y (or x_px and y_px, x_mm and y_mm, x_tank and y_tank); optionally time_s "
     "and heading_deg"
 )
 
 
 def load_line(path: Path, unit: str) -> Line:
-    """The line in a file; its columns may name their unit, else it is `unit`.
+    """Load the path in a file; `unit` holds where its columns do not name their unit.
 
-    An SVG's path is in px of its viewport; in the unit TANK it is in shares of that. FinloopError
-    if the file cannot be read, lacks a column, is an SVG of several paths or none, or is no line.
+    An SVG's path is in px of its viewport, or in shares of the viewport if the unit is TANK.
+    FinloopError if the file cannot be read, lacks a column, is an SVG of several paths or none, or
+    is no path.
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
         return checked_line(_line_from_drawing(path, unit))
     if suffix not in (".csv", ".parquet"):
         raise FinloopError(
-            f"{path} is no file that a path is read from",
+            f"{path} is no file that finloop can read a path from",
             "a file .csv, .parquet or .svg; or a track of the film, such as track:8",
             "save the path as one of these, or correct matching.path",
         )
@@ -46,7 +47,6 @@ def _table(path: Path, suffix: str) -> pa.Table:
 
 
 def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
-    """Return the line of a table, by the names of its columns."""
     names = {name.strip().lower(): name for name in table.column_names}
     units = [PX, MM, TANK]
     own = next((choice for choice in units if {f"x_{choice}", f"y_{choice}"} <= names.keys()), None)
@@ -68,19 +68,18 @@ def _numbers(path: Path, table: pa.Table, name: str) -> Floats:
         column = table.column(name).cast(pa.float64())
     except pa.ArrowException as error:
         raise FinloopError(
-            f"the column {name} of {path} holds no numbers ({error})", _WANTED, "mend it"
+            f"the column {name} of {path} holds no numbers ({error})", _WANTED, "correct it"
         ) from error
     return np.array(column.to_numpy(zero_copy_only=False), float)
 
 
 def _line_from_drawing(path: Path, unit: str) -> Line:
-    """Return the only path of a drawing as a line."""
     drawing = load_svg(path)
     if len(drawing.curves) != 1:
         raise FinloopError(
             f"{path} has {len(drawing.curves)} paths: {', '.join(drawing.curves)}",
             "an SVG with one path",
-            "save the path to be swum alone",
+            "save only the path that the fish should follow",
         )
     ((_, curve),) = drawing.curves.items()
     scale = (drawing.width, drawing.height) if unit == TANK else (1.0, 1.0)

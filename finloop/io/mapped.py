@@ -1,6 +1,6 @@
-"""Arrays of a film's rows too long to be loaded: `.npy` files, mapped into memory.
+"""Arrays with a row per row of the film, too long to load: `.npy` files mapped into memory.
 
-Opening one costs nothing, any row is reached at once, and processes share what they have read.
+Opening is instant, access to rows is random, and processes share what they have read.
 """
 
 import os
@@ -15,16 +15,16 @@ from finloop.io.atomic import whole_file
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:
-    """Write an array, whole or not at all."""
+    """Write an array, completely or not at all."""
     with whole_file(path) as part:
         np.save(part, array, allow_pickle=False)
 
 
 def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """A mapped array to be filled, in a file that appears at once; for `whole_folder`.
+    """Create a mapped array to be filled, in a file that appears at once; for `whole_folder`.
 
-    kind: its dtype. OSError if the disk is full: the file has all its room from the beginning, as
-    a process that writes to a mapped page for which there is none is ended by the system.
+    kind: its dtype. OSError if the disk is full: the file takes all its space from the beginning,
+    because the system kills a process that writes to a mapped page without space.
     """
     made = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
     if hasattr(os, "posix_fallocate"):
@@ -34,13 +34,13 @@ def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
 
 
 def keep_array(array: NDArray[Any]) -> None:
-    """What was written into an array of `new_array` is in its file, for other processes to open."""
+    """Flush an array of `new_array` to its file, so that other processes can open it."""
     assert isinstance(array.base, np.memmap)
     array.base.flush()
 
 
 def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[Any]:
-    """A mapped array of a file. What is written into it stays in this process.
+    """Open a mapped array of a file. Writing to it does not change the file.
 
     shape: None for any length; kind: its dtype. FinloopError if the file is missing, damaged, or
     holds another kind of array.

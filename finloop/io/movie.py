@@ -1,7 +1,7 @@
-"""Writing films frame by frame: the normalised clip, MP4 for browsers, animated WebP.
+"""Write films frame by frame: the normalised clip, MP4 for browsers, animated WebP.
 
-Frames are (h, w) grey or (h, w, 3) RGB uint8. The file appears under its name when it is whole; the
-same frames give the same bytes.
+Frames are (h, w) grey or (h, w, 3) RGB uint8. A file appears under its name when it is complete;
+the same frames give the same bytes.
 """
 
 from abc import ABC, abstractmethod
@@ -28,10 +28,10 @@ from finloop.base.arrays import Picture
 from finloop.io.atomic import whole_file
 from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts
 
-# With B-frames, looking ahead or weights x264 reads memory that nobody has written: what it makes
-# then hangs on what else the process has done.
+# With B-frames, look-ahead or weights x264 reads uninitialised memory: its output would then depend
+# on what else the process has done.
 _REPEATABLE = {"bf": "0", "x264-params": "mbtree=0:rc-lookahead=0:weightp=0"}
-_WAITING = 4  # frames at most that wait to be coded
+_WAITING = 4  # most frames that wait to be coded
 _KEY_EVERY_S = 2  # a player can seek to every two seconds
 _COLOURS = {
     Colorspace.ITU709: (ColorPrimaries.BT709, ColorTrc.BT709),
@@ -40,16 +40,14 @@ _COLOURS = {
 
 
 class Movie(ABC):
-    """A file with one stream of frames of one shape; it appears at `path` when it is whole.
+    """A file with one stream of frames of one shape; it appears at `path` when it is complete.
 
-    A thread of its own codes the frames, while the next ones are made. An error of coding is raised
-    by a later `write`, or on leaving the block. FinloopError on leaving the block, if the disk was
-    full. Nothing is left of the file then.
+    A thread codes frames while the caller makes the next ones. A later `write`, or the end of the
+    block, raises its errors. At the end of the block, FinloopError if the disk was full; then no
+    file is left.
 
-    path: where the file goes.
-    shape: of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, as the kind of film takes.
-    frame_rate: frames per second.
-    quality: as the coder counts it.
+    path: where the file goes. shape: of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA,
+    as the kind of film takes. frame_rate: frames per second. quality: on the coder's scale.
     """
 
     def __init__(
@@ -60,13 +58,13 @@ class Movie(ABC):
         self._stack = ExitStack()
         self._coder: ThreadPoolExecutor
         self._waiting = deque[Future[None]]()
-        self.frames = 0  # that were written
+        self.frames = 0  # frames written
         self._bytes, self._broken = 0, False
 
     def _begin(
         self, kind: str, container: dict[str, str], coder: str, options: dict[str, str]
     ) -> Any:
-        """Open the file with a stream that has its rate, but neither size nor pixel format yet."""
+        """Open the file with a stream that has its rate, but no size or pixel format yet."""
         with ExitStack() as stack:
             part = stack.enter_context(whole_file(self.path))
             self._file = stack.enter_context(
@@ -92,7 +90,7 @@ class Movie(ABC):
         coder.color_primaries, coder.color_trc = _COLOURS[matrix]
 
     def _even(self, frame: Picture, border: int) -> Picture:
-        """The frame padded to even sides; `border` is OpenCV's border type."""
+        """Pad the frame to even sides; `border` is OpenCV's border type."""
         if not any(self._odd):
             return frame
         return cv2.copyMakeBorder(frame, 0, self._odd[0], 0, self._odd[1], border)
@@ -118,7 +116,7 @@ class Movie(ABC):
         return self._bytes / self.frames
 
     def _encode(self, frame: Picture, number: int) -> None:
-        if self._broken:  # to write on after an error crashes the library
+        if self._broken:  # writing after an error crashes the library
             return
         self._broken = True
         coded = self._convert_frame(frame)
@@ -129,7 +127,6 @@ class Movie(ABC):
         self._broken = False
 
     def _wait(self, most: int) -> None:
-        """Wait until fewer frames than this are left to be coded."""
         while len(self._waiting) >= most:
             self._waiting.popleft().result()
 
@@ -168,13 +165,13 @@ def _subsample_chroma(
 class VideoWriter(Movie):
     """The normalised clip: H.264 of constant frame rate that gives the pixels back.
 
-    Mono film is coded as 4:0:0, so that the decoded Y plane *is* the picture: at `crf` 0 the grey
-    levels come back bit for bit. Colour film is coded in full-range BT.601, 4:2:0 if both sides are
-    even and 4:4:4 if one is odd, so that no row or column is lost. Every `KEY_FRAME_EVERY`-th frame
-    can be sought.
+    Mono film is coded as 4:0:0, so the decoded Y plane *is* the picture: at `crf` 0 the grey levels
+    come back bit for bit. Colour film is coded in full-range BT.601, 4:2:0 if both sides are even
+    and 4:4:4 if one is odd, so no row or column is lost. Every `KEY_FRAME_EVERY`-th frame can be
+    sought.
 
-    Size in pixels, any from 1; `colour`: frames are RGB instead of grey; `crf`: 0 = lossless (grey
-    bit for bit; RGB up to the rounding of its YUV form), else the quality of libx264, 51 = worst.
+    width, height: px, from 1; colour: frames are RGB instead of grey; crf: 0 = lossless (grey bit
+    for bit; RGB up to the rounding of its YUV form), else the quality of libx264, 51 = worst.
     """
 
     def __init__(
@@ -192,7 +189,7 @@ class VideoWriter(Movie):
 
     @classmethod
     def from_facts(cls, path: Path, facts: VideoFacts) -> Self:
-        """Return the writer of a clip whose size, rate, colour and quality are known."""
+        """Create the writer of a clip whose size, rate, colour and quality are known."""
         size = facts.width_px, facts.height_px
         return cls(path, *size, facts.frame_rate, facts.colour, facts.crf)
 
@@ -226,8 +223,8 @@ class VideoWriter(Movie):
 class Mp4Writer(Movie):
     """H.264 in MP4 that every browser plays: 4:2:0, limited range, BT.709, index in front.
 
-    4:2:0 needs even sides: a last odd row or column is repeated once, so that nothing is lost.
-    Quality of libx264: 0 = best, 51 = worst.
+    4:2:0 needs even sides: a last odd row or column is repeated once, so nothing is lost. Quality
+    of libx264: 0 = best, 51 = worst.
     """
 
     def __enter__(self) -> Self:
@@ -241,7 +238,7 @@ class Mp4Writer(Movie):
 
 
 class WebpWriter(Movie):
-    """An animated WebP, scaled down, that repeats for ever; a frame begins at a whole millisecond.
+    """An animated WebP, scaled down, that repeats for ever; frames begin at whole milliseconds.
 
     `width`, px, of the picture in the file is at most the frames'; width and height become even.
     Quality, lossy: 0 = worst, 100 = best.
@@ -255,7 +252,7 @@ class WebpWriter(Movie):
         self._size = 2 * max(1, wide // 2), 2 * max(1, round(shape[0] * wide / shape[1] / 2))
 
     def __enter__(self) -> Self:
-        # Method 2: as fast as 0, 3 % larger than 4, which takes three times as long.
+        # Method 2 is as fast as 0; method 4 makes 3 % smaller files and takes three times as long.
         options = {"quality": self._quality, "compression_level": "2"}
         stream = self._begin("webp", {"loop": "0"}, "libwebp_anim", options)
         (stream.width, stream.height), stream.pix_fmt = self._size, "yuv420p"

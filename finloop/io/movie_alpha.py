@@ -1,7 +1,7 @@
 """Films of a fish without its tank, to lay over anything: VP9 in WebM, and animated WebP.
 
-Frames are (h, w, 4) RGBA uint8 with straight alpha, as both formats want it. The file appears under
-its name when it is whole; the same frames give the same bytes.
+Frames are (h, w, 4) RGBA uint8 with straight alpha, as both formats store it. A file appears under
+its name when it is complete; the same frames give the same bytes.
 """
 
 from typing import Self
@@ -18,14 +18,14 @@ from finloop.io.movie import Movie
 class WebmWriter(Movie):
     """VP9 with a second, equally coded picture for alpha: what browsers and editors overlay.
 
-    4:2:0 wants even sides: an odd one gets a transparent row or column more.
-    Quality of libvpx: 0 = best, 63 = worst.
+    4:2:0 needs even sides: an odd side gets one more transparent row or column. Quality of libvpx:
+    0 = best, 63 = worst.
     """
 
     def __enter__(self) -> Self:
-        # Speed 8 of "realtime" is four times as fast as "good", the files as large. Coded as a
-        # screen, where little moves, a fish leaves fewer traces in the alpha behind it. A frame
-        # that is not shown (auto-alt-ref, lag) would come in one of the two pictures alone.
+        # Speed 8 of "realtime" is four times as fast as "good", for files of the same size. Coded
+        # as a screen, where little moves, a fish leaves fewer traces in the alpha behind it. A
+        # hidden frame (auto-alt-ref, lag) would be in only one of the two pictures.
         options = {
             "crf": self._quality, "b": "0", "deadline": "realtime", "cpu-used": "8",
             "tune-content": "screen", "auto-alt-ref": "0", "lag-in-frames": "0",
@@ -36,9 +36,9 @@ class WebmWriter(Movie):
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
-        """Convert a frame to 4:2:0 of limited range, BT.601, with alpha as it is.
+        """Convert a frame to 4:2:0 of limited range, BT.601; alpha stays unchanged.
 
-        By OpenCV: swscale takes three times as long, and changes alpha by 1.
+        OpenCV does it: swscale takes three times as long, and changes alpha by 1.
         """
         frame = self._even(frame, cv2.BORDER_CONSTANT)
         height, width = frame.shape[:2]
@@ -55,14 +55,14 @@ class WebmWriter(Movie):
 class AlphaWebpWriter(Movie):
     """An animated WebP with alpha that repeats for ever; alpha is kept without loss.
 
-    A frame begins at a whole millisecond. Quality of the colours: 0 = worst, 100 = best.
+    Frames begin at whole milliseconds. Quality of the colours: 0 = worst, 100 = best.
     """
 
     def __enter__(self) -> Self:
         options = {"quality": self._quality, "compression_level": "2"}
         stream = self._begin("webp", {"loop": "0"}, "libwebp_anim", options)
         stream.height, stream.width = self._shape[:2]
-        stream.pix_fmt = "bgra"  # the coder's own order: it makes 4:2:0 itself, alpha in mind
+        stream.pix_fmt = "bgra"  # the coder's own order: it makes 4:2:0 itself, and respects alpha
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:

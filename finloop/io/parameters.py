@@ -1,4 +1,4 @@
-"""params.yaml: the parameters of a run, checked and as dataclasses."""
+"""params.yaml: the parameters of a run, checked and converted to dataclasses."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +11,7 @@ from finloop.base.settings import check, variants
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
-    """Return the values of a params.yaml by stage word; FinloopError if it cannot be read."""
+    """Read params.yaml: values by stage word; FinloopError if it cannot be read."""
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -26,9 +26,9 @@ def read_parameters(path: Path) -> dict[str, Any]:
 
 
 def parameters(word: str, values: Mapping[str, Any]) -> Any:
-    """Return the parameters of a stage word, as its settings.
+    """Convert the parameters of a stage word to its settings dataclass.
 
-    FinloopError if a parameter is refused; it lists all that are, by dotted name.
+    FinloopError lists all parameters that are refused, by dotted name.
     """
     group, problems = check(word, variants(word), values.get(word, {}))
     if problems:
@@ -37,7 +37,7 @@ def parameters(word: str, values: Mapping[str, Any]) -> Any:
 
 
 def refusal(problems: list[str]) -> FinloopError:
-    """Return one message about all problems."""
+    """Return one error about all refused parameters."""
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
     return FinloopError(
         f"{count} refused:\n    " + "\n    ".join(problems),

@@ -1,4 +1,4 @@
-"""Pictures, whole or not at all."""
+"""Pictures, written completely or not at all."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
 
 
 def save_picture(path: Path, picture: Picture) -> None:
-    """Write (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA uint8, format as the ending."""
+    """Write (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA uint8 in the format of the ending."""
     if picture.ndim == 3:
         code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         picture = cv2.cvtColor(picture, code)
@@ -23,7 +23,7 @@ def save_picture(path: Path, picture: Picture) -> None:
 
 
 def load_picture(path: Path) -> Picture:
-    """Read a picture as (h, w) grey or (h, w, 3) RGB uint8; FinloopError if there is none."""
+    """Read a picture as (h, w) grey or (h, w, 3) RGB uint8; FinloopError if it cannot be read."""
     try:
         coded = np.frombuffer(path.read_bytes(), np.uint8)
         picture = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
@@ -41,7 +41,7 @@ def load_picture(path: Path) -> Picture:
 def save_figure(path: Path, figure: "Figure") -> None:
     """Write a figure; the same figure gives the same bytes."""
     for axes in figure.axes:
-        if not axes.axison:  # ticks are laid out where they are not drawn, too: half the time
+        if not axes.axison:  # hidden ticks would still be laid out, in half of the time
             axes.set(xticks=[], yticks=[])
     with whole_file(path) as part:
         figure.savefig(part, dpi=110, metadata={"Software": None})

@@ -1,8 +1,8 @@
-"""Results of the pieces of a long run: an interrupted run continues from them.
+"""Results of the pieces of a long run, from which an interrupted run continues.
 
-A piece is a file that appears whole or not at all. The name of its folder is a digest of the film,
-the parameters and the code. Only this program reads pieces. They are removed when the run has ended
-well; a damaged one is made again.
+A piece is a file that appears completely or not at all. Its folder's name is a digest of the film,
+the parameters and the code. Only this program reads pieces. They are removed when the run has
+succeeded; a damaged one is computed again.
 """
 
 import pickle
@@ -19,17 +19,17 @@ from finloop.io.atomic import save_bytes
 
 T = TypeVar("T")
 _CODEC = pa.Codec("zstd", compression_level=1)
-_SIZE = 8  # bytes in which the size of a piece stands before it
+_SIZE = 8  # bytes of the size in front of a piece
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """The pieces of one run; can be sent to another process."""
+    """The stored pieces of one run; can be sent to another process."""
 
     folder: Path
 
     def load_or_make(self, name: str, make: Callable[[], T]) -> T:
-        """Load the piece of that name, or store and return the result of `make()`.
+        """Load the piece with a name, or store and return the result of `make()`.
 
         FinloopError if the disk is full.
         """
@@ -42,13 +42,13 @@ class Pieces:
         return piece
 
     def size(self) -> int:
-        """Bytes of all that is kept."""
+        """Return the bytes of all stored pieces."""
         return sum(path.stat().st_size for path in self.folder.glob("*"))
 
     def remove(self) -> None:
-        """Remove all that is kept."""
+        """Remove all stored pieces."""
         shutil.rmtree(self.folder, ignore_errors=True)
-        with suppress(OSError):  # others have pieces there
+        with suppress(OSError):  # another run has pieces there
             self.folder.parent.rmdir()
 
 
@@ -59,13 +59,13 @@ def pack_piece(piece: object) -> bytes:
 
 
 def unpack_piece(content: bytes) -> Any:
-    """Restore a result; ValueError or an error of pickle where it is damaged."""
+    """Restore a result; ValueError or an error of pickle if it is damaged."""
     size = int.from_bytes(content[:_SIZE])
     return pickle.loads(_CODEC.decompress(content[_SIZE:], size))
 
 
 def keep_only(folder: Path, names: Iterable[str]) -> None:
-    """Remove all pieces in a folder but `names`; and the folder, where it is empty."""
+    """Remove all pieces in a folder but `names`, and the folder if it is empty."""
     names = set(names)
     for path in folder.glob("*"):
         if path.name not in names:

@@ -1,4 +1,4 @@
-"""Small JSON files: facts, goals, models, gaits. Their room says what the keys mean."""
+"""Small JSON files: facts, goals, models, gaits. Their packages define what the keys mean."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ MOST_BYTES = 100_000_000
 
 
 def save_json(path: Path, content: Any, indent: int = 2) -> None:
-    """Write dictionaries, lists, numbers and text; whole or not at all."""
+    """Write dictionaries, lists, numbers and text, completely or not at all."""
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
     save_bytes(path, f"{text}\n".encode())
 
@@ -22,7 +22,7 @@ def save_json(path: Path, content: Any, indent: int = 2) -> None:
 def load_json(
     path: Path, build: Callable[[Any], T], wanted: str, do: str, most_bytes: int = MOST_BYTES
 ) -> T:
-    """The result of `build` on the content of a JSON file.
+    """Return `build(content)` of a JSON file.
 
     FinloopError if the file is missing, larger than `most_bytes`, no JSON, or `build` refuses its
     content by ValueError, TypeError, KeyError or AttributeError.
@@ -36,28 +36,28 @@ def load_json(
 
 
 def save_record(path: Path, record: Any) -> None:
-    """Write a dataclass of plain values as an object."""
+    """Write a dataclass of plain values as a JSON object."""
     save_json(path, asdict(record))
 
 
 def load_record(path: Path, kind: Callable[..., T], stage: str) -> T:
-    """`kind(**content)` of an object that a stage wrote; errors as for `load_json`."""
+    """Return `kind(**content)` of a JSON object that a stage wrote; errors as in `load_json`."""
     return load_json(path, lambda content: kind(**content), *remake_hint(stage))
 
 
 def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
-    """Write named tuples of plain values as a list of objects."""
+    """Write named tuples of plain values as a JSON list of objects."""
     save_json(path, [record._asdict() for record in records])
 
 
 def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
-    """A `kind(**one)` for each object of a list that a stage wrote; errors as for `load_json`."""
+    """Return `kind(**content)` of each object in a JSON list; errors as in `load_json`."""
     return load_json(
         path, lambda content: [kind(**record) for record in content], *remake_hint(stage)
     )
 
 
 def remake_hint(stage: str) -> tuple[str, str]:
-    """Return `wanted` and `do` of an error: a file is not as a stage wrote it."""
+    """Return `wanted` and `do` of the error for a file that differs from what a stage writes."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

@@ -1,9 +1,9 @@
 """Regions of limbs in the frames of a film: folders of masks, or traced SVG drawings.
 
-Masks: a folder for each id, in it a black and white PNG for each frame, `fore_left/0007.png`;
-regions may overlap. Traces: an SVG for each frame, `0007.svg`, in it a closed path for each id. The
-number in the name is the frame's; the lowest number is frame 0. A hidden limb has a black mask or
-none, or no path.
+Masks: a folder for each id with a black and white PNG for each frame, `fore_left/0007.png`; regions
+may overlap. Traces: an SVG for each frame, `0007.svg`, with a closed path for each id. The number
+in the name is the frame's; the lowest number is frame 0. A hidden limb has a black mask or none, or
+no path.
 """
 
 import re
@@ -23,7 +23,7 @@ from finloop.io.svg import load_svg
 
 T = TypeVar("T")
 DIGITS = 4
-BRIGHT = 128  # of 255: from here on a pixel belongs to the mask
+BRIGHT = 128  # of 255: least level of a pixel of the mask
 _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each frame"
 
 
@@ -49,14 +49,13 @@ def load_regions(
     of_mask: Callable[[Mask], T],
     of_trace: Callable[[Curve, float, float], T],
 ) -> Regions[T]:
-    """Regions of masks or traces.
+    """Load regions from masks or traces.
 
     FinloopError if there is no folder or nothing in it, masks and traces are mixed, a file's name
     has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
 
-    folder: see above.
-    of_mask: the value of a mask (h, w).
-    of_trace: the value of a closed path in a picture of this width and height [px].
+    folder: as described at the top of this module. of_mask: converts a mask (h, w) to a value.
+    of_trace: converts a closed path in a picture of this width and height [px] to a value.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
@@ -122,7 +121,6 @@ def _load_traces(paths: list[Path], of_trace: Callable[[Curve, float, float], T]
 
 
 def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
-    """Map the last number in the name of each path to the path."""
     out = dict[int, Path]()
     for path in paths:
         numbers = re.findall(r"\d+", path.stem)

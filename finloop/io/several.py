@@ -1,7 +1,7 @@
 """The folders of several films, and their clips as one: facts, arena, one count of frames.
 
-Each film has a folder of its own, `films/<name>/`, in the clip's folder and in that of the tracks.
-Beside the folders lies what later stages read, as if one film had been taken.
+Each film has its own folder `films/<name>/`, both in the clip's folder and in that of the tracks.
+Beside these folders lies what later stages read, as if there were a single film.
 """
 
 import shutil
@@ -19,7 +19,7 @@ from finloop.io.record import load_records, save_records
 from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, save_facts
 
 FILMS, PARTS_NAME = "films", "films.json"
-_SAME_RATE = 0.02  # films of rates that differ by less are taken frame by frame
+_SAME_RATE = 0.02  # films whose rates differ by less are taken frame by frame
 _COUNTS = ("frames_repeated", "frames_dropped", "frames_missing")
 Frames = NDArray[np.intp]
 
@@ -27,7 +27,7 @@ Frames = NDArray[np.intp]
 class FilmPart(NamedTuple):
     """One of several films: its folder's name, its path, and its frames in the common count.
 
-    error: why it is left out; "" where it is not.
+    error: why it is left out; "" if it is used.
     """
 
     name: str
@@ -38,19 +38,19 @@ class FilmPart(NamedTuple):
 
 
 def parts_of(clip: Path) -> list[FilmPart]:
-    """The films of a clip's folder that could be read; none where it holds a single film."""
+    """Return the readable films of a clip's folder; none if it holds a single film."""
     return [part for part in all_parts(clip) if not part.error]
 
 
 def all_parts(clip: Path) -> list[FilmPart]:
-    """The films of a clip's folder, those too that could not be read."""
+    """Return all films of a clip's folder, including those that could not be read."""
     return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
 
 
 def folders(clip: Path) -> list[tuple[str, Path]]:
-    """Name of each film, and its folder in the folders of the clip and of the tracks.
+    """Return each film's name and its folder in the folders of the clip and of the tracks.
 
-    A single film has no name, and lies in those folders themselves.
+    A single film has the name "", and lies in those folders themselves.
     """
     return [(part.name, Path(FILMS) / part.name) for part in parts_of(clip)] or [("", Path())]
 
@@ -58,8 +58,8 @@ def folders(clip: Path) -> list[tuple[str, Path]]:
 def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     """Write the facts, the arena and the list of several films beside their folders.
 
-    The common rate is the lowest, so that no frame is shown twice; a quicker film is thinned. The
-    count of frames goes on from film to film. FinloopError where no film could be read.
+    The common rate is the lowest, so no frame is shown twice; a faster film is thinned. The count
+    of frames continues from film to film. FinloopError if no film could be read.
     """
     facts = {
         part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -98,7 +98,7 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
 
 
 def frames_at(frames: int, rate: Fraction, common: Fraction) -> Frames:
-    """The film's own frames (ticks,) that are shown at the ticks of the common rate, ascending."""
+    """Return the film's frames (ticks,) shown at the ticks of the common rate, ascending."""
     step = float(rate / common)
     if abs(step - 1) <= _SAME_RATE:
         return np.arange(frames)
@@ -110,5 +110,5 @@ def _no_films(errors: Sequence[tuple[str, str]]) -> FinloopError:
         "none of the films can be used:\n    "
         + "\n    ".join(": ".join(error) for error in errors),
         "at least one film that can be read",
-        "correct clip.path, or mend the films",
+        "correct clip.path, or repair the films",
     )

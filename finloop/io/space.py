@@ -1,4 +1,4 @@
-"""Room on the disk, looked at before a long run begins."""
+"""Free space on the disk, checked before a long run begins."""
 
 import shutil
 from pathlib import Path
@@ -9,7 +9,7 @@ from finloop.base.errors import FinloopError
 
 
 def refuse_small(folder: Path, size: float, what: str, do: str) -> None:
-    """FinloopError where a folder's disk has less room than `wanted` bytes for `what`."""
+    """Raise FinloopError if a folder's disk has less than `size` bytes free for `what`."""
     above = (folder.absolute(), *folder.absolute().parents)
     home = next(path for path in above if path.exists() and path.suffix != ".part")
     free = shutil.disk_usage(home).free
@@ -17,6 +17,6 @@ def refuse_small(folder: Path, size: float, what: str, do: str) -> None:
         needs, has = decimal(int(size)), decimal(free)
         raise FinloopError(
             f"{what} will take about {needs}, and {has} are free in {home}",
-            "room for all of it",
-            f"make room (`dvc gc --workspace` drops unused results), or {do}",
+            "enough free space for all of it",
+            f"free some space (`dvc gc --workspace` drops unused results), or {do}",
         )

@@ -1,8 +1,8 @@
-"""SVG drawings in: every path command, basic shapes, transforms, groups, `use`, viewBox, styles.
+"""Read SVG drawings: every path command, basic shapes, transforms, groups, `use`, viewBox, styles.
 
-svgelements reads the geometry, `svg_guard` decides what may reach it. Curved pieces become
-polylines that keep to them within FLATNESS. A path of several contours gives a layer for each: `d`,
-`d#2`, `d#3` …; "#" stands in no XML id.
+svgelements reads the geometry; `svg_guard` decides what it may read. Curved pieces become polylines
+that stay within FLATNESS of them. A path of several contours gives a layer for each: `d`, `d#2`,
+`d#3` …; no XML id contains "#".
 """
 
 import io
@@ -22,22 +22,22 @@ from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
 from finloop.io.svg_guard import load_tree
 
-FLATNESS = 1e-4  # of the larger side of the drawing
+FLATNESS = 1e-4  # share of the larger side of the drawing
 MOST_CONTOURS = 1000
 
-_MOST_PIECES = 500  # of one curved segment
+_MOST_PIECES = 500  # pieces of one curved segment
 # What svgelements raises where it does not understand a drawing.
 _MISREAD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
 _GRADIENT = "#808080"  # stands for gradients and patterns
 
 
 def load_svg(path: Path) -> Drawing:
-    """The contours of an SVG file in px of its viewport, by id, in drawing order.
+    """Load the contours of an SVG file in px of its viewport, by id, in drawing order.
 
-    A contour without an id has that of the nearest group or `use` around it, else "contour"; where
+    A contour without an id takes that of the nearest group or `use` around it, else "contour"; if
     several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
-    no SVG that may be read (see `load_tree`), has no contour, one that is not valid (see
-    `clean_curve`), or two of one id.
+    no SVG that may be read (see `load_tree`), has no contour, an invalid one (see `clean_curve`),
+    or two with one id.
     """
     tree = load_tree(path)
     try:
@@ -71,7 +71,7 @@ def load_svg(path: Path) -> Drawing:
 
 
 def _size(tree: ElementTree.Element, picture: Any, curves: dict[str, Curve]) -> tuple[float, float]:
-    """Width and height of the viewport [px]; where the file is silent, what the contours need."""
+    """Return width and height of the viewport [px]; by default those of the contours."""
     if {"viewBox", "width", "height"} & tree.attrib.keys():
         return float(picture.width), float(picture.height)
     reach = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
@@ -82,13 +82,13 @@ def _size(tree: ElementTree.Element, picture: Any, curves: dict[str, Curve]) -> 
 
 
 def _names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
-    """Names that differ; those which are ids of their own are kept as they are."""
+    """Return unique names; ids of contours stay unchanged."""
     own = Counter(name for name, is_id in ids if is_id)
     if twice := [name for name, count in own.items() if count > 1]:
         raise FinloopError(
             f"{path} uses the id {twice[0]!r} {own[twice[0]]} times",
             "an id of its own for every contour",
-            "rename them: ids tell which contours of two drawings belong together",
+            "rename them: ids define which contours of two drawings belong together",
         )
     names, used = [], set(own)
     for name, is_id in ids:
@@ -102,7 +102,7 @@ def _names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
 
 
 def _shapes(group: Any, name: str) -> Iterator[tuple[str, bool, Any]]:
-    """Shapes below a group, with their names and whether those are ids of their own."""
+    """Yield the shapes below a group, with their names and whether these are their own ids."""
     for part in group:
         own = part.id if part.id is not None else ""
         if isinstance(part, svg.Use):
@@ -117,7 +117,7 @@ def _shapes(group: Any, name: str) -> Iterator[tuple[str, bool, Any]]:
 
 
 def _contours(picture: Any) -> Iterator[tuple[tuple[str, bool], Curve, str]]:
-    """(name, whether it is an id), contour and style of everything shown."""
+    """Yield (name, whether it is an id), contour and style of everything shown."""
     flat = FLATNESS * max(float(picture.width), float(picture.height))
     for name, is_id, shape in _shapes(picture, "contour"):
         if shape.values.get("visibility") in ("hidden", "collapse"):
@@ -129,7 +129,7 @@ def _contours(picture: Any) -> Iterator[tuple[tuple[str, bool], Curve, str]]:
 
 
 def _subpaths(shape: Any, flat: float) -> Iterator[Curve]:
-    """The polylines of a shape; closed where it says so or ends where it began."""
+    """Yield the polylines of a shape; closed where it says so or ends where it began."""
     pieces: list[Points] = []
     before: Any = None
     for segment in [*shape.segments(), svg.Move(0j)]:
@@ -150,7 +150,7 @@ def _subpaths(shape: Any, flat: float) -> Iterator[Curve]:
 def _mirror(before: Any, segment: Any) -> None:
     """Set the first control point of S and T, which mirrors that of a segment of the same kind.
 
-    svgelements mirrors that of the other kind, too, where the standard takes the start.
+    svgelements also mirrors that of the other kind, where the standard takes the start.
     """
     if not getattr(segment, "smooth", False):
         return
@@ -162,7 +162,7 @@ def _mirror(before: Any, segment: Any) -> None:
 
 
 def _polyline(segment: Any, flat: float) -> Points:
-    """Points along a segment, both ends exact: no piece is farther than `flat` from it."""
+    """Return points along a segment, both ends exact: no piece is farther than `flat` from it."""
     if isinstance(segment, svg.Arc):
         radius, sweep = max(segment.rx, segment.ry), abs(float(segment.sweep))
         turn = 2 * np.arccos(np.clip(1 - flat / max(radius, flat), -1, 1))
@@ -200,7 +200,7 @@ def _xy(*points: Any) -> Points:
 
 
 def _style(shape: Any) -> str:
-    """What is needed to paint a shape again, "" if that is nothing."""
+    """Return what is needed to paint a shape again, "" if nothing is."""
     values = shape.values
     whole = _share(values.get("opacity"))
     style = {kind: _paint(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")}

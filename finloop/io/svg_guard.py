@@ -1,8 +1,8 @@
-"""XML of strangers: read if it is small, shallow and needs nothing but itself.
+"""XML from unknown sources: read only if it is small, shallow and needs no other file.
 
-Nothing is ever fetched: the parser has no loader, and what points outside is refused or left out.
-An entity may stand for a million others and a `use` for a million shapes, so entities are refused
-and what `use` would draw is counted before it is drawn.
+Nothing is ever fetched: the parser has no loader, and references outside are refused or left out.
+An entity may stand for a million others and a `use` for a million shapes, so entities are refused,
+and the shapes of `use` are counted before they are drawn.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from finloop.base.errors import FinloopError
 
 MOST_BYTES = 4 * 2**20
 MOST_DRAWN = 2**19
-"""Characters of geometry, each time a `use` shows it. As many take five seconds to read."""
+"""Characters of geometry, counted each time a `use` shows it; so many take five seconds to read."""
 
 MOST_NESTED = 64
 MOST_STYLE = 2**16  # characters of style sheets; each is compared with every element
@@ -32,7 +32,7 @@ _NO_CONTOURS = {
 
 
 def load_tree(path: Path) -> ElementTree.Element:
-    """The `svg` element of a file, without what is no contour and with `symbol` as a `g` in `defs`.
+    """Load the `svg` element of a file, reduced to contours; a `symbol` becomes a `g` in `defs`.
 
     FinloopError if the file is missing, huge, no SVG, declares entities, points to another file for
     a shape, or would draw more than MOST_DRAWN.
@@ -44,7 +44,7 @@ def load_tree(path: Path) -> ElementTree.Element:
         raise FinloopError(
             f"{path} cannot be read ({error.strerror})",
             "an SVG drawing",
-            "give the name of a file that is there",
+            "name a file that exists",
         ) from error
     if len(data) > MOST_BYTES:
         raise FinloopError(
@@ -71,7 +71,7 @@ def load_tree(path: Path) -> ElementTree.Element:
 
 
 def _survey(path: Path, data: bytes) -> None:
-    """Run through the XML once, building nothing, and refuse entities."""
+    """Parse the XML once, building nothing, and refuse entities."""
     parser = expat.ParserCreate()
 
     def entity(name: str, *rest: object) -> NoReturn:
@@ -109,7 +109,7 @@ def _tag(element: ElementTree.Element) -> str:
 
 
 def _tidy(root: ElementTree.Element) -> None:
-    """Take out what is no contour; hide symbols, which only a `use` shows, among definitions."""
+    """Remove what is no contour; hide symbols, which only a `use` shows, among definitions."""
     hidden = ElementTree.Element(f"{_SVG}defs")
     for parent in list(root.iter()):
         for child in list(parent):
@@ -123,7 +123,7 @@ def _tidy(root: ElementTree.Element) -> None:
 
 
 def target(path: Path, element: ElementTree.Element) -> str | None:
-    """The id that a `use` shows; None of another element or a `use` of nothing."""
+    """Return the id that a `use` shows; None for another element or an empty `use`."""
     if _tag(element) != "use":
         return None
     for name in _HREFS:
@@ -139,7 +139,6 @@ def target(path: Path, element: ElementTree.Element) -> str | None:
 
 
 def _count(path: Path, root: ElementTree.Element) -> None:
-    """Refuse drawings whose `use` elements show themselves or too much."""
     by_id = {element.get("id"): element for element in root.iter()}
     counts = dict[int, int]()
     open_ = set[int]()
@@ -151,8 +150,8 @@ def _count(path: Path, root: ElementTree.Element) -> None:
         if key in open_:
             raise FinloopError(
                 f"{path} holds a <use> that shows itself",
-                "shapes that do not hold themselves",
-                f"take the <use> of {target(path, element) or element.get('id')!r} out",
+                "shapes that do not contain themselves",
+                f"remove the <use> of {target(path, element) or element.get('id')!r}",
             )
         if depth > MOST_NESTED:
             _too_many(path)

@@ -1,7 +1,7 @@
 """Tables with a schema: every column's name, dtype and unit, checked on save and on load.
 
-Files are Parquet. The units travel in the file (in the metadata of each field), so that a table
-opened without this program still says what its numbers mean.
+Files are Parquet. Each field's metadata holds its unit, so a table that is opened without this
+program still explains its numbers.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,13 +25,12 @@ _AGAIN = "run the stage that makes it again: `dvc repro`"
 
 
 def _arrow_type(column: Column) -> pa.DataType:
-    """The type of the column in the file."""
     inner = pa.type_for_alias(column.dtype)
     return pa.list_(inner, column.length) if column.length else inner  # ANY = -1 is Arrow's, too
 
 
 def arrow_schema(schema: Schema) -> pa.Schema:
-    """The schema as Arrow says it, units in the fields' metadata."""
+    """Convert a schema to Arrow, with units in the fields' metadata."""
     return pa.schema(
         [
             pa.field(column.name, _arrow_type(column), column.nullable, {"unit": column.unit})
@@ -41,10 +40,10 @@ def arrow_schema(schema: Schema) -> pa.Schema:
 
 
 def parquet_coding(schema: Schema) -> dict[str, Any]:
-    """How Parquet codes the columns, as arguments of pyarrow's writers.
+    """Return the arguments of pyarrow's writers that code a table's columns.
 
-    Measured floats hardly ever repeat. A dictionary of them takes three quarters of the time to
-    write; the bytes of one place in the number side by side take half of the room.
+    Measured floats rarely repeat: a dictionary of them would take three quarters of the writing
+    time. Splitting their bytes into streams halves their size.
     """
     paths = {
         column: f"{column.name}.list.element" if column.length else column.name
@@ -56,12 +55,12 @@ def parquet_coding(schema: Schema) -> dict[str, Any]:
 
 
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
-    """Write `frame` as Parquet, whole or not at all.
+    """Write `frame` as Parquet, completely or not at all.
 
-    Integer and float columns of another width are converted where that loses nothing but
-    floating-point precision; NaN in a nullable column becomes null. A list column is given as rows
-    of arrays, all of the schema's length. FinloopError lists every missing, unknown, ill-typed or
-    wrongly null column at once.
+    Integer and float columns of another width are converted if that loses only floating-point
+    precision; NaN in a nullable column becomes null. A list column has rows of arrays, all of the
+    schema's length. FinloopError lists every missing, unknown, ill-typed or wrongly null column at
+    once.
     """
     table = arrow_table(frame, schema, str(path))
     with whole_file(path) as part:
@@ -69,7 +68,7 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
 
 
 def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
-    """Convert a whole frame, or raise with all that is wrong with it; `name` is what it is for."""
+    """Convert a whole frame to Arrow; FinloopError, which mentions `name`, lists all faults."""
     problems = list(_names_off(list(frame.columns), schema))
     arrays = {}
     for column in schema.columns:
@@ -86,7 +85,7 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     ]
     if problems:
         raise _schema_error(
-            f"the table for {name}", problems, "mend the stage that makes the table"
+            f"the table for {name}", problems, "correct the stage that makes the table"
         )
     return pa.Table.from_arrays(
         [arrays[c.name] for c in schema.columns], schema=arrow_schema(schema)
@@ -94,7 +93,7 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
 
 
 def as_loaded(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
-    """The table as `load_table` would read it after `save_table`; errors as for `save_table`."""
+    """Return the table as `load_table` would read it after `save_table`; errors as there."""
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
@@ -109,9 +108,9 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
 
 
 def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
-    """List columns of a table as arrays (rows, length), without an object for every row.
+    """Read list columns of a table as arrays (rows, length), without an object for every row.
 
-    FinloopError as `load_table`, and where the lists of a column have several lengths.
+    FinloopError as in `load_table`, and if the lists of a column have several lengths.
     """
     table, schema = _read_columns(path, schema, names)
     arrays, ragged = [], []
@@ -130,9 +129,9 @@ def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
 def read_lists(
     path: Path, schema: Schema, names: Sequence[str], rows: int
 ) -> Iterator[list[NDArray[Any]]]:
-    """List columns of a table as arrays (k, length), at most so many rows at a time.
+    """Yield list columns of a table as arrays (k, length), at most `rows` rows at a time.
 
-    All lists of a column are of the schema's length. Nothing but the columns' names is checked.
+    All lists of a column have the schema's length. Only the columns' names are checked.
     FinloopError if the file is missing, unreadable, or has other columns.
     """
     try:
@@ -179,10 +178,10 @@ def _read_columns(
 
 
 def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:
-    """Write a small table for people and for plots, rounded, whole or not at all.
+    """Write a small table for people and for plots, rounded, completely or not at all.
 
-    No number has more than `decimals`, and none but of an `exact` table (mathematical constants,
-    places in a film) more significant digits than are alike on all processors.
+    No number has more than `decimals`. Only an `exact` table (mathematical constants, places in a
+    film) has more significant digits than all processors share.
     """
     frame = frame.round(decimals)
     if not exact:
@@ -225,7 +224,7 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
 
 
 def _holes(array: pa.Array, column: Column) -> Iterator[str]:
-    """Say how many cells of a column that must be full are null or NaN."""
+    """Report how many cells of a column that must be full are null or NaN."""
     if column.nullable:
         return
     count = array.null_count
@@ -264,7 +263,7 @@ def _schema_error(what: str, problems: list[str], do: str) -> FinloopError:
 
 
 def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int) -> None:
-    """Write a long table with its index, block after block, whole or not at all."""
+    """Write a long table with its index, block after block, completely or not at all."""
     with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         for number, block in enumerate(blocks):
             block.to_csv(
@@ -274,9 +273,9 @@ def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int
 
 @contextmanager
 def table_writer(path: Path, schema: Schema) -> Iterator[Callable[[pd.DataFrame], None]]:
-    """Yield what appends rows to a table too long to hold in memory, whole or not at all.
+    """Yield a function that appends rows to a table too long to hold in memory.
 
-    The file appears at `path` when the block ends well. FinloopError as `save_table`.
+    The file appears at `path` when the block succeeds. FinloopError as in `save_table`.
     """
     coding = parquet_coding(schema)
     with whole_file(path) as part, pq.ParquetWriter(part, arrow_schema(schema), **coding) as file:

@@ -1,7 +1,7 @@
 """The normalised clip: its facts, and its frames read one by one or at random.
 
-`io.movie.VideoWriter` writes it and says how it is coded. Pixels are (row, column) = (y down,
-x right), uint8.
+`io.movie.VideoWriter` writes it and documents its coding. Pixels are (row, column) = (y down, x
+right), uint8.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,8 +26,8 @@ from finloop.io.picture import save_picture
 from finloop.io.record import load_json, save_json
 
 KEY_FRAME_EVERY = 12  # a seek decodes at most 11 frames in vain, for about 5 % more bytes
-# A fixed number: x264 gives the same bytes only with the same number of threads, and the colour
-# conversion would take every core of the machine.
+# Fixed: x264 gives the same bytes only with the same number of threads, and the colour conversion
+# would take every core of the machine.
 THREADS = 2
 
 CLIP_NAME, FACTS_NAME = "clip.mp4", "facts.json"
@@ -48,7 +48,7 @@ class VideoFacts:
     height_px: int
     frames: int
     frame_rate: Fraction  # frames per second, exact
-    colour: bool  # whether the clip carries colour; mono film has a Y plane alone
+    colour: bool  # whether the clip carries colour; mono film has only a Y plane
     # half-open frame ranges [start, stop) filmed without a cut
     segments: tuple[tuple[int, int], ...]
     # frames_repeated, frames_dropped: frames that re-timing to a constant rate repeated and
@@ -68,22 +68,22 @@ class VideoFacts:
     level_high: float = 255.0
     mm_per_px: float | None = None  # mm, of a pixel of the clip; None: not known
     crf: int = 0  # quality of the coding, 0 = lossless
-    notes: tuple[str, ...] = ()  # sentences about the source that a person should read
+    notes: tuple[str, ...] = ()  # sentences about the source for the user
 
     @property
     def frame_rate_hz(self) -> float:
-        """Frames per second as a float."""
+        """Return frames per second as a float."""
         return float(self.frame_rate)
 
 
 def save_facts(path: Path, facts: VideoFacts) -> None:
-    """Write `facts` as JSON (with `frame_rate_hz` as a plain number beside the exact fraction)."""
+    """Write `facts` as JSON, with `frame_rate_hz` as a plain number beside the exact fraction."""
     fractions = {"frame_rate": str(facts.frame_rate), "pixel_aspect": str(facts.pixel_aspect)}
     save_json(path, asdict(facts) | fractions | {"frame_rate_hz": facts.frame_rate_hz})
 
 
 def load_facts(path: Path) -> VideoFacts:
-    """Read the facts that `save_facts` wrote; FinloopError as `load_json`."""
+    """Read the facts that `save_facts` wrote; FinloopError as in `load_json`."""
     keys = ", ".join(field.name for field in fields(VideoFacts))
     do = "make the clip again: `dvc repro --force clip`"
     return load_json(path, _facts, f"the facts of a clip: JSON with {keys}", do)
@@ -98,7 +98,7 @@ def _facts(record: dict[str, Any]) -> VideoFacts:
 
 @contextmanager
 def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStream, Fraction]]:
-    """Open a normalised clip: container, stream, ticks from one frame to the next."""
+    """Open a normalised clip; yield container, stream, ticks from one frame to the next."""
     try:
         with av.open(str(path)) as container:
             stream = container.streams.video[0]
@@ -128,12 +128,11 @@ def _decode_clip(
 
 
 def _number(frame: VideoFrame, step: Fraction) -> int:
-    """Number of a frame, at `step` ticks a frame."""
     return round(Fraction(frame.pts or 0) / step)
 
 
 def luma(frame: VideoFrame) -> np.ndarray:
-    """The Y plane, (h, w) uint8, without the padding at the end of its rows.
+    """Return the Y plane, (h, w) uint8, without the padding at the end of its rows.
 
     It is a read-only view of the decoder's memory: the decoder predicts later frames from it.
     """
@@ -149,7 +148,7 @@ def _rgb(frame: VideoFrame) -> np.ndarray:
 
 
 def refuse_other_length(path: Path, frames: int) -> None:
-    """FinloopError where a normalised clip cannot be read, or has another number of frames."""
+    """Raise FinloopError if a normalised clip cannot be read, or does not have `frames` frames."""
     with _open_clip(path, 1) as (_, stream, _):
         if stream.frames != frames:
             raise _clip_error(path, f"it has {stream.frames} frames, not {frames}", FinloopError)
@@ -167,11 +166,9 @@ def read_frames(
 
     FinloopError if the clip cannot be read; UndecodableError if a frame cannot, or it ends early.
 
-    path: the clip.
     colour: (h, w, 3) RGB instead of the (h, w) Y plane. Both are uint8; the Y plane is a read-only
-        view with padded rows (copying it would cost a seventh of the time).
-    start, stop: half-open range of frames; `stop` None = to the end.
-    threads: of the decoder.
+    view with padded rows (copying it would take a seventh of the time). start, stop: half-open
+    range of frames; `stop` None = to the end. threads: of the decoder.
     """
     with _open_clip(path, threads) as (container, stream, step):
         convert = _rgb if colour else luma

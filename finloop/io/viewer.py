@@ -1,7 +1,7 @@
-"""A page that shows a .glb and plays its animation, all in one file: it asks no network.
+"""A page that shows a .glb and plays its animation, all in one file: it needs no network.
 
-The viewer is <model-viewer> (Apache-2.0), taken from the installed package `dash-model-viewer`,
-which is used for nothing else and never imported.
+The viewer is <model-viewer> (Apache-2.0), from the installed package `dash-model-viewer`, which is
+used for nothing else and never imported.
 """
 
 import base64
@@ -44,7 +44,7 @@ _PAGE = """<!doctype html>
 </head>
 <body>
 <header><h1>{title}</h1>
-<p>Drag to turn, wheel or pinch to come nearer; by keyboard: arrows, and the buttons below.</p>
+<p>Drag to turn, scroll or pinch to zoom; keyboard: the arrows, and the buttons below.</p>
 </header>
 <main><model-viewer id="tank" alt="{alt}" camera-controls animation-name="swim" touch-action="none"
  interaction-prompt="none" shadow-intensity="0" exposure="0.5" min-camera-orbit="auto auto 3%"
@@ -103,10 +103,10 @@ _PAGE = """<!doctype html>
 def save_viewer(
     path: Path, glb: bytes, title: str, alt: str, way: list[list[float]], rate_hz: float
 ) -> None:
-    """Write the page.
+    """Write the page that shows the .glb, with a camera that can follow the fish.
 
-    way: where the fish is at every tick, in units of the .glb, for the camera that follows it.
-    FinloopError if the viewer is not installed.
+    way: the fish's place at every tick, in units of the .glb. FinloopError if the viewer is not
+    installed.
     """
     page = _PAGE.format(
         title=html.escape(title),

@@ -1,9 +1,9 @@
-"""The real zebrafish footage, out of the Python package that ships it.
+"""The real zebrafish footage, from the Python package that ships it.
 
-idtrackerai (GPL-3.0-or-later) carries two clips of eight zebrafish in its wheel. They are
-downloaded by the ordinary package client, checked against their known digests and kept in the
-user's cache, outside the project: the footage's licence is not this project's, so it is never
-committed, and a temporary experiment finds it without downloading it again.
+idtrackerai (GPL-3.0-or-later) carries two clips of eight zebrafish in its wheel. The ordinary
+package client downloads them; they are checked against their known digests and kept in the user's
+cache, outside the project. The footage's licence is not this project's, so it is never committed. A
+temporary experiment finds it without downloading it again.
 """
 
 import hashlib
@@ -24,12 +24,12 @@ SHA256 = {
     "B": "0a9b6e7af5b8404a67ae277df4ca6b6931221e8f6aecb7294397c3c8e326dc3f",
 }
 TANK_PX = (33, 8, 922, 918)
-"""The water in the picture: left, top, width, height; to the right of it lies a second vessel."""
+"""The tank in the picture: left, top, width, height; to the right of it lies a second tank."""
 _INSTEAD = "or use the drawn carp, which needs no network: dvc exp run -S clip=carp"
 
 
 def cache_folder() -> Path:
-    """Where the footage is kept: `$XDG_CACHE_HOME/finloop`, by default `~/.cache/finloop`.
+    """Return the footage's folder: `$XDG_CACHE_HOME/finloop`, by default `~/.cache/finloop`.
 
     FinloopError if there is no home directory either.
     """
@@ -47,10 +47,10 @@ def cache_folder() -> Path:
 
 
 def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
-    """Give the paths of the clips "A", "B"; download what is not whole in `folder`.
+    """Return the paths of the clips "A", "B"; download those that are not complete in `folder`.
 
-    FinloopError if the package cannot be downloaded, does not hold the clips as they are known, or
-    the folder cannot be written. Nothing half is left.
+    FinloopError if the package cannot be downloaded, does not hold the known clips, or the folder
+    cannot be written. No partial file is left.
     """
     paths = [folder / f"{PACKAGE.replace('==', '-')}-test_{part}.avi" for part in parts]
     if all(_is_known(path, part) for path, part in zip(paths, parts, strict=True)):
@@ -64,13 +64,12 @@ def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
         raise FinloopError(
             came=f"the zebrafish footage cannot be kept: {error}",
             wanted=f"20 MB in {tempfile.gettempdir()} and in {folder}",
-            do="make room or name another folder in XDG_CACHE_HOME, " + _INSTEAD,
+            do="free some space, or name another folder in XDG_CACHE_HOME, " + _INSTEAD,
         ) from error
     return paths
 
 
 def _is_known(path: Path, part: str) -> bool:
-    """Whether the file is there and has the digest of the clip."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest() == SHA256[part]
     except OSError:
@@ -78,8 +77,7 @@ def _is_known(path: Path, part: str) -> bool:
 
 
 def _download(folder: Path) -> Path:
-    """Fetch the wheel, without its dependencies."""
-    # The package is not installed, only unpacked: for which Python it is made does not matter.
+    # The package is only unpacked, not installed: its Python version does not matter.
     options = "--no-deps --only-binary :all: --ignore-requires-python --disable-pip-version-check"
     options += " --no-input --quiet --retries 2 --timeout 20"
     command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", str(folder)]
@@ -97,7 +95,6 @@ def _download(folder: Path) -> Path:
 
 
 def _unpack(wheel: Path, part: str, path: Path) -> None:
-    """Take one clip out of the wheel, if it is the known one."""
     member = f"idtrackerai/data/test_{part}.avi"
     try:
         with zipfile.ZipFile(wheel) as archive:

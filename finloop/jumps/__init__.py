@@ -1,8 +1,8 @@
 """Jumps between frames that look and move alike, found as nearest neighbours.
 
 The paper's loops (§4.1) compare whole pictures. A jump that is joined in the pose of the fish is
-compared otherwise: by the pose and its change, by speed and turning, by light and skin. A frame can
-jump to its nearest neighbours in these numbers, mirror images too.
+compared differently: by the pose and its change, by speed and turning, by light and skin. A frame
+can jump to its nearest neighbours in these numbers, including mirror images.
 """
 
 import lazy_loader

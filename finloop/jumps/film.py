@@ -1,4 +1,4 @@
-"""The jumps of a film, how its rows look, and numbers about them."""
+"""The jumps of a film, the looks of its rows, and metrics about them."""
 
 from collections.abc import Callable
 from functools import partial
@@ -25,7 +25,7 @@ _TURN = 2000  # rows whose jumps lead to one part of a long film
 class FilmJumps(NamedTuple):
     """jumps: columns of `JUMPS`; look: (n, k), or (2 n, k) with mirror images.
 
-    visible: how far any two rows are apart to the eye; numbers: about jumps and looks, for metrics.
+    visible: the visible distance of any two rows; numbers: about jumps and looks, for metrics.
     """
 
     jumps: pd.DataFrame
@@ -35,29 +35,29 @@ class FilmJumps(NamedTuple):
 
 
 def film_jumps(
-    source: RowSource, settings: JumpsSettings, crew: Workers = ALONE,
+    source: RowSource, settings: JumpsSettings, workers: Workers = ALONE,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
-    """The jumps of a film; `crew` works on some rows at a time, advance(n): n more are done.
+    """Find the jumps of a film; `advance(n)`: n more rows are done.
 
     A fish whose sides differ is not mirrored, unless the settings say so.
     """
     reel, _ = source.film()
     track = reel.features["track_id"].to_numpy()
-    row_parts = parts(source, settings, crew)
+    row_parts = parts(source, settings, workers)
     block = max(1, round(settings.block * delta_of(reel.features)))
     sides = sides_apart(Straight(source, settings.look_px), track)
     hand = handedness(row_parts, block)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(row_parts, reel.step_ends, settings)
-    least = max(1, round(settings.min_jump_time * delta_of(reel.features)))
+    least = max(1, round(settings.min_jump_deltas * delta_of(reel.features)))
     search = Search.from_values(values, track, settings.candidates, least, mirror)
-    visible, tables = VisibleDistance.from_source(source, crew), []
+    visible, tables = VisibleDistance.from_source(source, workers), []
     rows = blocks(len(track), _LOT)
     counts = settings.jumps_per_frame, min(settings.nearest, settings.jumps_per_frame)
     best_of = partial(_best_jumps, source, search, visible.natural, counts)
-    for lot, table in zip(rows, ordered_map(best_of, rows, crew), strict=True):
+    for lot, table in zip(rows, ordered_map(best_of, rows, workers), strict=True):
         tables.append(table)
         advance(len(lot))
     jumps = pd.concat(tables, ignore_index=True)
@@ -83,10 +83,11 @@ def film_jumps(
 def _best_jumps(
     source: RowSource, search: Search, natural: float, counts: tuple[int, int], rows: Ints
 ) -> pd.DataFrame:
-    """The best jumps of rows. natural: of `VisibleDistance`.
+    """Return the best jumps of rows. natural: see `VisibleDistance`.
 
-    counts: how many; and of a film of several parts, how many of them lead to the nearest rows of
-    all. The others lead to one part, of `_TURN` successive rows to the same one, then to the next.
+    counts: their number; and in a film of several parts, how many of them lead to the nearest rows
+    of all. The others lead to one part, of `_TURN` successive rows to the same one, then to the
+    next.
     """
     visible = VisibleDistance(source.pictures(), source.film()[1].pose.posture, natural)
     (count, few), parts = counts, search.parts

@@ -1,4 +1,4 @@
-"""The nearest neighbours of every row, mirror images too: the rows it can jump to."""
+"""The nearest neighbours of every row, including mirror images: the rows it can jump to."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +12,7 @@ from finloop.base.nearest import Nearest, parts_of
 from finloop.jumps.table import JUMPS
 
 _STRETCH = 8  # times `least`: rows of a stretch, which are all of one part of the film
-_SPARE = 8  # times as many nearest rows are looked at, at first, for `count` passages
+_SPARE = 8  # times `count`: nearest rows that are searched first for `count` passages
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,8 @@ class Search:
     Of successive rows only the nearest counts, and none within `least` rows of a nearer one. A jump
     leads neither into the last `least` rows of a track nor within `least` rows of its own place.
 
-    targets (m, d): of the n rows, and of their mirror images where these are looked at; goals:
-    numbers of those that can be jumped to, which are in `index`. track (n,): rising; part (n,): of
-    `parts_of`.
+    targets (m, d): of the n rows, and of their mirror images if these are searched; goals: numbers
+    of possible targets, which are in `index`. track (n,): rising; part (n,): from `parts_of`.
     """
 
     targets: Floats
@@ -49,20 +48,20 @@ class Search:
 
     @property
     def parts(self) -> int:
-        """The number of parts that the film has."""
+        """Return the number of the film's parts."""
         return 1 + int(self.part.max())
 
     def __call__(self, rows: Ints) -> pd.DataFrame:
-        """Neighbours of rows (k,), rising: row, to, mirrored, far; the nearest first."""
+        """Return neighbours of rows (k,), rising: row, to, mirrored, far; the nearest first."""
         return self._nearest(rows, self.goals, self.index)
 
     def in_part(self, rows: Ints, part: int) -> pd.DataFrame:
-        """The same, of the neighbours in one part of the film."""
+        """Return neighbours of rows as `__call__` does, but only in one part of the film."""
         goals = self.goals[self.part[self.goals % len(self.track)] == part]
         return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
 
     def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
-        """Neighbours of rows among some goals, which are in an index."""
+        """Return neighbours of rows among some goals, which are in an index."""
         choice = partial(self._passages, rows, goals)
         to, far = index.choose(self.targets[rows], _SPARE * self.count, choice)
         at, place = np.nonzero(np.isfinite(far))
@@ -74,7 +73,7 @@ class Search:
     def _passages(
         self, rows: Ints, goals: Ints, some: Ints, near: Ints
     ) -> tuple[tuple[Ints, Floats], Mask]:
-        """Targets (k, count) of different passages with their distances, ∞ where there is none.
+        """Return targets (k, count) of different passages with their distances, ∞ for none.
 
         near (k, l): numbers of the goals nearest to rows[some] (k,). The mask (k,) is True where
         all `count` targets are there.
@@ -86,10 +85,11 @@ class Search:
 
 
 def best_jumps(near: pd.DataFrame, visible: Floats, count: int) -> pd.DataFrame:
-    """The `count` jumps of every row with the least seams: columns of `JUMPS`.
+    """Return the `count` jumps of every row with the least discontinuity: columns of `JUMPS`.
 
-    A seam is the sum of `far` and the visible distance squared, which is small below a natural
-    step, where the motion hides it. near: as `Search` gives it; visible: (k,) natural steps.
+    The discontinuity (column seam) is the sum of `far` and the visible distance squared, which is
+    small below a natural step, where the motion hides it. near: as `Search` gives it; visible: (k,)
+    natural steps.
     """
     table = near.assign(seam=near["far"] + np.square(visible))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
@@ -100,7 +100,7 @@ def best_jumps(near: pd.DataFrame, visible: Floats, count: int) -> pd.DataFrame:
 def _minima(
     targets: Floats, track: Ints, rows: Ints, near: Ints, least: int, count: int
 ) -> tuple[Ints, Floats]:
-    """The `count` nearest of the targets `near` (k, l), rising, of rows (k,); one a passage.
+    """Return the `count` nearest targets of rows (k,) among `near` (k, l), rising; one a passage.
 
     Of successive targets only local minima of the distance count, and none within `least` of a
     nearer one. Targets of the row's own passage are left out.
@@ -137,7 +137,7 @@ def _minima(
 
 @kernel
 def _beside(track, a, b, least):  # type: ignore[no-untyped-def]
-    """Whether two targets are of one passage: of one track and side, less than `least` apart."""
+    """Return whether two targets are one passage: one track and side, less than `least` apart."""
     n = len(track)
     same = (a < n) == (b < n) and abs(a - b) < least
     return same and track[a % n] == track[b % n]

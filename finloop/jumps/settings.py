@@ -11,7 +11,7 @@ class JumpsSettings:
     """Which frames are neighbours."""
 
     jumps_per_frame: Count
-    min_jump_time: Positive
+    min_jump_deltas: Positive
     pose_weight: NotNegative
     motion_weight: NotNegative
     appearance_weight: NotNegative
@@ -34,7 +34,7 @@ class JumpsSettings:
 
     RENAMED: ClassVar[dict[str, str]] = {
         "neighbours": "jumps_per_frame",
-        "least": "min_jump_time",
+        "least": "min_jump_deltas",
         "pose": "pose_weight",
         "motion": "motion_weight",
         "look": "appearance_weight",

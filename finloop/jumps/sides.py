@@ -1,4 +1,4 @@
-"""Whether a fish may be shown mirrored: how much its two sides differ, in look and in motion."""
+"""Whether a fish may be mirrored: how much its two sides differ, in look and in motion."""
 
 import numpy as np
 
@@ -7,11 +7,11 @@ from finloop.base.stretches import spread
 from finloop.distance.picture import apart
 from finloop.jumps.signature import SignatureParts, Straight
 
-_ROWS = 300  # pictures at most
+_ROWS = 300  # most pictures that are compared
 
 
 def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
-    """Distance of a fish from its mirror image, over the distance of two pictures of its track.
+    """Return the distance of a fish from its mirror image, over that of two pictures of its track.
 
     All pictures are drawn in one posture and compared by Eq. 5. Both distances are medians over
     rows spread over the film; the second picture is a random row of the same track (n,). About 1 or
@@ -27,12 +27,12 @@ def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
 
 
 def handedness(parts: SignatureParts, block: int) -> float:
-    """How much more a fish bends, drifts or turns to one side than to the other, 0 … 1, at least.
+    """Return how much more a fish bends, drifts or turns to one side than to the other, 0 … 1.
 
-    The odd part of each is what changes sign in the mirror. Its mean, less twice the standard error
-    of that, over its root mean square is taken, of the three the largest. 0: both sides alike, as
-    far as the film can tell; 1: one side alone. The error is that of means over `block` rows: in a
-    block a fish that circles tells the same thing again. Of a single block nothing is told.
+    It is a lower limit. The odd part of each changes sign in the mirror. It is the part's mean,
+    less twice the standard error of that, over its root mean square; the largest of the three. 0:
+    both sides alike, as far as the film can show; 1: only one side. The error is that of means over
+    `block` rows: within a block a circling fish repeats itself. A single block gives 0.
     """
     largest = 0.0
     for both in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):

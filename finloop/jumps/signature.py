@@ -1,4 +1,4 @@
-"""The signature of a row: the vector by which jumps are compared, for its mirror image too."""
+"""The signature of a row: the vector by which jumps are compared, also for its mirror image."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -21,11 +21,11 @@ from finloop.puppet import Pose, draw
 
 _SPAN = 1.25  # lengths of a straight fish across a picture
 _LOT = 1000  # pictures at a time
-_SAMPLE = 600  # pictures at most that the principal components are fitted to
+_SAMPLE = 600  # most pictures to which the principal components are fitted
 
 
 class SignatureParts(NamedTuple):
-    """What rows are compared in, each (2, n, k): of the film [0] and of its mirror image [1].
+    """The parts of the comparison of rows, each (2, n, k): of the film [0], mirrored [1].
 
     pose: codes of principal shapes; change: of these in a frame; motion: speeds ahead and aside,
     body lengths a frame, and of turning, ° a frame, anticlockwise; look: principal components of
@@ -40,16 +40,16 @@ class SignatureParts(NamedTuple):
 
 @dataclass(frozen=True)
 class Straight:
-    """Pictures of rows, all drawn straight, headed right: they differ in light and skin alone.
+    """Pictures of rows, all drawn straight, headed right: they differ only in light and skin.
 
-    That is the mean posture, which is its own mirror image. size: px across.
+    The posture is the mean posture, which is its own mirror image. size: px across.
     """
 
     source: RowSource
     size: int
 
     def __call__(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Pictures (k, size, size, c) of some rows. Upside down they are the mirror images."""
+        """Draw pictures (k, size, size, c) of some rows. Upside down they are the mirror images."""
         reel, poses = self.source.film()
         middle = (self.size - 1) / 2
         place = (np.array(number) for number in (middle, middle, 0.0, self.size / _SPAN))
@@ -59,47 +59,47 @@ class Straight:
         ])  # fmt: skip
 
 
-def _components(straight: Straight, n: int, count: int, crew: Workers) -> Floats:
-    """Principal components (2, n, count) of straight pictures and of their mirror images."""
+def _components(straight: Straight, n: int, count: int, workers: Workers) -> Floats:
+    """Return principal components (2, n, count) of straight pictures and their mirror images."""
     sample = straight(spread(np.arange(n), _SAMPLE))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
     count = min(count, min(both.shape) - 1)
     axes = svds((both - mean).astype(float), count, random_state=0)[2][::-1].T
-    lots = ordered_map(partial(_along, straight, mean, axes), blocks(n, _LOT), crew)
+    lots = ordered_map(partial(_along, straight, mean, axes), blocks(n, _LOT), workers)
     return np.concatenate(list(lots), axis=1).astype(float)
 
 
 def _along(straight: Straight, mean: Reals, axes: Floats, rows: Ints) -> Floats:
-    """Straight pictures of rows (k,) and their mirror images along some axes, (2, k, count)."""
+    """Project straight pictures of rows (k,) and their mirror images on axes, (2, k, count)."""
     lot = straight(rows)
     sides = (lot, lot[:, ::-1])
     return np.stack([(side.reshape(len(lot), -1) - mean) @ axes for side in sides])
 
 
 def blocks(n: int, most: int) -> list[Ints]:
-    """The rows 0 … n − 1, `most` at a time."""
+    """Return the rows 0 … n − 1 in blocks of at most `most`."""
     return np.split(np.arange(n), range(most, n, most))
 
 
-def parts(source: RowSource, settings: JumpsSettings, crew: Workers) -> SignatureParts:
-    """The parts of all rows."""
+def parts(source: RowSource, settings: JumpsSettings, workers: Workers) -> SignatureParts:
+    """Compute the signature parts of all rows."""
     reel, poses = source.film()
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
     change = np.stack([slope(codes, reel.goes_on, span) for codes in pose])
     straight = Straight(source, settings.look_px)
-    look = _components(straight, len(reel), settings.look_numbers, crew)
+    look = _components(straight, len(reel), settings.look_numbers, workers)
     return SignatureParts(pose, change, film_motion(reel, span), look)
 
 
 def signatures(
     row_parts: SignatureParts, ends: tuple[Ints, Ints], settings: JumpsSettings
 ) -> Floats:
-    """What rows [0] and their mirror images [1] are compared by, (2, n, d), in natural steps.
+    """Return the signatures of rows [0] and of mirror images [1], (2, n, d), in natural steps.
 
-    The parts side by side, each divided by its deviation over the film, times its weight. A natural
-    step is the median distance between the rows `ends`, each (k,), that are one apart.
+    They are the parts side by side, each divided by its deviation over the film, times its weight.
+    A natural step is the median distance between the rows `ends`, each (k,), that are a step apart.
     """
     weights = (
         settings.pose_weight, settings.change, settings.motion_weight, settings.appearance_weight,
@@ -117,14 +117,14 @@ def standardize(part: Floats, each: bool = False) -> Floats:
 
 
 def deviation(part: Floats, each: bool = False) -> Floats:
-    """The deviation (k,) of a part (2, n, k), of all its numbers together or of each of them."""
+    """Return the deviation (k,) of a part (2, n, k), of all its numbers together or of `each`."""
     square = ((part - part.mean((0, 1))) ** 2).mean((0, 1))
     total = square * len(square) if each else np.full_like(square, square.sum())
     return np.sqrt(np.maximum(total, 1e-24))
 
 
 def slope(values: Floats, goes_on: Mask, span: int) -> Floats:
-    """Change (n, k) per row of values, over `span` rows before and after, within a track."""
+    """Return the change (n, k) per row of values, over `span` rows before and after, in a track."""
     last = np.flatnonzero(~goes_on)
     rows = np.arange(len(values))
     end = last[np.searchsorted(last, rows)]
@@ -134,7 +134,7 @@ def slope(values: Floats, goes_on: Mask, span: int) -> Floats:
 
 
 def film_motion(reel: Reel, span: int) -> Floats:
-    """Speeds ahead and aside (+ = left) and of turning (2, n, 3) of rows and mirror images."""
+    """Return speeds ahead and aside (+ = left) and of turning (2, n, 3) of rows, mirror images."""
     features = reel.features
     place = through_water(features) / reel.lengths_px[:, None]
     speed = motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span)
@@ -142,7 +142,7 @@ def film_motion(reel: Reel, span: int) -> Floats:
 
 
 def motion(place: Floats, heading_deg: Floats, goes_on: Mask, span: int) -> Floats:
-    """Speeds (n, 3) per row, ahead, aside and of turning. place (n, 2): in body lengths."""
+    """Return speeds (n, 3) per row, ahead, aside and of turning. place (n, 2): in body lengths."""
     unwrapped = np.concatenate([
         np.unwrap(track, period=360)
         for track in np.split(heading_deg, np.flatnonzero(~goes_on)[:-1] + 1)

@@ -1,4 +1,4 @@
-"""A film whose rows are worked block by block: in memory, or in files that every worker opens."""
+"""A film that is processed block by block: in memory, or in files that every worker opens."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,32 +13,32 @@ Pictures = NDArray[np.uint8]
 
 
 class RowSource(Protocol):
-    """Rows of a film, their postures, and room for their pictures.
+    """Rows of a film, their postures, and space for their pictures.
 
-    It is asked again for every block. A cluster pickles it, once for all blocks.
+    It is called again for every block. A cluster pickles it, once for all blocks.
     """
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """The rows and their postures."""
+        """Return the rows and their postures."""
         ...
 
     def pictures(self) -> Pictures:
-        """Room for pictures of all rows, of `shape_of`."""
+        """Return space for pictures of all rows; `shape_of` gives its shape."""
         ...
 
     def keep(self) -> None:
-        """All pictures have been drawn, and others will look at them."""
+        """Make the pictures available to other processes, once all are drawn."""
         ...
 
 
 def shape_of(reel: Reel, size: int) -> tuple[int, ...]:
-    """The shape (n, s, s, c) of pictures of all rows, `size` px across."""
+    """Return the shape (n, s, s, c) of pictures of all rows, `size` px across."""
     return len(reel), size, size, reel.film[0].pixels.shape[2]
 
 
 @dataclass(frozen=True)
 class InMemory:
-    """A film that is in memory, with its pictures; for workers of this process."""
+    """A film and its pictures in memory, for workers of this process."""
 
     reel: Reel
     poses: FilmPoses
@@ -46,16 +46,16 @@ class InMemory:
 
     @classmethod
     def from_reel(cls, reel: Reel, poses: FilmPoses, size: int) -> "InMemory":
-        """Make the source with room for pictures `size` px across. poses: of the reel's rows."""
+        """Make the source with space for pictures `size` px across. poses: of the reel's rows."""
         return cls(reel, poses, np.empty(shape_of(reel, size), np.uint8))
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """As in `RowSource`."""
+        """Return the rows and their postures."""
         return self.reel, self.poses
 
     def pictures(self) -> Pictures:
-        """As in `RowSource`."""
+        """Return the space for pictures."""
         return self.drawn
 
     def keep(self) -> None:
-        """As in `RowSource`."""
+        """Do nothing: the pictures are in memory."""

@@ -7,7 +7,7 @@ from finloop.base.schema import ANY, Column, Schema, columns
 
 @dataclass(frozen=True)
 class VisibleFacts:
-    """What `VisibleDistance` holds beside pictures and postures; natural: see there."""
+    """`VisibleDistance` without pictures and postures; natural: see there."""
 
     natural: float
 
@@ -17,11 +17,11 @@ JUMPS = Schema(
     Column("mirrored", "bool", "1"),
     Column("seam", "float32", "natural step"),
 )
-"""In place of `row` the film can show the row `to`, mirrored or not, and play on from there.
-`seam` is the cost of the jump in natural steps: the sum of the distance of the two signatures and
-of the square of the visible distance in one pose. A mirrored `row` has the same jumps, with
-`mirrored` inverted."""
+"""Instead of `row` the film can show the row `to`, mirrored or not, and play on from there. `seam`
+is the cost of the jump in natural steps: the sum of the distance of the two signatures and of the
+square of the visible distance in one pose. A mirrored `row` has the same jumps, with `mirrored`
+inverted."""
 
 LOOK = Schema(Column("look", "float32", "1", length=ANY))
-"""Light and skin of the n rows of a film, and then of their n mirror images; without these where
-the fish is not to be mirrored. As in `signature.SignatureParts`, together of the deviation 1."""
+"""Light and skin of the n rows of a film, then of their n mirror images if the fish may be
+mirrored. As in `signature.SignatureParts`, but together with the deviation 1."""

@@ -1,4 +1,4 @@
-"""The visible distance at a jump: a row drawn in the pose of another, against that one (Eq. 5)."""
+"""The visible distance at a jump: a row drawn in the pose of another, compared by Eq. 5."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _LOT = 1000  # pictures at a time
 
 @dataclass(frozen=True)
 class VisibleDistance:
-    """How far rows of a film are apart to the eye: Eq. 5 of two rows drawn in one pose.
+    """The visible distance of rows of a film: Eq. 5 of two rows drawn in one pose.
 
     pictures: (n, s, s, c) of the rows, in their own postures (n, d), headed right; natural: the
     median of Eq. 5 from a row to the one a natural step later in its track.
@@ -32,11 +32,11 @@ class VisibleDistance:
     natural: float
 
     @classmethod
-    def from_source(cls, source: RowSource, crew: Workers) -> "VisibleDistance":
-        """Draw the rows of a film into the room that it has for its pictures."""
+    def from_source(cls, source: RowSource, workers: Workers) -> "VisibleDistance":
+        """Draw the rows of a film into the source's space for pictures."""
         reel, poses = source.film()
         pictures, rows = source.pictures(), blocks(len(reel), _LOT)
-        drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, crew)
+        drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, workers)
         for lot, of_lot in zip(rows, drawn, strict=True):
             pictures[lot] = of_lot
         source.keep()
@@ -49,7 +49,7 @@ class VisibleDistance:
         return cls(pictures, poses.pose.posture, max(natural, 1e-12))
 
     def __call__(self, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
-        """Natural steps (k,) from rows (k,) to rows `to`, mirrored or not, in the former's pose."""
+        """Return natural steps (k,) from rows (k,) to rows `to`, mirrored or not, in one pose."""
         rows, to = np.asarray(rows, np.int64), np.asarray(to, np.int64)
         mirrored = np.asarray(mirrored, bool)
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
@@ -59,11 +59,11 @@ class VisibleDistance:
             return np.concatenate(list(steps)) / self.natural
 
     def best(self, near: pd.DataFrame, count: int) -> Floats:
-        """Natural steps (k,) of the jumps `near`: columns row, to, mirrored, far.
+        """Return natural steps (k,) of the jumps `near`: columns row, to, mirrored, far.
 
         A jump costs the sum of `far`, which rises within each row, and the visible distance
-        squared. The distance is infinite where `count` other jumps of the row cost less: it is
-        not measured there.
+        squared. The distance is infinite, and not measured, where `count` other jumps of the row
+        cost less.
         """
         rows, to = (near[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)

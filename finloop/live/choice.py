@@ -1,4 +1,4 @@
-"""What a fish of the live tank is asked for, and what it decides."""
+"""What a fish of the live tank is sent for, and what it decides."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,23 +13,23 @@ from finloop.social.rule import Shoaling
 
 
 class PathTask(NamedTuple):
-    """A path to be swum. begun: whether the fish has come to its beginning."""
+    """A path to follow. begun: whether the fish has reached its beginning."""
 
     route: Route
     begun: bool = False
 
 
 class RuleTask(NamedTuple):
-    """A rule to swim by. shoaling: in company, by these zones; leader: after the fish so named."""
+    """A rule to follow. shoaling: in a group, by these zones; leader: name of the one to follow."""
 
     shoaling: Shoaling | None = None
     leader: str | None = None
 
 
 class Request(NamedTuple):
-    """What a fish is asked for at a tick.
+    """What a fish is sent for at a tick.
 
-    Mode, path, rule, ticks till its plan is cut (0: it is not).
+    Mode, path, rule, ticks after which its plan is cut (0: never).
     """
 
     mode: str
@@ -42,8 +42,8 @@ class Request(NamedTuple):
 class DecisionRecord:
     """A decision, and all that it was made from.
 
-    tick: the first one that the stretch is swum at; state, draws: of the fish and of the random
-    generator when it was made; goal: or path, or rule; None where the fish wandered.
+    tick: the first one of the stretch; state, draws: of the fish and of the random generator at the
+    decision; goal: or path, or rule; None where the fish wandered.
     """
 
     tick: int
@@ -55,13 +55,13 @@ class DecisionRecord:
 
     @property
     def follows_plan(self) -> bool:
-        """Whether the fish swims on what an earlier decision planned."""
+        """Return whether the stretch goes on by a plan of an earlier decision."""
         moves = self.stretch.decision.reason in (PLAY, JUMP, FORETOLD)
         return bool(self.state.path.runs) and self.stretch.options is None and moves
 
     @property
     def name(self) -> str:
-        """Of the goal, of any path, of a rule."""
+        """Return the name of the goal, path or rule."""
         if isinstance(self.goal, Route):
             return PATH
         return self.goal.name if self.goal else ""

@@ -1,8 +1,8 @@
-"""The door of a server of this program: who is let in, what a page may do, the socket itself.
+"""Access control of the servers: who may connect, what a page may do, and the socket itself.
 
 A page is served, and a WebSocket opened, only under the server's own address (`Host`), and a
 WebSocket to a page only if that came from there (`Origin`): no other site that is open in the
-browser can look in or steer. A server that other machines reach wants a token as well.
+browser can look in or steer. A server that other machines reach also requires a token.
 """
 
 import base64
@@ -25,14 +25,14 @@ from finloop.base.errors import FinloopError
 HOST = "127.0.0.1"
 BUSY, STRANGER = 1013, 1008  # codes of closing a WebSocket
 MALFORMED = 1002, 1007, 1009  # closed since a message was no message, no text, or too long
-_LARGEST = 64 * 1024  # bytes of a message; one still larger ends the connection
+_LARGEST = 64 * 1024  # bytes of a message; a larger one ends the connection
 
 
 @dataclass(frozen=True)
 class Door:
-    """Who is let in. port: of the server; token: what all must show; None: on this machine alone.
+    """Who may connect. port: of the server; token: required of all; None: on this machine alone.
 
-    With a token, a server is reached by any name that its machine has.
+    With a token, any name of its machine reaches the server.
     """
 
     port: int
@@ -43,7 +43,7 @@ class Door:
         return [f"{name}:{self.port}" for name in (HOST, "localhost")]
 
     def knows(self, connection: HTTPConnection) -> bool:
-        """Whether it came under the server's own address, with the token if one is wanted."""
+        """Return whether a request has the server's own address, and the token if required."""
         hosts = connection.headers.getlist("host")
         if self.token is None:
             return hosts in [[name] for name in self._names]
@@ -62,7 +62,7 @@ class Door:
         return False
 
     def page(self, request: Request, text: str) -> Response:
-        """A page, or the answer to a stranger."""
+        """Return a page, or a refusal."""
         if not self.knows(request):
             return PlainTextResponse("not this host, or no token", 421)
         headers = {
@@ -76,7 +76,7 @@ class Door:
 
 
 def _policy(page: str, host: str) -> str:
-    """Nothing but the page's own script and style, its pictures, and the socket."""
+    """Return a policy for the page's own script and style, its pictures, and the socket alone."""
 
     def digests(tag: str) -> str:
         texts = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
@@ -105,15 +105,15 @@ def bind_socket(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> 
     except (OSError, OverflowError) as error:
         one.close()
         raise FinloopError(
-            f"port {port} cannot be had ({getattr(error, 'strerror', None) or error})",
+            f"port {port} is not available ({getattr(error, 'strerror', None) or error})",
             "a free port: perhaps another live tank is open",
-            "end that one, or take another port: --port 0 finds a free one",
+            "end that tank, or take another port: --port 0 finds a free one",
         ) from error
     return one
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether an entry of uvicorn's log is of its own: not that a stranger's text was no UTF-8."""
+    """Return whether an entry of uvicorn's log is about the server, not a client's bad text."""
     return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))
 
 
@@ -142,11 +142,11 @@ class AppServer(uvicorn.Server):
             raise self._failure
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start, and say so."""
+        """Start, and report it."""
         await super().startup(sockets)
         if self.started:
             self._tell()
 
     def fail(self, error: BaseException | None) -> None:
-        """End, by an error of what is served."""
+        """End the server, and let `serve_on` raise the error."""
         self._failure, self.should_exit = error, True

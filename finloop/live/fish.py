@@ -1,11 +1,11 @@
 """One fish of the live tank: planned by the players of `animate`, with a past to go back to.
 
-A stretch is drawn as its edit list says. A new goal cuts the stretch under way at the tick on
-screen. What was drawn, and every decision with the state it was made in, is kept for `HISTORY`
-ticks; a player is pure, so the fish can swim on from any of them.
+A stretch is drawn as in its edit list. A new goal cuts the present stretch at the tick on screen.
+What was drawn, and every decision with the state it was made in, is kept for `HISTORY` ticks; a
+player is pure, so the fish can swim on from any of them.
 
-A path is swum from its beginning, to which the fish is sent first as to a goal. A rule is asked at
-each decision, with the other fish as they are then.
+The fish is first sent to the beginning of a path, as to a goal. A rule is evaluated at each
+decision, with the other fish where they are then.
 """
 
 import math
@@ -29,14 +29,14 @@ from finloop.live.modes import Modes
 Floats = NDArray[np.float64]
 
 HISTORY = 6000
-"""Ticks that one can go back."""
-_DRAG_S = 0.08  # while a goal is moved, a stretch is swum at least so long
+"""How many ticks back the tank can go."""
+_DRAG_S = 0.08  # the shortest stretch while a goal is dragged
 
 
 class Row(NamedTuple):
-    """What is kept of a tick: of an edit list's row what is drawn and shown, and where the goal is.
+    """What is kept of a tick: the drawn and shown part of an edit list's row, and the goal.
 
-    orientation: 0 of a frame; goal_x_px, goal_y_px: NaN where there is no goal; decided: the tick
+    orientation: 0 for a frame; goal_x_px, goal_y_px: NaN where there is no goal; decided: the tick
     of the decision in force.
     """
 
@@ -75,18 +75,18 @@ ROW = np.dtype([
 _EDIT = [name for name in Row._fields if name not in Row._field_defaults]
 
 Ghost = Callable[[Row], bool]
-"""Whether the two pictures of a cross-fade, as they are in a row, are too unlike to be mixed."""
+"""Whether the two pictures of a cross-fade, as in a row, are too unlike to be mixed."""
 
 
 Others = Callable[["LiveFish", int], dict[str, Floats]]
-"""The ways of the other fish of the tank, by their names, from a tick on."""
+"""The planned paths of the other fish of the tank, by name, from a tick on."""
 
 
 class LiveFish:
-    """One fish.
+    """One fish of the live tank.
 
-    `born`: the tick of the tank that is its first; `name`: of its goals; `others`: the ways of the
-    other fish from a tick of the tank on, as `LiveFish.path_from` has them.
+    `born`: the tick of the tank that is its first; `name`: of its goals; `others`: the paths of the
+    other fish from a tick of the tank on, as `LiveFish.path_from` returns them.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class LiveFish:
         self._poses = np.full(HISTORY, None, object)
         self._wishes = np.full(HISTORY, None, object)
         self._choices: deque[DecisionRecord] = deque()
-        self._plan = np.zeros(0, ROW)  # the last stretch, of which so much has been played:
+        self._plan = np.zeros(0, ROW)  # the last stretch, and how much of it has been played:
         self._plan_poses = np.zeros(0, object)
         self._played = 0
         self._cut_after = 0  # ticks of it, 0 = not at all
@@ -134,17 +134,17 @@ class LiveFish:
         return last.rest(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
     def _around(self, tick: int) -> Floats:
-        """The other fish (n, m, 4), of `Plans.others`, from one of its own ticks on."""
+        """Return the other fish (n, m, 4), as `Plans.others` does, from one of its own ticks on."""
         ways = list(self._others(self, self.born + tick).values())
         return Plans.from_paths(ways, tick).others(-1, tick)
 
     def wish_at(self, tick: int) -> Request:
-        """What it was asked for at a tick that is known."""
+        """Return what the fish was sent for at a known tick."""
         wish: Request = self._wishes[tick % HISTORY]
         return wish
 
     def places(self, ticks: range) -> Floats:
-        """Where it was, (n, 2) px, at those of the ticks that are known, all up to now."""
+        """Return where the fish was, (n, 2) px, at the known ticks of a range, all up to now."""
         known = np.arange(ticks.start, ticks.stop, ticks.step)
         known = known[known >= self._oldest] % HISTORY
         return np.column_stack([self._ring["x_px"][known], self._ring["y_px"][known]])
@@ -154,31 +154,31 @@ class LiveFish:
         return max(self.born, self.last_tick - HISTORY + 1)
 
     def choice(self, tick: int) -> DecisionRecord | None:
-        """The decision in force at a tick."""
+        """Return the decision in force at a tick."""
         row = self.row_at(tick)
         if row is None:
             return None
         return next((one for one in reversed(self._choices) if one.tick == row.decided), None)
 
     def plan_of(self, choice: DecisionRecord) -> DecisionRecord:
-        """Return the decision that planned what a decision swims: often the decision itself."""
+        """Return the decision that made the plan of a decision: often the decision itself."""
         earlier = (one for one in reversed(self._choices) if one.tick <= choice.tick)
         return next((one for one in earlier if not one.follows_plan), choice)
 
     def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
-        """To a goal from the next tick on, or to none; one that is being moved waits a moment."""
+        """Send the fish to a goal, or none, from the next tick on; a dragged goal waits briefly."""
         self.goal = self._goal(*place) if place else None
         self.errand, self.order, self.reached = None, None, False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
 
     def follow(self, route: Route) -> None:
-        """To the beginning of a path from the next tick on, and along it."""
+        """Send the fish to the beginning of a path from the next tick on, and along it."""
         x, y = place(route, 0.0)
         self.send((float(x), float(y)))
         self.errand = PathTask(route)
 
     def obey(self, order: RuleTask) -> None:
-        """By a rule from the next tick on."""
+        """Let the fish swim by a rule from the next tick on."""
         if order != self.order:
             self.send(None)
             self.order = order
@@ -187,15 +187,15 @@ class LiveFish:
         return Goal(self.name, x, y, self._player.world.touch_px)
 
     def switch(self, mode: str) -> None:
-        """On in another mode, from the next tick on."""
+        """Change the mode from the next tick on."""
         if mode != self.mode:
             self.mode, self._cut_after = mode, 1
 
     def renew(self) -> None:
-        """Decide the last tick anew, for what the fish is asked for has changed since then.
+        """Decide the last tick again, because the request has changed since then.
 
-        What it showed at the tick before stays as it was. Where no new way is clear of the other
-        fish, the old one stays.
+        The tick before keeps its picture. Where no new way is clear of the other fish, the old one
+        stays.
         """
         self._was_ghost = self._ghost_before
         self._cut_after, self._played = 0, self._played - 1
@@ -215,11 +215,10 @@ class LiveFish:
         self._go_on()
 
     def _go_on(self) -> None:
-        """Play the next tick of the plan."""
         self._played += 1
         now = self._played - 1
         row = Row._make((*self._plan[now].item(), self._plan_poses[now]))
-        # What is gone does not come back: two unlike fish on one another look like ghosts.
+        # A hidden partner stays hidden: two unlike fish on top of each other look like ghosts.
         self._was_ghost = row.weight > 0 and (self._was_ghost or self._ghost(row))
         last = self._choices[-1]
         if self._played == len(self._plan):
@@ -238,7 +237,6 @@ class LiveFish:
         )[:-1]
 
     def _target(self) -> Goal | Route | Rule | None:
-        """Where to, now."""
         if self.errand is not None and self.errand.begun:
             return self.errand.route
         if self.order is not None:
@@ -252,7 +250,7 @@ class LiveFish:
         return None if self.reached else self.goal
 
     def _arrive(self, last: DecisionRecord) -> None:
-        """The last stretch is swum: a goal may be reached, a path begun, or done."""
+        """End the last stretch: a goal may be reached, a path begun, or done."""
         errand, fish = self.errand, self._state.fish
         if errand is not None and errand.begun:
             self.reached = errand.route.done(self._state.path.along, fish.tick)
@@ -264,7 +262,7 @@ class LiveFish:
                 self.goal, self.errand = None, errand._replace(begun=True)
 
     def back_to(self, tick: int) -> None:
-        """Swim on from a tick that is known: as it did then, if it is left alone as then."""
+        """Swim on from a known tick: the same as then, unless it is sent elsewhere."""
         row, choice = self.row_at(tick), self.choice(tick)
         if row is None or choice is None:
             return
@@ -282,7 +280,7 @@ class LiveFish:
             self.goal = self._goal(row.goal_x_px, row.goal_y_px)
 
     def _decide_anew(self) -> None:
-        """Forget what was planned beyond the tick on screen, and plan anew."""
+        """Forget what was planned beyond the tick on screen, and plan again."""
         self._cut_after = 0
         if not 0 < self._played < len(self._plan):
             return
@@ -295,7 +293,6 @@ class LiveFish:
         self._keep_clear(last, old)
 
     def _decide_first_anew(self) -> None:
-        """Plan the stretch anew that would begin at the next tick."""
         last, old = self._choices[-1], self._memory()
         self._choices.pop()
         self._state, self._rng.bit_generator.state = last.state, last.draws
@@ -304,7 +301,7 @@ class LiveFish:
         self._keep_clear(last, old)
 
     def _memory(self) -> tuple[Any, ...]:
-        """What a decision changes, beside the choices."""
+        """Return what a decision changes, beside the choices."""
         plan = self._plan, self._plan_poses, self._played
         return self._state, self._rng.bit_generator.state, plan
 
@@ -334,9 +331,9 @@ class LiveFish:
         (self._plan, self._plan_poses), self._played = self._rows(), 0
 
     def _rows(self) -> tuple[NDArray[np.void], NDArray[Any]]:
-        """What is drawn of the last stretch, its rows and their poses.
+        """Return the drawn rows of the last stretch, and their poses.
 
-        It depends on what of those before has not died away: longer where the film rests.
+        They depend on earlier rows that have not died away: on more of them where the film rests.
         """
         ticks, moved, recent = 0, 0, deque[DecisionRecord]()
         joins, last = self._player.joins, self._choices[-1]

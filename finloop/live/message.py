@@ -1,4 +1,4 @@
-"""What a page may ask of the live tank: JSON, strictly parsed; anything else is no message."""
+"""The messages of a page to the live tank: JSON, strictly parsed; all else is no message."""
 
 from typing import Annotated, Literal
 
@@ -19,13 +19,13 @@ Which = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
 
 
 class Message(BaseModel):
-    """Of the types and with the fields that are named, and no others."""
+    """A message with exactly the named fields and types."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
 
 class SetGoal(Message):
-    """Swim to a place, px of the tank's picture. drag: the next of a goal that is being moved."""
+    """Swim to a place, px of the tank's picture. drag: whether the goal is being moved."""
 
     do: Literal["goal"]
     fish: Which
@@ -43,15 +43,15 @@ class SetPath(Message):
 
 
 class SetRule(Message):
-    """Swim by a rule: in company of the others, or after the fish `leader`."""
+    """Swim by a rule: in a group with the others, or behind the fish `leader`."""
 
     do: Literal["rule"]
     fish: Which
-    leader: Which  # None: in company
+    leader: Which  # None: in a group
 
 
 class Weights(Message):
-    """How strongly company repels, aligns and attracts; 1 = as strong as the own direction."""
+    """How strongly other fish repel, align and attract; 1 = as strong as the own direction."""
 
     do: Literal["weights"]
     repulsion: Weight
@@ -81,41 +81,41 @@ class Pause(Message):
 
 
 class Step(Message):
-    """One tick on, and stay there."""
+    """Advance one tick, and stay there."""
 
     do: Literal["step"]
 
 
 class Speed(Message):
-    """So many times as fast as filmed."""
+    """Set the playback rate, relative to the film."""
 
     do: Literal["speed"]
     times: Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
 
 
 class PastTick(Message):
-    """Show a tick that has been, and stay there; None: go back to the present."""
+    """Show a past tick, and stay there; None: go back to the present."""
 
     do: Literal["look"]
     tick: Number | None
 
 
 class SwimOn(Message):
-    """Swim on from a tick that has been; what came after it is forgotten."""
+    """Swim on from a past tick; what came after it is forgotten."""
 
     do: Literal["swim_on"]
     tick: Number
 
 
 class Explain(Message):
-    """The fish whose decisions are shown."""
+    """Show the decisions of this fish."""
 
     do: Literal["explain"]
     fish: Annotated[int, Field(ge=0, lt=MOST_FISH)]
 
 
 class Count(Message):
-    """So many fish."""
+    """Set the number of fish."""
 
     do: Literal["count"]
     fish: Annotated[int, Field(ge=1, le=MOST_FISH)]
@@ -148,7 +148,7 @@ _WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="do")
 
 
 def parse_message(text: str | bytes | None) -> Wish | None:
-    """Parse a message to a wish; None where it is too long, no JSON, or not valid."""
+    """Return the parsed message; None where it is too long, no JSON, or not valid."""
     if text is None or len(text) > LONGEST:
         return None
     try:

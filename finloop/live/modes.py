@@ -1,4 +1,4 @@
-"""The modes of a live tank: their players, and what is drawn in each."""
+"""The modes of a live tank: their players, and what each can draw."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,7 +9,7 @@ from finloop.edit.build import EditInputs
 
 
 class Modes(NamedTuple):
-    """The modes of a tank by name: what plays each, and what is drawn in each."""
+    """The modes of a tank by name: the player of each, and what each can draw."""
 
     players: Mapping[str, AnyPlayer]
     sources: Mapping[str, EditInputs]

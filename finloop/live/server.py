@@ -1,8 +1,7 @@
 """The server of the live tank: one page, one WebSocket, this machine only.
 
-Who may come in `finloop.live.door` says. Whatever a page sends, memory stays as it is: of each kind
-of wish only the last is kept till the next frame, and a page that is behind with two frames gets no
-third.
+`finloop.live.door` decides who may connect. A page cannot make memory grow: only the last request
+of each kind is kept until the next frame, and a page that is two frames behind gets no third.
 """
 
 import asyncio
@@ -23,15 +22,15 @@ from finloop.live.message import Seen, SetGoal, Step, Wish, parse_message
 from finloop.live.view import View
 
 MOST_PAGES = 8
-_FRAMES_HZ = 60.0  # are shown at most
-_MOST_TICKS = 16  # are caught up with at once; beyond that time is lost
-_MOST_STEPS = 32  # are kept till the next frame
+_FRAMES_HZ = 60.0  # the highest frame rate
+_MOST_TICKS = 16  # the most ticks to catch up with at once; time beyond them is lost
+_MOST_STEPS = 32  # the most single steps kept until the next frame
 BEHIND = 2  # frames that a page may be behind
 _OF_FISH = ("goal", "path", "rule", "drop")  # wishes of one fish, or of all
 
 
 class PageClient:
-    """A page that looks on. It holds one frame at most, the newest."""
+    """A connected page. It holds one frame at most, the newest."""
 
     def __init__(self) -> None:
         self._newest: tuple[int, bytes] | None = None
@@ -39,19 +38,19 @@ class PageClient:
         self._changed = asyncio.Event()
 
     def offer(self, number: int, frame: bytes) -> bool:
-        """Here is a new frame; whether the page got the one before."""
+        """Store a new frame; return whether the page got the one before."""
         got, self._newest = self._newest is None, (number, frame)
         self._changed.set()
         return got
 
     def saw(self, number: int) -> None:
-        """The page has drawn this frame, and any before; one it was not sent counts for nothing."""
+        """Note that the page has drawn this frame, and any before; ignore one it was not sent."""
         while number in self._away:
             self._away.popleft()
             self._changed.set()
 
     async def next(self) -> bytes:
-        """The newest frame, when there is one and the page is not behind."""
+        """Return the newest frame, when there is one and the page is not behind."""
         while self._newest is None or len(self._away) >= BEHIND:
             self._changed.clear()
             await self._changed.wait()
@@ -61,7 +60,7 @@ class PageClient:
 
 
 class Host:
-    """Runs the tank while anyone looks on."""
+    """Runs the tank while at least one page is connected."""
 
     def __init__(self, view: View) -> None:
         self.view = view
@@ -72,7 +71,7 @@ class Host:
         self._changed = asyncio.Event()
 
     def hear(self, page: PageClient, text: str | bytes | None) -> None:
-        """A message of a page."""
+        """Take a message of a page."""
         wish = parse_message(text)
         if wish is None:
             self.view.counts.bad += 1
@@ -86,17 +85,17 @@ class Host:
             key = type(wish), getattr(wish, "fish", None) if wish.do in _OF_FISH else None
             old = self.wishes.pop(key, None)
             if isinstance(old, SetGoal) and isinstance(wish, SetGoal) and not old.drag:
-                wish = wish.model_copy(update={"drag": False})  # a first one counts at once
+                wish = wish.model_copy(update={"drag": False})  # a first goal counts at once
             self.wishes[key] = wish
         self._changed.set()
 
     def join(self, page: PageClient) -> None:
-        """One more looks on."""
+        """Add a page."""
         self.pages.add(page)
         self._changed.set()
 
     async def run(self) -> None:
-        """Tick by tick, until cancelled."""
+        """Run tick by tick, until cancelled."""
         clock, due = time.perf_counter(), 0.0
         while True:
             if not self.pages or not (self.view.runs or self._changed.is_set()):
@@ -125,13 +124,13 @@ class Host:
                     await asyncio.wait_for(self._changed.wait(), max(left, 0.0))
 
     def take(self) -> tuple[list[Wish], int]:
-        """What is wished since last time, and how many single ticks."""
+        """Return the requests since last time, and how many single ticks."""
         wishes, self.wishes = list(self.wishes.values()), {}
         steps, self._steps = self._steps, 0
         return wishes, steps
 
     def frame(self, wishes: list[Wish], steps: int, ticks: int) -> bytes:
-        """Grant the wishes, let the ticks pass, and draw."""
+        """Apply the requests, let the ticks pass, and draw."""
         start = time.perf_counter()
         for wish in wishes:
             self.view.grant(wish)
@@ -147,7 +146,7 @@ class Host:
 def app(
     view: View, page: str, port: int, ended: Callable[["asyncio.Task[None]"], None]
 ) -> Starlette:
-    """The application. page: the HTML; port: that it is reached by; ended: called at the end."""
+    """Return the application. page: the HTML; port: of the server; ended: called at the end."""
     door, host = Door(port), Host(view)
 
     async def show_page(request: Request) -> Response:
@@ -177,7 +176,7 @@ def app(
 
 
 async def _attend(host: Host, connection: WebSocket) -> None:
-    """Frames to a page and its messages to the host, until it goes."""
+    """Pass frames to a page and its messages to the host, until it disconnects."""
     page = PageClient()
     host.join(page)
     sends = asyncio.create_task(_send(connection, page))

@@ -1,4 +1,4 @@
-"""The live tank: fish that swim for ever, are sent by hand, and whose past can be looked at."""
+"""The live tank: fish that swim for ever, are steered by hand, and whose past can be shown."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,20 +20,20 @@ from finloop.social.rule import rule_of
 
 
 def rehearse(player: AnyPlayer) -> None:
-    """Lay out and compile what a drawn path takes, so that the first one need not wait for it.
+    """Lay out and compile what a drawn path needs, so that the first one need not wait for it.
 
-    Where a fish has no room but for a touch, every path is a goal, and nothing is to be done.
+    Does nothing where a fish has too little room: there every path counts as a goal.
     """
-    rng, waters = np.random.default_rng(0), player.world
-    y, x = (side[[0, -1]].astype(float) for side in np.nonzero(waters.tank.legal))
-    if np.hypot(x[1] - x[0], y[1] - y[0]) > waters.touch_px:
+    rng, world = np.random.default_rng(0), player.world
+    y, x = (side[[0, -1]].astype(float) for side in np.nonzero(world.tank.legal))
+    if np.hypot(x[1] - x[0], y[1] - y[0]) > world.touch_px:
         line = Line("a rehearsal", x, y, PX)
-        route = lay(line, waters.tank, waters.motion, None).route
+        route = lay(line, world.tank, world.motion, None).route
         player.plan(player.begin(rng), route, rng)
 
 
 class LiveTank:
-    """All fish. players: one a mode, as `animate` has them; `tick`: the last one played."""
+    """All fish of a live tank. players: one a mode; `tick`: the last one played."""
 
     def __init__(
         self, players: Mapping[str, AnyPlayer], mode: str, fish: int, seed: int,
@@ -41,7 +41,7 @@ class LiveTank:
     ) -> None:  # fmt: skip
         if mode not in players:
             raise FinloopError(
-                f"there is no mode {mode} for this film: it shows too little for it",
+                f"there is no mode {mode} for this film: the film shows too little for it",
                 f"one of {', '.join(players)}",
                 "take one of these",
             )
@@ -54,17 +54,17 @@ class LiveTank:
 
     @property
     def world(self) -> World:
-        """What all fish swim in, in every mode."""
+        """Return what all fish swim in, in every mode."""
         return self.players[self.mode].world
 
     @property
     def rate_hz(self) -> float:
-        """Ticks of a second of film."""
+        """Return the ticks of a second of film."""
         return self.world.motion.rate_hz
 
     @property
     def oldest(self) -> int:
-        """The first tick that one can go back to."""
+        """Return the first tick that the tank can go back to."""
         return max(0, self.tick - play_fish.HISTORY + 1)
 
     def advance(self) -> None:
@@ -74,18 +74,18 @@ class LiveTank:
             fish.advance()
 
     def renew(self, which: int) -> None:
-        """A fish decides the last tick anew, if it was in the tank before."""
+        """Let a fish decide the last tick again, if it was in the tank before."""
         fish = self.fish[which]
         if self.tick > fish.born + 1:
             fish.renew()
 
     @property
     def most_fish(self) -> int | None:
-        """How many fish the mode can move; None: any number."""
+        """Return how many fish the mode can move; None: any number."""
         return self.players[self.mode].most_fish
 
     def count(self, fish: int) -> None:
-        """So many fish, or as many as there is room for: further ones come, the last ones go.
+        """Set the number of fish, as far as there is room: new ones come, the last ones go.
 
         FinloopError where the mode moves fewer.
         """
@@ -106,11 +106,10 @@ class LiveTank:
             self.fish.append(one)
 
     def _others(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
-        """The ways of all fish but one, from a tick on."""
         return {other.name: other.path_from(tick) for other in self.fish if other is not fish}
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
-        """A fish, or all of them, to the place nearest to (x, y) px that a fish can touch."""
+        """Send a fish, or all, to the place nearest to (x, y) px that a fish can touch."""
         near = self.world.tank.into(x, y)
         if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
             x, y = near
@@ -118,11 +117,11 @@ class LiveTank:
             self.fish[number].send((float(x), float(y)), drag)
 
     def _paper_alone(self, what: str, mode: str) -> FinloopError:
-        """Return the error that a mode of the paper is asked for more than it does."""
+        """Return the error that a mode of the paper cannot do a request."""
         return FinloopError(
             f"mode {mode} cannot do {what}",
             "one fish that is sent to goals, or wanders, as in the paper",
-            "change over to mode matching first",
+            "switch to mode matching first",
         )
 
     def _refuse_in_paper(self, what: str) -> None:
@@ -130,39 +129,38 @@ class LiveTank:
             raise self._paper_alone(what, self.mode)
 
     def follow(self, which: int | None, places: Sequence[tuple[float, float]]) -> None:
-        """A fish, or all of them, along a path drawn by hand: places x, y px of the tank's picture.
+        """Send a fish, or all, along a drawn path: places x, y px of the tank's picture.
 
-        It is moved to where a fish can be. One that ends where it began, as near as a goal is
-        touched, is closed, and swum again and again; one that is hardly longer than a point is a
-        goal.
+        The path is moved to where a fish can be. If its end touches its beginning, it is closed and
+        repeats. If it is hardly longer than a point, it is a goal.
         """
         self._refuse_in_paper("a path")
-        waters = self.world
-        x, y = np.array([waters.tank.into(*place) for place in places], float).T
+        world = self.world
+        x, y = np.array([world.tank.into(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
-        closed = bool(gap <= waters.touch_px and reach > 2 * waters.touch_px)
-        if reach <= waters.touch_px:
+        closed = bool(gap <= world.touch_px and reach > 2 * world.touch_px)
+        if reach <= world.touch_px:
             self.send(which, float(x[-1]), float(y[-1]))
             return
         line = Line("the drawn path", x, y, PX, closed=closed)
-        route = lay(line, waters.tank, waters.motion, None).route
+        route = lay(line, world.tank, world.motion, None).route
         for number in self._fish_numbers(which):
             self.fish[number].follow(route)
 
     def drop(self, which: int | None) -> None:
-        """A fish, or all of them, wander."""
+        """Let a fish, or all, wander."""
         for number in self._fish_numbers(which):
             self.fish[number].send(None)
 
     def shoal(self, which: int | None) -> None:
-        """A fish, or all of them, swim in company. FinloopError where there is no rule for it."""
+        """Let a fish, or all, swim in a group. FinloopError where the film gives no rule for it."""
         self._refuse_in_paper("company")
         rule = rule_of(self.shoaling)
         for number in self._fish_numbers(which):
             self.fish[number].obey(RuleTask(rule))
 
     def lead(self, which: int | None, leader: int) -> None:
-        """A fish, or all others, swim after another one. FinloopError if that is contradictory."""
+        """Let a fish, or all others, follow a leader. FinloopError if that is contradictory."""
         self._refuse_in_paper("a leader")
         if leader >= len(self.fish):
             return
@@ -177,7 +175,7 @@ class LiveTank:
 
     @property
     def leaders(self) -> dict[int, int]:
-        """Who swims after whom: the leader of each follower, numbered from 1."""
+        """Return the leader of each follower, numbered from 1."""
         numbers = {fish.name: number for number, fish in enumerate(self.fish, 1)}
         return {
             number: numbers[fish.order.leader]
@@ -186,7 +184,7 @@ class LiveTank:
         }
 
     def weigh(self, weights: tuple[float, float, float]) -> None:
-        """The weights of repulsion, alignment and attraction, of all that swim in company."""
+        """Set the weights of repulsion, alignment and attraction, for all that swim in a group."""
         if self.shoaling is None:
             return
         names = ("repulsion_weight", "alignment_weight", "attraction_weight")
@@ -197,16 +195,16 @@ class LiveTank:
                 fish.order = RuleTask(self.shoaling)
 
     def lack(self, mode: str) -> str:
-        """Return why the tank cannot change over to a mode now; empty if it can."""
+        """Return why the tank cannot switch to a mode now; empty if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
         most = self.players[mode].most_fish
         if most is not None and len(self.fish) > most:
-            return "a mode of the paper moves one fish: take one, then change over"
+            return "a mode of the paper moves one fish: take one, then switch"
         return ""
 
     def switch(self, mode: str) -> None:
-        """All go on in a mode, if the film allows it. FinloopError if it moves fewer fish."""
+        """Switch all fish to a mode. FinloopError if it is not available, or moves fewer fish."""
         if mode in self.players:
             most = self.players[mode].most_fish
             if self.lack(mode):
@@ -220,7 +218,7 @@ class LiveTank:
                 fish.switch(mode)
 
     def back_to(self, tick: int) -> None:
-        """Swim on from a tick that has been; what came after it is forgotten."""
+        """Swim on from a past tick; what came after it is forgotten."""
         self.tick = min(max(tick, self.oldest), self.tick)
         self.fish = [fish for fish in self.fish if fish.row_at(self.tick) is not None]
         for fish in self.fish:

@@ -1,4 +1,4 @@
-"""What the page is sent of the live tank: a picture, and what to draw and write over it, in one.
+"""The frames of the live tank for the page: a picture, and the texts and marks over it.
 
 A frame is 4 bytes, the length of a JSON text, little end first; the text; a JPEG of the tank.
 """
@@ -25,16 +25,16 @@ from finloop.plan.planner import Planner
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
 
-_TRAIL_S, _TRAIL_EVERY = 2.0, 2  # of the way behind a fish; every so many ticks
-_WAY_S, _WAY_EVERY = 1.5, 2  # of a way that was weighed
-_MOST_WAYS = 40  # that are shown of a decision
-_MOST_PLACES = 100  # that are shown of a path
+_TRAIL_S, _TRAIL_EVERY = 2.0, 2  # duration of the trail behind a fish; ticks between its points
+_WAY_S, _WAY_EVERY = 1.5, 2  # the same of a way that was weighed
+_MOST_WAYS = 40  # ways shown of a decision
+_MOST_PLACES = 100  # places shown of a path
 _QUALITY = 82  # JPEG
 
 
 @dataclass
 class EventCounts:
-    """What happened beside: bad messages, frames that a slow page did not get, goals reached."""
+    """Counts of bad messages, frames that a slow page did not get, and goals reached."""
 
     bad: int = 0
     dropped: int = 0
@@ -43,10 +43,10 @@ class EventCounts:
 
 @dataclass
 class View:
-    """The live tank as it is shown, and its wishes come true.
+    """The live tank as it is shown; it carries out the page's requests.
 
-    looked: a tick that has been and is shown instead of the present one; explained: the fish whose
-    decisions are shown; frame: number of the last frame; refused: why the last wish was, if it was.
+    looked: a past tick that is shown instead of the present one; explained: the fish whose
+    decisions are shown; frame: number of the last frame; refused: why the last request was refused.
     """
 
     tank: LiveTank
@@ -62,18 +62,18 @@ class View:
 
     @property
     def tick(self) -> int:
-        """The tick that is shown."""
+        """Return the tick on screen."""
         if self.looked is None:
             return self.tank.tick
         return min(max(self.looked, self.tank.oldest), self.tank.tick)
 
     @property
     def runs(self) -> bool:
-        """Whether time passes in the tank."""
+        """Return whether time passes in the tank."""
         return not self.paused and self.looked is None
 
     def grant(self, wish: message.Wish) -> None:
-        """Do what is wished; what cannot be is refused, what makes no sense now is let be."""
+        """Carry out a request; refuse what is impossible, ignore what makes no sense now."""
         try:
             self._grant(wish)
             self.refused = ""
@@ -121,7 +121,7 @@ class View:
                 self.explained = min(self.explained, wish.fish - 1)
 
     def advance(self, ticks: int = 1) -> None:
-        """Advance the tank by so many ticks."""
+        """Advance the tank by some ticks."""
         for _ in range(ticks):
             before = [fish.reached for fish in self.tank.fish]
             self.tank.advance()
@@ -129,7 +129,7 @@ class View:
             self.counts.reached += sum(b and not a for a, b in zip(before, now, strict=True))
 
     def show(self, took_ms: float = 0.0) -> bytes:
-        """The next frame. took_ms: how long the one before took."""
+        """Return the next frame. took_ms: how long the one before took."""
         self.frame += 1
         tick, painter = self.tick, self.painter
         rows = [row for fish in self.tank.fish if (row := fish.row_at(tick)) is not None]
@@ -142,7 +142,7 @@ class View:
         return len(text).to_bytes(4, "little") + text + coded
 
     def state(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
-        """All but the picture, of a tick."""
+        """Return all but the picture of a tick."""
         tank, rate = self.tank, self.tank.rate_hz
         height, width = self.painter.canvas.shape[:2]
         choice = None
@@ -164,7 +164,7 @@ class View:
         }  # fmt: skip
 
     def _modes(self) -> list[dict[str, str]]:
-        """Every mode as the page shows it. lack: why it cannot be had now, if so."""
+        """Return every mode for the page. lack: why it is not available now, if so."""
         return [
             {
                 "name": mode, "title": facts.title, "says": f"{facts.sentence} ({facts.source})",
@@ -179,7 +179,7 @@ class View:
         if row is None:
             return None
         x, y, reached = row.goal_x_px, row.goal_y_px, row.reached
-        if tick == self.tank.tick:  # the tick after will know of a new goal
+        if tick == self.tank.tick:  # a new goal counts from the next tick on
             x, y = (fish.goal.x_px, fish.goal.y_px) if fish.goal else (math.nan, math.nan)
             reached = fish.reached
         goal = None if math.isnan(x) else [round(x, 1), round(y, 1), reached]
@@ -232,7 +232,6 @@ class View:
         }  # fmt: skip
 
     def _film(self, choice: DecisionRecord) -> MotionGraph:
-        """The film through which ways were weighed."""
         player = self.tank.players[choice.mode]
         assert isinstance(player, Planner)
         return player.world.film
@@ -260,7 +259,7 @@ def _describe_path(errand: PathTask | None) -> dict[str, Any] | None:
 
 
 def _rank_candidates(options: CandidateVerdicts) -> list[int]:
-    """Rank the candidates: the one taken, then those that fail no test, cheapest first."""
+    """Rank the candidates: the chosen one, then those that fail no test, cheapest first."""
     ways = range(len(options.rows))
     return sorted(
         ways, key=lambda way: (way != options.taken, options.verdict[way] > 0, options.value[way])

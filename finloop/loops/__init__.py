@@ -1,7 +1,7 @@
 """Video loops (fish paper §4.1–4.2; Figs. 8, 10–13): where the film may jump to a similar frame.
 
 A loop joins two frames whose filtered distance is a local minimum below the threshold. All loops
-form a graph; the position table says how far, and where to, the fish swims between their ends.
+form a graph; the position table gives distance and direction between their ends.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
 """The graph of video loops, and its dead ends (fish paper Figs. 10, 12).
 
-An *end* is a row of the feature table at which a loop begins or ends. Coming to one, the fish has
-a choice: to play on, or to jump to the other end of one of its loops. The film from an end to the
-next end of its track is a *segment*; the number of a segment is that of its first end.
+An *end* is a row of the feature table at which a loop begins or ends. There the fish has a choice:
+to play on, or to jump to the other end of one of its loops. The film from an end to the next end of
+its track is a *segment*; the number of a segment is that of its first end.
 """
 
 import heapq
@@ -20,12 +20,12 @@ from finloop.base.kernel import kernel
 
 Leg = tuple[int, int, str]
 PLAY, JUMP = "play", "jump"
-_FREE = 1e-9  # frames: a sparse graph cannot hold an edge that costs nothing
+_FREE = 1e-9  # frames: a sparse graph cannot hold an edge of cost 0
 
 
 @dataclass(frozen=True)
 class LoopGraph:
-    """m ends and e jumps; both directions of a loop are jumps."""
+    """The graph of m ends and e jumps; both directions of a loop are jumps."""
 
     ends: NDArray[np.int32]  # (m,) rows of the feature table, rising
     ahead: NDArray[np.int32]  # (m,) index of the next end of the same track, −1 where there is none
@@ -44,17 +44,17 @@ class LoopGraph:
     endless: Mask
 
     def jumps(self, end: int) -> NDArray[np.int32]:
-        """The ends that can follow in place of one, nearest first."""
+        """Return the ends that can replace an end, nearest first."""
         return self.to[self.start[end] : self.start[end + 1]]
 
     @property
     def frames(self) -> NDArray[np.int32]:
-        """Length (m,) of the segments, in frames; 0 after the last end of a track."""
+        """Return the length (m,) of the segments, in frames; 0 after the last end of a track."""
         return np.where(self.ahead >= 0, self.ends[self.ahead] - self.ends, 0).astype(np.int32)
 
 
 def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
-    """The graph of a table with the columns a, b, distance; `track_id` of every row of the film."""
+    """Build the graph of a table with the columns a, b, distance; `track_id` of every row."""
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     far = loops["distance"].to_numpy(np.float32)
     ends, source = np.unique(np.r_[a, b].astype(np.int32), return_inverse=True)
@@ -76,7 +76,7 @@ def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
 def _following(
     ahead: NDArray[np.int32], start: NDArray[np.int32], to: NDArray[np.int32]
 ) -> csr_array:
-    """Which segment (row) can be followed by which (column)."""
+    """Return which segment (row) can be followed by which (column)."""
     m = len(ahead)
     played = np.flatnonzero(ahead >= 0)
     next_end = ahead[played]
@@ -95,7 +95,7 @@ def _components(following: csr_array, frames: NDArray[np.int32]) -> tuple[NDArra
 
 
 def rank_groups(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
-    """Return new group numbers (n,), 0 for the heaviest group; at ties, the first comes first.
+    """Return new group numbers (n,), 0 for the heaviest group; ties keep their order.
 
     weight (n,): of each member; None: 1.
     """
@@ -107,7 +107,7 @@ def rank_groups(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -
 
 @kernel
 def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
-    """Rows (n,) from which the film can play for ever; from all others it ends with a track.
+    """Return the rows (n,) from which the film can play for ever; all others end with a track.
 
     more (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for none;
     from end k the film can jump to `to[start[k]:start[k + 1]]`. Rows without a successor are
@@ -139,7 +139,7 @@ def _never_ends(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
 ) -> Mask:  # fmt: skip
-    """Whether the film can play for ever after a row (n,)."""
+    """Return whether the film can play for ever after a row (n,)."""
     more = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
     end[ends] = np.arange(len(ends))
@@ -147,12 +147,12 @@ def _never_ends(
 
 
 def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
-    """Whether the film can play for ever after a row (n,)."""
+    """Return whether the film can play for ever after a row (n,)."""
     return _never_ends(track_id, graph.ends, graph.start, graph.to)
 
 
 def in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
-    """Which rows (rows,) of the film lie in the segments of one component."""
+    """Return which rows (rows,) of the film lie in the segments of one component."""
     edge = np.zeros(rows + 1, np.int32)
     mine = (graph.component == number) & (graph.ahead >= 0)
     np.add.at(edge, graph.ends[mine], 1)
@@ -163,16 +163,16 @@ def in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
 def routes(
     graph: LoopGraph, source_end: int, target_end: int, most: int, jump_frames: float = 0
 ) -> list[list[Leg]]:
-    """Fig. 10: the `most` best ways from one end to another, by index.
+    """Return the `most` best routes from one end to another, by index (Fig. 10).
 
-    The best way has the fewest frames, where a jump counts as `jump_frames`. Each way is a list of
-    (from row, to row, "play" | "jump"), from one end to the next. It may pass an end twice
+    The best route has the fewest frames, where a jump counts as `jump_frames`. Each route is a list
+    of (from row, to row, "play" | "jump"), from one end to the next. It may pass an end twice
     (GHCDEBCDEF does), but takes no jump twice. There is film between two jumps, for two frames that
-    are like a third need not be alike. The search follows at most `most` ways through any end.
+    are like a third need not be alike. The search follows at most `most` routes through any end.
     """
     rest = _least_cost(graph, target_end, jump_frames)
     ways: list[list[Leg]] = []
-    # (least cost of the whole way, order of arrival, cost so far, end, way so far)
+    # (least cost of the whole route, order of arrival, cost so far, end, route so far)
     queue: list[tuple[float, int, float, int, tuple[Leg, ...]]]
     queue = [(rest[source_end], 0, 0, source_end, ())]
     visits: dict[tuple[int, bool], int] = {}
@@ -199,7 +199,7 @@ def routes(
 
 
 def _least_cost(graph: LoopGraph, target: int, jump_frames: float) -> Floats:
-    """The least cost from each end (m,) to `target`; inf where there is no way."""
+    """Return the least cost from each end (m,) to `target`; inf where there is no route."""
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))

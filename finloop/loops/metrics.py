@@ -1,4 +1,4 @@
-"""Numbers about the loops of a film, for metrics.json."""
+"""Metrics of the loops of a film, for metrics.json."""
 
 import numpy as np
 import pandas as pd
@@ -12,10 +12,11 @@ def numbers(
     loops: pd.DataFrame, counts: PairCounts, graph: LoopGraph, features: pd.DataFrame,
     facts: MapFacts, mapped: Ints,
 ) -> dict[str, float]:  # fmt: skip
-    """Flat numbers. A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film.
+    """Return metrics of the loops, for metrics.json.
 
-    Shares of the film are of its `mapped` rows. A component counts if the film can play in it for
-    ever. From a dead end every way leads to the end of a track.
+    A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film. Shares of the
+    film are of its `mapped` rows. A component counts if the film can play in it for ever. From a
+    dead end every route leads to the end of a track.
     """
     track = features["track_id"].to_numpy()
     seam = loops["distance"].to_numpy(float) / facts.step_median

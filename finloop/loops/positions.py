@@ -1,6 +1,6 @@
 """Position table: the direction in which the fish swims between two ends of loops (Fig. 11).
 
-y is up here, against the film's rows: quadrants are counted anticlockwise from the upper right.
+Here y is up, unlike in the film's rows: quadrants count anticlockwise from the upper right.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,10 @@ Rows = NDArray[np.integer]
 
 
 def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
-    """Fig. 11b: 1 upper right, 2 upper left, 3 lower left, 4 lower right; y up.
+    """Return the quadrant (Fig. 11b): 1 upper right, 2 upper left, 3 lower left, 4 lower right.
 
-    An axis belongs to the quadrant that follows it anticlockwise; no way at all is the first.
+    y is up. An axis belongs to the quadrant that follows it anticlockwise; no displacement is
+    quadrant 1.
     """
     angle = np.degrees(np.arctan2(dy, dx)) % 360
     return (np.floor(angle / 90) % 4 + 1).astype(np.int8)
@@ -31,7 +32,7 @@ def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
 
 @kernel
 def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
-    """Return the `quadrant` of one displacement, y up, as a kernel needs it."""
+    """Return the `quadrant` of one displacement, y up, for kernels."""
     if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
         return 1
     if dx <= 0 and dy > 0:
@@ -43,7 +44,7 @@ def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
 
 @kernel
 def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
-    """The first loop end at least `stride` rows after a row, or the last row of its track.
+    """Return the first loop end at least `stride` rows after a row, or its track's last row.
 
     more (n,): whether a row is followed by another of its track; end (n,): −1 where there is none.
     """
@@ -54,14 +55,14 @@ def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
 
 
 def displacement(x: Reals, y: Reals, a: Any, b: Any) -> tuple[Reals, Reals]:
-    """An entry of the position table: from row a to row b along the film, y up for rows' y down."""
+    """Return an entry of the position table: from row a to row b, y up (rows have y down)."""
     return x[b] - x[a], y[a] - y[b]
 
 
 def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
-    """At most 26 ends for a table that people read: those of the track with the most ends.
+    """Return at most 26 ends for a table for people: those of the track with the most ends.
 
-    Where it has more, those nearest to moments spread evenly over the track.
+    If it has more, they are those nearest to moments spread evenly over the track.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     mine = ends[track_id[ends] == tracks[count.argmax()]]
@@ -72,7 +73,7 @@ def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
 
 
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
-    """Fig. 11c: a row and a column for each end, A, B …; the quadrant of the later one, or "".
+    """Return Fig. 11c: a row and a column for each end, A, B …; the later one's quadrant, or "".
 
     `ends` : rising rows of the feature table. A cell of two tracks is empty.
     """
@@ -87,7 +88,7 @@ def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
 def routes_table(
     ways: Sequence[Sequence[Leg]], graph: LoopGraph, features: pd.DataFrame, step: float
 ) -> pd.DataFrame:
-    """Fig. 10b: a row for each stretch of each way; ends that are played through are not named.
+    """Return Fig. 10b: a row for each stretch of each route; ends that play on are not named.
 
     `jump_distance` is D of a jump, in median natural steps (`step`).
     """
@@ -122,6 +123,6 @@ def _jump_distance(graph: LoopGraph, a: int, b: int) -> float:
 
 
 def far_ends(graph: LoopGraph) -> tuple[int, int]:
-    """The last and the first end of the largest component, by index: source and target of a way."""
+    """Return the last and the first end of the largest component, by index, to route between."""
     mine = np.flatnonzero(graph.component == 0)
     return int(mine[-1]), int(mine[0])

@@ -2,7 +2,7 @@
 
 A loop (a, b) is two rows of the feature table, a < b. It allows two jumps: from row a − 1 to b
 instead of a, and from row b − 1 to a instead of b. The cost of a jump is D(a, b), the distance of
-the film's next frame from the frame in its place.
+the film's next frame from the frame that replaces it.
 
 Glossary: D the distance of Eq. 5; *filtered* D the mean of D along the diagonal, which is small
 only if two fish also move alike; *step* the median of D between consecutive frames.
@@ -29,7 +29,7 @@ from finloop.loops.travel import improper
 
 
 class NoLoops(FinloopError):
-    """The film has no loops; the message says which parameter would give some."""
+    """The film has no loops; the message names the parameter that would give some."""
 
 
 LOOPS = Schema(
@@ -62,7 +62,7 @@ class PairCounts:
 
 
 def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
-    """The map of a table of pairs (i, j, distance; sorted by i, then j); rows: of the film."""
+    """Convert a table of pairs (i, j, distance), sorted by i, then j, to a map of `rows` rows."""
     start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
     return SparseMap(start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32))
 
@@ -70,15 +70,18 @@ def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
 def find(
     pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, PairCounts]:
-    """The loops of a film (§4.1, Figs. 8, 12, 13), best first, and the counts of each test.
+    """Find the loops of a film (§4.1, Figs. 8, 12, 13), best first, and the counts of each test.
 
     `pairs` : D of the rows that may be compared (Eq. 6), rows of the feature table. `step` : the
-    median natural step, in the unit of D. NoLoops if there is none; its message says which
-    parameter would give some.
+    median natural step, in the unit of D. NoLoops if there is none; its message names the parameter
+    that would give some.
 
     Returns
     -------
-    loops : columns of `LOOPS`, sorted by filtered distance; counts.
+    loops
+        Columns of `LOOPS`, sorted by filtered distance.
+    counts
+        The number of pairs after each test.
     """
     loops, counts = candidates(pairs, features, settings.distance_threshold * step, settings)
     loops = loops[~loops["improper"]].reset_index(drop=True)
@@ -95,14 +98,14 @@ def find(
 
 
 def least_frames(delta: int, settings: LoopsSettings) -> int:
-    """The least number of frames between two ends of a loop in one track; delta: Δ in frames."""
+    """Return the least frames between two ends of a loop in one track; delta: Δ in frames."""
     return max(1, round(settings.min_length_deltas * delta))
 
 
 def candidates(
     pairs: SparseMap, features: pd.DataFrame, limit: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, PairCounts]:
-    """All local minima of filtered D up to `limit`, best first, and the counts of each test.
+    """Return all local minima of filtered D up to `limit`, best first, and each test's counts.
 
     Columns a, b, distance, filtered, improper (Fig. 13: whether the pair is no loop).
     """
@@ -121,24 +124,24 @@ def candidates(
 
 
 def weights(n: int) -> Floats:
-    """Binomial weights of the 2n + 1 pairs along the diagonal; their sum is 1."""
+    """Return binomial weights of the 2n + 1 pairs along the diagonal; their sum is 1."""
     return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
 
 
 def filter_diagonals(
     pairs: SparseMap, track: NDArray[np.int32], dynamics: int, limit: float
 ) -> NDArray[np.float32]:
-    """Filter every pair diagonally: Σ w_k D(a+k, b+k), k = −n … n (§4.1); n = `dynamics`.
+    """Filter every pair diagonally: Σ w_k D(a+k, b+k), k = −n … n (§4.1), n = `dynamics`.
 
-    A pair has none, inf, where the value exceeds `limit`, where one of the pairs along the
-    diagonal is not in the map, or where one lies beyond the end of either track.
+    The value is inf where it exceeds `limit`, where one of the pairs along the diagonal is not in
+    the map, or where one lies beyond the end of either track.
     """
     return _filter_diagonals(pairs, track, weights(dynamics), limit)
 
 
 @kernel
 def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
-    """The first place in j[low:high], rising, that holds `least` or more."""
+    """Return the first place in j[low:high], rising, that holds `least` or more."""
     while low < high:
         middle = (low + high) // 2
         if j[middle] < least:
@@ -180,12 +183,12 @@ def _filter_diagonals(
 def minima(
     pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Places (in `pairs.j`) and rows a of the local minima of `value` that are loops.
+    """Return places (in `pairs.j`) and rows a of the local minima of `value` that are loops.
 
-    Smallest within `radius` frames along a and along b, inside the two tracks; of equal ones so
-    near to each other (a film that repeats) the first. In one track b is at least `least` frames
-    after a; nearer pairs are no loops, but they count in the comparison: what lies on a slope down
-    to them is no minimum.
+    Each is the smallest within `radius` frames along a and along b, inside the two tracks; the
+    first of equal ones that are as near (a film that repeats). In one track b is at least `least`
+    frames after a; nearer pairs are no loops, but they count in the comparison: a pair on a slope
+    down to them is no minimum.
     """
     places = np.flatnonzero(_minima(pairs, value, track, radius, least))
     rows = np.searchsorted(pairs.start, places, side="right") - 1
@@ -194,7 +197,7 @@ def minima(
 
 @kernel
 def _minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
-    """Whether each pair is such a minimum."""
+    """Return whether each pair is such a minimum."""
     start, j = pairs.start, pairs.j
     minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
@@ -220,7 +223,7 @@ def _minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
 
 
 def keep_best(a: Rows, b: Rows, most: int) -> Mask:
-    """Mask (n,) of the loops, best first, that leave no end with more than `most` loops."""
+    """Return which loops (n,), best first, to keep so that no end has more than `most` loops."""
     return _keep_best(a, b, np.zeros(b.max() + 1, np.int32), most)
 
 
@@ -236,10 +239,10 @@ def _keep_best(a, b, count, most):  # type: ignore[no-untyped-def]
 
 
 def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
-    """Fig. 12: the number of the group (n,) that each loop overlaps with; 0 has the most loops.
+    """Return the number of the overlapping group (n,) of each loop (Fig. 12); 0 has the most loops.
 
-    A loop within a track lies over the film between its ends; one across tracks over its two ends
-    alone. Loops that lie over the same film are of one group, and so on from loop to loop.
+    A loop within a track covers the film between its ends; one across tracks only its two ends.
+    Loops that cover the same film are of one group, and so on from loop to loop.
     """
     n = len(a)
     within = track[a] == track[b]
@@ -259,7 +262,6 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
 def _none(
     pairs: SparseMap, features: pd.DataFrame, step: float, settings: LoopsSettings
 ) -> NoLoops:
-    """The reason why there are no loops, and the parameter that would give some."""
     goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())

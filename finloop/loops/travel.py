@@ -12,15 +12,15 @@ from finloop.features.current import through_water
 from finloop.features.table import delta_of, wrap_deg
 
 TRAVEL = 0.05  # body lengths from which a fish has a direction of travel
-RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean heading
+RESULTANT = 0.3  # length of the mean heading vector; with less, the fish turned round
 
 Rows = NDArray[np.integer]
 
 
 def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
-    """Fig. 13: whether loops (n,) travel against the fish's heading, by more than `most_deg`.
+    """Return whether loops (n,) travel more than `most_deg` against the heading (Fig. 13).
 
-    Over the loop, at its end a or at its end b, see `travel_of`: there head and tail may be
+    That is over the loop, at its end a or at its end b, see `travel_of`: there head and tail may be
     swapped, or the fish adrift.
     """
     return np.asarray((travel_of(a, b, features).off_deg > most_deg).any(axis=-1))
@@ -29,7 +29,7 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
 class Travel(NamedTuple):
     """Where loops (n,) travel and where the fish is headed: between the ends, at a, at b.
 
-    travel_deg, heading_deg : (n, 3), anticlockwise as seen; the first NaN where there is none.
+    travel_deg, heading_deg : (n, 3), anticlockwise as seen; travel is NaN where there is none.
     """
 
     travel_deg: Floats
@@ -37,17 +37,17 @@ class Travel(NamedTuple):
 
     @property
     def off_deg(self) -> Floats:
-        """The angle (n, 3) between travel and heading, 0 … 180; NaN without a travel."""
+        """Return the angle (n, 3) between travel and heading, 0 … 180; NaN without a travel."""
         return np.abs(wrap_deg(self.travel_deg - self.heading_deg))
 
 
 def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
-    """Where loops (n,) travel, and where the fish is headed meanwhile (Fig. 13).
+    """Return where loops (n,) travel, and where the fish is headed meanwhile (Fig. 13).
 
-    Played between its ends, a loop within one track travels from a to b, whatever the fish does on
-    the way; its heading is the mean over it (none where the fish turns round). At either end the
-    fish travels from Δ/2 before to Δ/2 after it. A fish that moved less than `TRAVEL` body lengths
-    has no direction of travel.
+    Between its ends, a loop within one track travels from a to b, whatever route the fish takes;
+    its heading is the mean over it (NaN where the fish turns round). At either end the fish travels
+    from Δ/2 before to Δ/2 after it. A fish that moved less than `TRAVEL` body lengths has no
+    direction of travel.
     """
     track = features["track_id"].to_numpy()
     x, y = through_water(features).T * ((1,), (-1,))

@@ -1,4 +1,4 @@
-"""What plans the animations of a mode, and what the paper's modes share of a film."""
+"""The animator of a mode, which plans animations, and what the paper's modes share of a film."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -35,11 +35,11 @@ from finloop.sprites.pictures import outlines
 
 
 class FilmData(NamedTuple):
-    """What every mode takes of a film.
+    """What every mode takes from a film of n rows.
 
-    arena (h, w): where the fish can be; floor: the empty tank as filmed, None: not known; reel: its
-    pictures, with sprites for a mode that shows them; outline_px (n, k, 2): x, y as filmed of its n
-    rows; poses: of these; map_facts, steps: of the distance map, columns of `STEPS`.
+    arena (h, w): where the fish can be; floor: the empty tank as filmed, None if unknown; reel: its
+    pictures, with sprites for a mode that shows them; outline_px (n, k, 2): x, y as filmed; poses:
+    of the rows; map_facts, steps: of the distance map, columns of `STEPS`.
     """
 
     rate_hz: float
@@ -53,27 +53,46 @@ class FilmData(NamedTuple):
 
 
 class Animator(Protocol):
-    """A mode of one film, which plans animations of it."""
+    """Plans animations of one film in one mode."""
 
     @property
-    def pictures(self) -> Pictures: ...
+    def pictures(self) -> Pictures:
+        """Return the pictures of its edit lists."""
+
     @property
-    def step(self) -> float: ...
+    def step(self) -> float:
+        """Return the film's natural step."""
+
     @property
-    def player(self) -> AnyPlayer: ...
+    def player(self) -> AnyPlayer:
+        """Return the player of the mode."""
+
     @property
-    def fish(self) -> int: ...
-    def sample(self, seed: int, seconds: float) -> pd.DataFrame: ...
-    def goals(self) -> list[Goal]: ...
-    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]: ...
-    def check_room(self, goals: Sequence[Goal]) -> None: ...
-    def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]: ...
-    def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]: ...
+    def fish(self) -> int:
+        """Return how many fish swim together."""
+
+    def sample(self, seed: int, seconds: float) -> pd.DataFrame:
+        """Return the edit list of an animation with another seed, to random goals."""
+
+    def goals(self) -> list[Goal]:
+        """Return the goals of the parameters."""
+
+    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
+        """Return the goals of each fish."""
+
+    def check_room(self, goals: Sequence[Goal]) -> None:
+        """Raise NoRoom if the tank has no room for all fish."""
+
+    def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
+        """Return an animation, fish by fish, and its edit list."""
+
+    def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
+        """Return the edit list of another animation, to random goals, and the goals."""
 
 
 @dataclass(frozen=True)
 class PaperAnimator:
-    """A mode of the paper. step: the film's natural step, both frames headed right."""
+    """Plans animations in a mode of the paper. step: the film's natural step, both headed right."""
 
     player: PaperPlayer
     pictures: Pictures
@@ -96,21 +115,21 @@ class PaperAnimator:
         return [goal._replace(radius_px=world.touch_px) for goal in placed]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the goals of each fish: there is one."""
+        """Return the goals of each fish; there is one fish."""
         return [goals]
 
     def check_room(self, goals: Sequence[Goal]) -> None:
-        """There is room for one fish in every tank."""
+        """Do nothing: every tank has room for one fish."""
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
         """Return an animation to the goals, and its edit list (columns of `EDIT`)."""
-        swum, edit = self._animate(goals, np.random.default_rng(self.p.seed))
+        found, edit = self._animate(goals, np.random.default_rng(self.p.seed))
         if self.player.joins.kind == FADE:
             edit = without_ghosts(edit, self.pictures, self.p.fade_steps * self.step)
-        return [swum], edit
+        return [found], edit
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """Return a further animation, to random goals: its edit list, and the goals."""
+        """Return the edit list of another animation, to random goals, and the goals."""
         rng = np.random.default_rng([self.p.seed, number])
         goals = random_goals(self.player.world, self.p.trial_goals, rng)
         return self._animate(goals, rng)[1], [goals]
@@ -119,8 +138,8 @@ class PaperAnimator:
         self, goals: Sequence[Goal], rng: np.random.Generator
     ) -> tuple[Swim, pd.DataFrame]:
         ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
-        swum = swim(self.player, goals, ticks, rng)
-        return swum, edit_list(swum, ticks, self.player.sources)
+        found = swim(self.player, goals, ticks, rng)
+        return found, edit_list(found, ticks, self.player.sources)
 
 
 class ModeAssets(NamedTuple):
@@ -150,7 +169,7 @@ NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b
 
 
 def loop_film(made: FilmData, basis: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
-    """Return the film with the jumps of its loops alone."""
+    """Return the film whose only jumps are those of its loops."""
     features = basis.sized.reel.features
     n, track = len(features), features["track_id"].to_numpy()
     none = np.zeros(0, np.int32)
@@ -166,7 +185,7 @@ def make_animator(
     made: FilmData, basis: ModeAssets, mode: PaperMode, way: MotionGraph, sprites: Sprites | None,
     p: AnimateSettings, join: str,
 ) -> PaperAnimator:  # fmt: skip
-    """Return what plans the animations of a mode. way: the film; join: how pictures are joined."""
+    """Return the animator of a mode. way: the film; join: how pictures are joined."""
     how = joins(p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.helps)
     player = PaperPlayer(mode, basis.world, way, sprites, basis.cast, how)
     return PaperAnimator(player, basis.pictures, float(made.steps["headed"].median()), p)

@@ -1,9 +1,9 @@
 """Mode `hybrid`: loops where they lead to the goal, the network between (fish paper §4.3, Fig. 19).
 
-In network mode every sprite that is shown may have gateways into the film: of those from which a
-legal way leads on, the one whose way ends nearest to the goal is taken. In loop mode the next loop
-is looked for at loop ends with a gateway out of the film: where none is legal the fish leaves by
-it. Every switch goes through a gateway (Fig. 14).
+In network mode every sprite on screen may have gateways into the film. Of those from which a legal
+way leads on, the mode takes the one whose way ends nearest to the goal. In loop mode it searches
+for the next loop at loop ends with a gateway out of the film. Where no loop is legal, the fish
+leaves by that gateway. Every switch goes through a gateway (Fig. 14).
 """
 
 from dataclasses import replace
@@ -29,14 +29,14 @@ from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.player import PaperMode
 
 _LEFT = 1  # tick after the film: the gateway's sprite is shown
-_SHOWN = 0.4  # of a frame; from there one tick leads to the next sprite, whatever its pace
+_SHOWN = 0.4  # of a frame; from there one tick leads to the next sprite at any playback rate
 
 
 class Gateways:
     """The gateways of a film. table: columns of `GATEWAYS`; step: the film's natural step.
 
-    into: by sprite and orientation (0: any) the rows of the film that it leads to; out_of: by row
-    the sprites that it leads to, the nearest first.
+    into: the rows that a sprite in an orientation (0: any) leads to; out_of: the sprites that a row
+    leads to, the nearest first.
     """
 
     def __init__(self, table: pd.DataFrame, step: float, loops: Loops) -> None:
@@ -60,7 +60,7 @@ class Gateways:
 
 
 class Hybrid:
-    """Fig. 19."""
+    """Plays mode `hybrid`, the flow chart of Fig. 19."""
 
     def __init__(self, network: Network, loops: Loops, gateways: Gateways) -> None:
         self.network, self.loops, self.gateways = network, loops, gateways
@@ -81,9 +81,9 @@ class Hybrid:
         return self.network.begin(rng)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a fish of another mode as one of this mode; its own unchanged.
+        """Return a copy of a fish of another mode as one of this mode.
 
-        Film that it cannot go on with it leaves.
+        The fish leaves the film if it cannot go on in it.
         """
         filmed = self.loops.film.filmed
         if fish.row < 0 or self.loops.shows(fish) or (fish.row < filmed and self._leaves[fish.row]):
@@ -91,13 +91,13 @@ class Hybrid:
         return self.network.take_over(fish)
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch towards a goal: Fig. 19."""
+        """Return the next stretch towards a goal (Fig. 19)."""
         if fish.row < 0:
             return self.play_network(fish, goal, rng)
         return self.play_loops(fish, goal, rng)
 
     def play_network(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Network mode, until a gateway fits; after the film the network plays a tick at least."""
+        """Play network mode until a gateway fits; after the film at least one tick."""
         if fish.since != _LEFT and (entered := self.enter(fish, goal)) is not None:
             return entered
         stretch = self.network.play(fish, goal, rng)
@@ -108,7 +108,7 @@ class Hybrid:
         return stretch
 
     def enter(self, fish: Fish, goal: Target) -> Stretch | None:
-        """Return the film, entered from the sprite that is shown; None where no way is legal."""
+        """Enter the film from the sprite on screen; None where no way is legal."""
         starts = self.gates(fish)
         if starts is None:
             return None
@@ -121,7 +121,7 @@ class Hybrid:
         return self.loops.stretch(fish, starts, ways, taken, goal, ENTER)
 
     def gates(self, fish: Fish) -> Starts | None:
-        """Return the rows that gateways lead to from the sprite that is shown; None: no gateway."""
+        """Return the rows that gateways lead to from the sprite on screen; None without any."""
         number = int(orientation(np.array(fish.heading), self.network.sprites.orientations))
         gates = self.gateways.into.get((fish.sprite, 0 if self.loops.film.body else number))
         if gates is None:
@@ -130,7 +130,7 @@ class Hybrid:
         return Starts(rows, np.asarray(wrap_deg(fish.heading + turns), float), seams)
 
     def play_loops(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Loop mode: the next legal loop, else out of the film by a gateway."""
+        """Play loop mode: the next legal loop, else leave the film by a gateway."""
         starts = self.loops.starts(fish)
         ways = self.loops.follow_starts(fish, starts, goal, self._ends)
         taken = self.loops.choose(starts, ways, rng)
@@ -181,7 +181,7 @@ def hybrid_animator(
     made: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
     p: CommonSettings, q: tuple[NetworkSettings, LoopsSettings, HybridSettings],
 ) -> PaperAnimator:  # fmt: skip
-    """Bring together mode `hybrid` (Fig. 19); without loops or gateways it is network mode."""
+    """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, network mode."""
     basis = basis_of(made, p)
     network, sprites = make_network(made, basis, model, q[0])
     play = make_loop_player(made, basis, loops, q[1])

@@ -3,10 +3,9 @@
 At a loop end the film can play on, or go on at the other end of a loop. From either, the position
 table says in which quadrant the fish will be at every later loop end of that track (Fig. 11). A way
 to one of them is *legal* if it stays in the tank, leads to the quadrant of the goal, and begins
-with the fish headed the way it leads (Fig. 13); of a fish that wanders the quadrant does not count.
-Where several are legal the policy decides, the cases of Fig. 10b. Where none is, the mode can do no
-more than go on inside the tank (§4.2); where not even that is possible it is stuck, and the fish
-swims on the spot.
+with the fish headed the way it leads (Fig. 13). For a fish that wanders the quadrant does not
+count. Where several ways are legal the policy chooses, the cases of Fig. 10b. Where none is, the
+mode goes on inside the tank (§4.2). Where even that is impossible, the fish swims on the spot.
 """
 
 from typing import NamedTuple
@@ -38,13 +37,14 @@ from finloop.modes.animator import (
 from finloop.modes.matching import NothingToUse
 from finloop.plan.graph import MotionGraph
 
-_TURNED_DEG = 30.0  # off a fish's heading weigh as much as 1 body length/s off its speed
+_TURNED_DEG = 30.0  # of heading error weigh as much as 1 body length/s of speed error
 _TANK, _QUADRANT, _HEADING = map(VERDICTS.index, ("tank", "quadrant", "heading"))
 
 
 class Starts(NamedTuple):
-    """Rows (k,) that can be shown next, by how much each is turned, and how unlike the film's own
-    next frame it is, in natural steps; 0 of that frame itself.
+    """Rows (k,) that can be shown next, how far each is turned, and its discontinuity.
+
+    The discontinuity (seam) is in natural steps, 0 for the film's own next frame.
     """
 
     rows: Ints
@@ -55,10 +55,10 @@ class Starts(NamedTuple):
 class Ways(NamedTuple):
     """Where playing on from starts (k,) leads, each to the loop end nearest to the goal.
 
-    ticks: rows to be shown, 0 where no loop end passes the tests; far: px from there to the goal;
+    ticks: rows to show, 0 where no loop end passes the tests; far: px from there to the goal;
     touched: whether the goal is touched on the way, which then ends at the next loop end; quadrant:
-    that the way leads to; verdict: number in `VERDICTS` of the test that the start fails; inside:
-    rows to be shown where only the first test counts, 0 where that fails, too.
+    the one that the way leads to; verdict: index in `VERDICTS` of the test that the start fails;
+    inside: rows to show where only the first test counts, 0 where that fails, too.
     """
 
     ticks: Ints
@@ -88,10 +88,10 @@ class Loops:
         return Fish(x, y, heading, 0.0, FILM, -1, row=row, rot=rot, since=self.stay)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a fish of another mode as one of this mode; its own unchanged.
+        """Return a copy of a fish of another mode as one of this mode.
 
-        It is shown by the film's frame that is headed and swims most nearly as it does; a frame
-        from which the film goes on stays.
+        Its frame is the one whose heading and speed are nearest to the fish's. A frame from which
+        the film goes on stays.
         """
         film = self.film
         if self.shows(fish):
@@ -113,7 +113,7 @@ class Loops:
         return 0 <= fish.row < self.film.filmed and bool(self.film.plays(np.array([fish.row]))[0])
 
     def _nearest(self, fish: Fish) -> int:
-        """Return the row that is headed and swims most nearly as a fish, of those that play on."""
+        """Return the row with the heading and speed nearest to a fish's, of those that play on."""
         film = self.film
         rows = np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])
         unlike = np.abs(film.speed[rows] - fish.speed)
@@ -136,7 +136,7 @@ class Loops:
     def starts(self, fish: Fish) -> Starts:
         """Return what can be shown next: the film's next row, and those it can jump to.
 
-        After a jump it cannot do so for a while, unless the film ends.
+        For a while after a jump there are no jumps, unless the film ends.
         """
         film, row = self.film, fish.row + 1
         own = film.has_next[row] and film.recurrent[row + 1]
@@ -152,7 +152,7 @@ class Loops:
     def follow_starts(
         self, fish: Fish, starts: Starts, goal: Target, ends: Mask | None = None
     ) -> Ways:
-        """Follow each start to an end: one of the rows `ends` (n,), by default of the loop ends."""
+        """Follow each start to one of the rows `ends` (n,), by default the loop ends."""
         return self.follow_starts_from(self.next_place(fish), starts, goal, ends)
 
     def follow_starts_from(
@@ -213,7 +213,7 @@ class Loops:
     def swim_on_spot(
         self, fish: Fish, starts: Starts, ways: Ways, goal: Target, rng: np.random.Generator
     ) -> Stretch:
-        """Play the film in place, to a loop end after `stay` rows: no way is in the tank (§4.2)."""
+        """Play the film in place to a loop end after `stay` rows: no way is in the tank (§4.2)."""
         film, taken = self.film, int(rng.integers(len(starts.rows)))
         row, rot = int(starts.rows[taken]), float(starts.rots[taken])
         ahead = slice(row, row + 4 * self.stay)
@@ -239,7 +239,7 @@ class Loops:
 
 
 def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
-    """Add to a decision how many starts were weighed, and how many fail which test."""
+    """Return a decision with the number of starts, and of those that fail each test."""
     counts = np.bincount(ways.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
         ways=len(ways.verdict), ways_tank=counts[_TANK], ways_quadrant=counts[_QUADRANT],
@@ -259,7 +259,7 @@ def loop_ends(film: MotionGraph) -> Mask:
 
 @kernel
 def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-untyped-def]
-    """See `Loops.follow_starts_from`; begin: (starts, their place).
+    """Follow starts as `Loops.follow_starts_from` does; begin: (starts, their place).
 
     most: (fewest rows after a jump, degrees off the direction).
     """
@@ -302,7 +302,7 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
 
 @kernel
 def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
-    """Rows (k,) to be shown from each start to the first end (n,) inside the tank; 0: none."""
+    """Return the rows (k,) to show from each start to the first end (n,) in the tank; 0: none."""
     ticks = np.zeros(starts.rows.size, np.int64)
     for way in range(ticks.size):
         row, rot = starts.rows[way], starts.rots[way]
@@ -322,7 +322,7 @@ def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
 def loops_animator(
     made: FilmData, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
 ) -> PaperAnimator:
-    """Bring together mode `loops` (Figs. 10-13). NothingToUse if the film has no loops."""
+    """Return the animator of mode `loops` (Figs. 10-13). NothingToUse if the film has no loops."""
     basis = basis_of(made, p)
     mode = make_loop_player(made, basis, loops, q)
     if not mode.can_play:
@@ -331,10 +331,10 @@ def loops_animator(
 
 
 def no_loops_error(mode: str) -> NothingToUse:
-    """Return the error that a film has no loops for a mode."""
+    """Return the error that the film has no loops for a mode."""
     return NothingToUse(
         f"mode {mode}: the film has no loops by which it could go on for ever",
-        "a film in which frames come back, with a loop at least every few seconds",
+        "a film in which similar frames return, with a loop at least every few seconds",
         "take a longer film, let more frames join (loops.distance_threshold, "
         "distance.max_distance_steps), or another mode: network needs no loops",
     )
@@ -343,5 +343,5 @@ def no_loops_error(mode: str) -> NothingToUse:
 def make_loop_player(
     made: FilmData, basis: ModeAssets, loops: pd.DataFrame, q: LoopsSettings
 ) -> Loops:
-    """Return what plays the loops of a film."""
+    """Return the player of a film's loops."""
     return Loops(basis.world, loop_film(made, basis, loops), q)

@@ -1,4 +1,4 @@
-"""Mode `matching`: everything that plans an animation, from what has been made of a film."""
+"""Mode `matching`: the animator that plans by one search, and what it takes from a film."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -38,8 +38,8 @@ from finloop.features.table import delta_of
 from finloop.forecast.sampling import Sampler
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import motion_graph, neighbour_jumps, without_dead_ends
+from finloop.plan.matching_settings import AllSettings
 from finloop.plan.planner import Planner
-from finloop.plan.settings import AllSettings
 from finloop.plan.sources import FilmSource, PredictionSource
 from finloop.plan.world import FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
@@ -50,15 +50,13 @@ NO_SPRITES: Ints = np.zeros(0, np.intp)
 
 
 class MatchingData(NamedTuple):
-    """What has been made of a film.
+    """What mode `matching` takes from a film of n rows; None where something is unknown.
 
-    arena (h, w): where the fish can be; reel: its pictures; outline_px (n, k, 2): x, y as filmed of
-    its n rows; map_facts, steps: of the distance map, columns of `STEPS`; jumps: columns of
-    `JUMPS`; poses: of the rows of the reel;
-    forecast: None where the film shows too little for one; lines: to be swum in place of goals, by
-    the first fish, None for one that has none; mm_per_px: None: not known; shoaling: how fish swim
-    by zones, None: not known; floor: the empty tank as filmed, None: not known; sprite_rows (s,):
-    the rows behind sprites, from which a fish of another mode goes on.
+    arena (h, w): where the fish can be; reel: its pictures; outline_px (n, k, 2): x, y as filmed;
+    map_facts, steps: of the distance map, columns of `STEPS`; jumps: columns of `JUMPS`; poses: of
+    the rows; forecast: None where the film shows too little for one; lines: the path of each of the
+    first fish in place of goals, or None; shoaling: how fish swim by zones; floor: the empty tank
+    as filmed; sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
     """
 
     rate_hz: float
@@ -79,10 +77,10 @@ class MatchingData(NamedTuple):
 
 @dataclass(frozen=True)
 class MatchingAnimator:
-    """Mode `matching` of a film. step: its median natural step, the unit of every seam.
+    """Plans animations in mode `matching`. step: the film's natural step, the unit of every seam.
 
-    reach_px: how far the fish reaches from its centre; paths: of the first fish, None for one that
-    has none.
+    reach_px: how far the fish reaches from its centre; paths: of the first fish, None for a fish
+    without one.
     """
 
     player: Planner
@@ -93,12 +91,12 @@ class MatchingAnimator:
 
     @property
     def world(self) -> FilmWorld:
-        """What its fish swim in."""
+        """Return what the fish swim in."""
         return self.player.world
 
     @property
     def fish(self) -> int:
-        """How many fish swim together."""
+        """Return how many fish swim together."""
         return self.world.settings.fish
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
@@ -111,43 +109,43 @@ class MatchingAnimator:
         return replace(self, player=player).plan(near)[1]
 
     def goals(self) -> list[Goal]:
-        """The goals of the parameters, none where all fish swim paths, or by a rule.
+        """Return the goals of the parameters, none where all fish follow paths or a rule.
 
-        FinloopError if one is out of reach, two fish are sent to one place, or fish are to swim by
-        zones and there is no rule for it.
+        FinloopError if a goal is out of reach, two fish are sent to one place, or fish are to swim
+        by zones and no rule for it is known.
         """
         p = self.world.settings
         if p.rule == "zones" and p.fish > 1:
             rule_of(self.player.shoaling)
         if not self.seekers:
             return []
-        waters = self.world
-        touch_px = waters.touch_px + waters.head_px
-        placed = place_goals(p.goals, p.goal_unit, waters.tank, touch_px)
-        goals = [goal._replace(radius_px=waters.touch_px) for goal in placed]
+        world = self.world
+        touch_px = world.touch_px + world.head_px
+        placed = place_goals(p.goals, p.goal_unit, world.tank, touch_px)
+        goals = [goal._replace(radius_px=world.touch_px) for goal in placed]
         if not p.overlap:
             refuse_meetings(goals, self.seekers)
         return goals
 
     @property
     def fish_without_rule(self) -> list[int]:
-        """Return the fish that swim by no rule; FinloopError if the rules are contradictory."""
+        """Return the fish that swim by no rule; FinloopError if the rules contradict each other."""
         p = self.world.settings
         every = by_rule(tasks([], p.fish, np.random.default_rng()), p)
         return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
 
     @property
     def seekers(self) -> list[int]:
-        """The fish that swim to goals, neither by a rule nor along a path."""
-        swum = [fish for fish, path in enumerate(self.paths) if path is not None]
-        return [fish for fish in self.fish_without_rule if fish not in swum]
+        """Return the fish that swim to goals, neither by a rule nor along a path."""
+        on_path = [fish for fish, path in enumerate(self.paths) if path is not None]
+        return [fish for fish in self.fish_without_rule if fish not in on_path]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
         """Return the goals of each fish."""
         return [task.goals for task in self.tasks(goals)]
 
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
-        """What each fish does: swim its path, or to goals, or by a rule."""
+        """Return the task of each fish: its path, goals, or a rule."""
         rng = np.random.default_rng(self.world.settings.seed)
         todo = self._tasks(goals, self.seekers, rng)
         for fish, path in enumerate(self.paths):
@@ -158,7 +156,7 @@ class MatchingAnimator:
     def _tasks(
         self, goals: Sequence[Goal], seekers: Sequence[int], rng: np.random.Generator
     ) -> list[SwimTask]:
-        """The tasks of all fish by the rules, of those that seek to goals, which are dealt."""
+        """Return the tasks of all fish by the rules; goals are dealt to `seekers`."""
         p = self.world.settings
         todo = by_rule(tasks([], p.fish, rng), p)
         if seekers:
@@ -167,7 +165,7 @@ class MatchingAnimator:
         return todo
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """A further animation, to random goals of each fish: its edit list, and their goals."""
+        """Return the edit list of another animation, to random goals, and each fish's goals."""
         todo, ticks = self._trial(number), self.world.duration
         goals = [task.goals for task in todo]
         return edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
@@ -179,7 +177,7 @@ class MatchingAnimator:
         return self._tasks(goals, self.fish_without_rule, rng)
 
     def check_room(self, goals: Sequence[Goal]) -> None:
-        """NoRoom, before anything is planned, if there is none for all fish."""
+        """Raise NoRoom if the tank has no room for all fish, before anything is planned."""
         p = self.world.settings
         if p.fish > 1:
             settle(self.player, self.tasks(goals), Plans(p.fish))
@@ -187,18 +185,18 @@ class MatchingAnimator:
                 settle(self.player, self._trial(number), Plans(p.fish))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """An animation, fish by fish, and its edit list (columns of `EDIT`)."""
+        """Return an animation, fish by fish, and its edit list (columns of `EDIT`)."""
         player, p = self.player, self.world.settings
         ticks = self.world.duration
-        swum = shoal(player, self.tasks(goals), ticks)
-        edit = edit_lists(swum, ticks, player.sources)
+        found = shoal(player, self.tasks(goals), ticks)
+        edit = edit_lists(found, ticks, player.sources)
         if p.join == FADE:
             edit = without_ghosts(edit, self.pictures, p.fade_steps * self.step)
-        return swum, edit
+        return found, edit
 
 
 def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
-    """Bring together what plans mode `matching`.
+    """Return the animator of mode `matching`.
 
     FinloopError where the film shows too little for what `matching.uses` names.
     """
@@ -223,26 +221,26 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     )
     jumps = neighbour_jumps(made.jumps, len(features))
     way = motion_graph(features, jumps, motion, BODY, barred, rarity.cumulative)
-    swum = (
+    sampler = (
         None if made.forecast is None else without_dead_ends(made.forecast, way.has_next, how.rests)
     )
-    foretells = "forecast" in p.uses and swum is not None and bool(swum.usable.any())
+    predicts = "forecast" in p.uses and sampler is not None and bool(sampler.usable.any())
     plays = "film" in p.uses and bool((way.recurrent & way.has_next).any())
-    if not (foretells or plays):
+    if not (predicts or plays):
         raise NothingToUse(
             f"the film is too short or too uneven for matching.uses={list(p.uses)}",
             "frames that can follow each other for ever, or a forecast of them",
-            "take a longer film, or another mode; reports/jumps and reports/forecast say more",
+            "take a longer film, or another mode; see reports/jumps and reports/forecast",
         )
     touch_px = p.goal_radius_bl * motion.body_length_px
     water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
     brisk = learn_brisk(features, rate_hz, delta, p)
-    waters = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
-    by_film = FilmSource(waters) if plays else None
+    world = FilmWorld(water, motion, touch_px, head_px, way, brisk, p, cast.discs)
+    by_film = FilmSource(world) if plays else None
     predicted = None
-    if foretells and swum is not None:
-        predicted = PredictionSource(waters, swum, rarity)
-    player = Planner(waters, by_film, predicted, cast, how, made.shoaling, made.sprite_rows)
+    if predicts and sampler is not None:
+        predicted = PredictionSource(world, sampler, rarity)
+    player = Planner(world, by_film, predicted, cast, how, made.shoaling, made.sprite_rows)
     paths = tuple(
         None if line is None else lay(line, water, motion, made.mm_per_px) for line in made.lines
     )
@@ -254,9 +252,9 @@ class NothingToUse(FinloopError):
 
 
 def by_rule(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
-    """The same by the rules of the parameters, whose fish are numbered from 1.
+    """Return the tasks with the rules of the parameters, whose fish are numbered from 1.
 
-    FinloopError if these are contradictory.
+    FinloopError if the rules contradict each other.
     """
     led = leaders(p.follow_pairs, len(todo))
     return [

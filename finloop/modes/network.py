@@ -1,10 +1,10 @@
-"""Mode `network`: playing in neural network mode (fish paper §3, Fig. 18, Eqs. 2-4).
+"""Mode `network`: neural network mode (fish paper §3, Fig. 18, Eqs. 2-4).
 
-The flow chart: will the fish turn or swim straight? A turn asks the trained network for the ideal
-motion area of the turn that is wanted, plays the turning sprites up to the bend nearest to it and
-back, and moves by what the film's turns of that angle moved. Otherwise the fish slides,
-accelerates, decelerates or swims straight, each as long, as fast and drifting as much as a phase of
-the film that began at the same speed. Before a wall it brakes.
+The flow chart asks first: will the fish turn or swim straight? For a turn, the trained network
+gives the ideal motion area. The turning sprites play up to the bend nearest to it and back, and the
+fish moves as in the film's turns of that angle. Otherwise the fish slides, accelerates, decelerates
+or swims straight, like a phase of the film that began at the same speed, with its duration, speed
+and drift. Before a wall it brakes.
 """
 
 from functools import lru_cache
@@ -41,8 +41,7 @@ class GoalApproach(NamedTuple):
     """A fish, its goal, and the point that it heads for now.
 
     start: x, y, heading; error: of the heading against the aim, degrees, + = the aim is to the
-    left; distance: px; far: whether the aim is so far away that the course need not lead into it
-    yet.
+    left; distance: px to the aim; far: whether the aim is too far away to steer into it yet.
     """
 
     fish: Fish
@@ -55,7 +54,7 @@ class GoalApproach(NamedTuple):
 
 
 class Network:
-    """Moves sprites as Fig. 18 says. sprites: in their sequences; phases: of the film."""
+    """Moves sprites by the flow chart of Fig. 18. sprites: in sequences; phases: of the film."""
 
     def __init__(
         self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
@@ -63,7 +62,7 @@ class Network:
         self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
         motion = world.motion
         self._px = motion.body_length_px
-        self._stop = motion.delta / 2  # ticks in which a fish has stopped
+        self._stop = motion.delta / 2  # ticks in which a fish stops
         turns = motion.turns
         least = np.quantile(turns.angle_deg, p.turn_quantile)
         self._least_turn = min(least, p.max_heading_error_deg)
@@ -83,7 +82,7 @@ class Network:
         return Fish(x, y, float(rng.uniform(-180, 180)), speed, SLIDE, sprite)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a fish of another mode as one of this mode, which glides on; its own unchanged."""
+        """Return a copy of a fish of another mode as one of this mode, which glides on."""
         if fish.row < 0:
             return fish
         sprite = int(self.sprites.cycles[SLIDE][0])
@@ -91,7 +90,7 @@ class Network:
         return Fish(fish.x, fish.y, fish.heading, speed, SLIDE, sprite, tick=fish.tick)
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch towards a goal: Fig. 18."""
+        """Return the next stretch towards a goal (Fig. 18)."""
         course = self._course(fish, goal)
         if self.will_turn(course):
             return self.turn(course, rng)
@@ -112,9 +111,9 @@ class Network:
         )
 
     def will_turn(self, course: GoalApproach) -> bool:
-        """Fig. 18, first box: return whether the heading is too far off to swim straight.
+        """Return whether the heading is too far off to swim straight (Fig. 18, first box).
 
-        It turns where its heading is off, and where it would pass a near goal.
+        The fish also turns where it would pass a near goal.
         """
         error, p = course.error, self.p
         beside = course.distance * abs(np.sin(np.radians(error)))
@@ -122,7 +121,7 @@ class Network:
         return abs(error) > self._least_turn or (misses and not course.far)
 
     def ideal_motion_area(self, fish: Fish, displacement: float, included_deg: float) -> float:
-        """Eq. 4: the relative motion area that the trained network gives for a turn.
+        """Return the relative motion area that the trained network gives for a turn (Eq. 4).
 
         displacement: body lengths in Δ; included_deg: angle by which the head turns in Δ, + = left.
         """
@@ -130,15 +129,14 @@ class Network:
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
 
     def _nearest_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
-        most = self.p.max_bend_hold * self.world.motion.delta
+        most = self.p.max_bend_hold_deltas * self.world.motion.delta
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
 
     def swim_straight(self, course: GoalApproach, rng: np.random.Generator) -> Stretch | None:
         """Slide, accelerate, decelerate or swim straight like a phase of the film.
 
-        None where a wall is ahead.
-
-        It drifts towards the aim; far from it beyond, too, as a fish does.
+        Drift towards the aim, and beyond it while it is far, as a fish does. None where a wall is
+        ahead.
         """
         motion, phases, fish = self.world.motion, self.phases, course.fish
         place = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
@@ -168,7 +166,7 @@ class Network:
         return Stretch(state, way[:n], sprite, new, course.aim, touched < n, decision, phase=phase)
 
     def _cycle(self, fish: Fish, state: int, speed: Floats) -> tuple[Ints, Floats, bool]:
-        """Frames of a state's cycle for ticks at such speeds, places in it, whether it is new."""
+        """Return frames of a state's cycle at speeds (n,), places in it, and whether it is new."""
         sprites, p = self.sprites, self.p
         cycle, begins = sprites.cycles[state], fish.phase
         new = fish.state == TURN or sprites.cycles[fish.state] is not cycle
@@ -205,10 +203,10 @@ class Network:
     def _fit_turn(
         self, course: GoalApproach, plan: TurnPlan, chosen: int
     ) -> tuple[Floats, int, float]:
-        """Fit a filmed turn into the tank: with less of its displacement, or stopped sooner.
+        """Fit a filmed turn into the tank, with less displacement or an earlier stop.
 
-        The way, the tick at which the goal is touched, and the share of the displacement. A turn
-        that begins fast is tried to stop sooner and sooner.
+        Returns the way, the tick at which the goal is touched, and the share of the displacement.
+        A turn that begins fast is tried with earlier and earlier stops.
         """
         motion, turns, phases = self.world.motion, self.world.motion.turns, self.phases
         ease, n = self.p.ease, len(plan.frames)
@@ -282,7 +280,7 @@ class Network:
 def network_animator(
     made: FilmData, model: MotionModel, p: CommonSettings, q: NetworkSettings
 ) -> PaperAnimator:
-    """Bring together mode `network` (Fig. 18)."""
+    """Return the animator of mode `network` (Fig. 18)."""
     basis = basis_of(made, p)
     mode, sprites = make_network(made, basis, model, q)
     return make_animator(made, basis, mode, loop_film(made, basis, NO_LOOPS), sprites, p, q.join)
@@ -291,7 +289,7 @@ def network_animator(
 def make_network(
     made: FilmData, basis: ModeAssets, model: MotionModel, q: NetworkSettings
 ) -> tuple[Network, Sprites]:
-    """Return what moves sprites, and the sprites."""
+    """Return the player of mode `network`, and its sprites."""
     pictures, motion = basis.pictures, basis.world.motion
     near = distance(pictures.sprite_successors, pictures.right_facing_sprites)
     sprites = make_sprites(basis.cast.sprites, near, motion.rate_hz)

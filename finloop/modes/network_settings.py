@@ -23,7 +23,7 @@ class NetworkSettings:
     max_speed_quantile: Share
     max_heading_error_deg: NotNegative
     near_goal_bl: NotNegative
-    max_bend_hold: Annotated[int, Field(ge=0)]
+    max_bend_hold_deltas: Annotated[int, Field(ge=0)]
     brake_speed_ratio: Share
     min_playback_rate: Positive
     max_playback_rate: Positive
@@ -56,7 +56,7 @@ class NetworkSettings:
         "speed_high": "max_speed_quantile",
         "turn_least_deg": "max_heading_error_deg",
         "near": "near_goal_bl",
-        "hold": "max_bend_hold",
+        "hold": "max_bend_hold_deltas",
         "brake": "brake_speed_ratio",
         "pace_low": "min_playback_rate",
         "pace_high": "max_playback_rate",

@@ -1,9 +1,8 @@
-"""Straight swimming as the film shows it, in phases (fish paper Fig. 18).
+"""Phases: how the film's fish swim straight (fish paper Fig. 18).
 
-A *phase* is a stretch of straight swimming with one character: sliding with a still tail,
-accelerating, decelerating, or plain straight. Its speeds and the drift of its heading are kept as
-they were, so that sprites that swim by them swim as the film does. Speeds are body lengths per
-second, angles degrees, + = left.
+A *phase* is a stretch of straight swimming of one kind: sliding with a still tail, accelerating,
+decelerating, or plain straight. It keeps its filmed speeds and the drift of its heading, so that
+sprites swim as the film does. Speeds are body lengths per second, angles degrees, + = left.
 """
 
 from collections.abc import Sequence
@@ -24,9 +23,8 @@ from finloop.modes.network_settings import NetworkSettings
 class Phases:
     """Phases (n,), their ticks one after the other in the flat arrays, phase i from `start[i]`.
 
-    before: state of the phase before, −1 where the film does not show it. `speed_change` and
-    `drift_deg` since the tick before the phase: of speed and of heading. low, high: the range of
-    the film's speeds.
+    before: state of the phase before, −1 where the film does not show it; speed_change, drift_deg:
+    of speed and heading since the tick before the phase; low, high: range of the film's speeds.
     """
 
     state: NDArray[np.int8]
@@ -54,7 +52,7 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkS
 def _phases(
     runs: Sequence[Run], still: float, delta: int, p: NetworkSettings, speeds: tuple[float, float]
 ) -> Phases:
-    """still: sway below which a tail is still; speeds: the range of the film's."""
+    """Return the phases of runs; still: sway of a still tail; speeds: range of the film's."""
     limits = still, p.steady_speed_ratio, max(1, round(p.phase_least * delta))
     rows = []
     for c, _, first, last in runs:
@@ -79,9 +77,9 @@ def _phases(
 def _labels(
     c: TrackKinematics, first: int, last: int, limits: tuple[float, float, int]
 ) -> list[tuple[int, int, int]]:
-    """(state, first, one past the last) of the phases of a straight run.
+    """Return (state, first, one past the last) of the phases of a straight run.
 
-    limits: of the sway of a still tail, of the growth of a steady speed, and of ticks, at least.
+    limits: the sway of a still tail, the growth of a steady speed, and the fewest ticks.
     """
     here, (still, steady, least) = slice(first, last), limits
     growth = c.growth[here]
@@ -104,7 +102,7 @@ def _labels(
 
 
 def state_shares(features: pd.DataFrame, phases: Phases) -> dict[str, float]:
-    """Per cent of time that the film's fish spend in each state, `<state>_pct`."""
+    """Return the percentage of time that the film's fish spend in each state, `<state>_pct`."""
     straight = np.bincount(phases.state, weights=phases.ticks, minlength=TURN)[:TURN]
     turning = float((features["swimming_type"] != 0).mean())
     share = np.append(straight / straight.sum() * (1 - turning), turning)

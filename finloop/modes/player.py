@@ -1,4 +1,4 @@
-"""A fish of the paper's modes: to a goal, or wandering; alone in its tank."""
+"""The player of the paper's modes: one fish in its tank, to a goal or wandering."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,13 +25,13 @@ from finloop.plan.graph import MotionGraph
 
 
 class PaperMode(Protocol):
-    """How a mode of the paper plays."""
+    """The flow chart of a mode of the paper."""
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """Return a fish somewhere in the tank."""
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a fish of another mode as one of this mode; its own unchanged."""
+        """Return a copy of a fish of another mode as one of this mode."""
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
         """Return the next stretch towards a goal."""
@@ -44,7 +44,7 @@ class PaperMode(Protocol):
 class PaperPlayer:
     """Plays a mode of the paper with one fish, which has goals or wanders.
 
-    film: its rows; sprites: in their sequences, None of a mode that shows none; cast: outlines.
+    film: its rows; sprites: in sequences, None in a mode without; cast: outlines.
     """
 
     mode: PaperMode
@@ -59,7 +59,7 @@ class PaperPlayer:
 
     @cached_property
     def sources(self) -> EditInputs:
-        """What its edit lists can show."""
+        """Return what the edit lists can show."""
         film, motion, sprites = self.film, self.world.motion, self.sprites
         own = slice(0, film.filmed)
         scale, after, count = np.ones(1), np.zeros(1, np.int64), 1
@@ -74,7 +74,7 @@ class PaperPlayer:
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
     ) -> State:
-        """Return a fish somewhere in the tank. FinloopError where it is to swim a path."""
+        """Return a fish somewhere in the tank. FinloopError for a path."""
         if route is not None:
             raise FinloopError(
                 "a path, in a mode of the paper",
@@ -84,15 +84,15 @@ class PaperPlayer:
         return State(self.mode.begin(rng), np.zeros(2))
 
     def company(self, others: Floats, start: int) -> Company:
-        """Return that it is alone."""
+        """Return the empty company: the fish is alone."""
         return ALONE
 
     def with_others(self, state: State, others: Floats) -> State:
-        """Return the state itself: other fish are not looked at."""
+        """Return the state unchanged: the paper's modes ignore other fish."""
         return state
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
-        """Return True: there is nobody to meet."""
+        """Return True: there is no other fish to meet."""
         return True
 
     def plan(
@@ -100,7 +100,7 @@ class PaperPlayer:
     ) -> tuple[Stretch, State]:
         """Return the next stretch to a goal, or anywhere, and the state then.
 
-        A fish that another mode has moved so far is taken over.
+        A fish that another mode moved before is taken over.
         """
         world, place, left = self.world, state.place, state.left
         fish = self.mode.take_over(state.fish)
@@ -116,14 +116,14 @@ class PaperPlayer:
         if fish is not state.fish:
             stretch = replace(stretch, new=True)
         if not isinstance(goal, Goal):
-            swum = len(stretch.way) * (stretch.state != TURN)
-            left = 0 if stretch.touched else max(0, left - swum)
+            played = len(stretch.way) * (stretch.state != TURN)
+            left = 0 if stretch.touched else max(0, left - played)
         return stretch, State(self.mode.end_state(fish, stretch), place, left)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return a stretch that began in a state, stopped after some ticks, and the state then."""
         short = stretch.cut(ticks)
-        # A plan that `matching` had made is for where the fish was then.
+        # A plan that `matching` had made began at the fish's place at that time.
         return short, State(self.mode.end_state(state.fish, short), state.place, state.left)
 
     def hull(self, kind: str, source: int) -> Floats:

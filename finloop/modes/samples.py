@@ -1,4 +1,4 @@
-"""Further animations of a mode, with all that is drawn, to be compared with the film."""
+"""Sample animations of a mode, to be compared with the film."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -12,14 +12,14 @@ from finloop.animate.shoal import NoRoom
 from finloop.edit.schema import by_fish
 from finloop.modes.animator import Animator
 
-_SEEDS = 100  # that are tried for one animation: in a nearly full tank few have room for all fish
+_SEEDS = 100  # seeds tried for one animation: in a nearly full tank few have room for all fish
 
 
 def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) -> pd.DataFrame:
-    """Return animations of so many seconds in all, as one edit list whose fish are numbered on.
+    """Return animations of `seconds` seconds in all, as one edit list with fish numbered on.
 
-    Each is `animate.seconds` long at most: to random goals first, then the fish wanders. A seed
-    whose places leave no room for all fish is passed over; NoRoom after `_SEEDS` of them in a row.
+    Each lasts `animate.seconds` at most: first to random goals, then the fish wanders. Seeds whose
+    places leave no room for all fish are skipped; NoRoom after `_SEEDS` of them in a row.
     """
     seeds, parts, fish = count(p.seed + 1), list[pd.DataFrame](), 0
     together = animator.fish

@@ -1,4 +1,4 @@
-"""Sprites as the network mode plays them: cycles to swim by, turns of any depth (Fig. 18)."""
+"""Sprites of the network mode: cycles to swim by, turns of any depth (Fig. 18)."""
 
 from dataclasses import dataclass, replace
 
@@ -27,20 +27,20 @@ class TurnFrames:
     hold_deg: float
 
     def back(self, depth: int) -> int:
-        """The frame after the peak with which a turn that went up to frame `depth` goes on."""
+        """Return the frame after the peak with which a turn of frames up to `depth` continues."""
         shallow = np.flatnonzero(self.area <= self.area[depth])
         after = shallow[shallow > self.peak]
         return int(after[0]) if after.size else len(self.number) - 1
 
     def undone(self, sprite: int) -> Ints:
-        """The sprites by which a fish that one of the turn shows bent is straight again."""
+        """Return the sprites that straighten a fish which `sprite` of the turn shows bent."""
         place = int(np.flatnonzero(self.number == sprite)[0])
         return self.number[place + 1 if place > self.peak else self.back(place) :]
 
     def steps(self, depth: int, held: int) -> tuple[Ints, Floats]:
-        """Frames of a turn, and the change of heading with each as the film shows it.
+        """Return the frames of a turn, and the filmed change of heading up to each.
 
-        The change to a frame is that from the one before; the first is entered from swimming.
+        The change is that from the frame before; the first is entered from straight swimming.
         """
         back, degrees = self.back(depth), self.degrees
         frames = np.r_[0 : depth + 1, np.full(held, depth), back : len(self.number)]
@@ -52,12 +52,12 @@ class TurnFrames:
 
 @dataclass(frozen=True)
 class Sprites:
-    """All sequences. Numbers are rows of the table of sprites.
+    """All sequences of sprites, by row numbers of the table of sprites.
 
-    cycles: frames of the cycle that each straight state plays; entry: per cycle and sprite, where
-    to enter the cycle after it; following: the sprite after each one of its sequence, that of a
-    turn's last one itself; area: relative motion area of every sprite; cycle_speed: of the straight
-    cycle in the film, body lengths/s; orientations: that every sprite is drawn in.
+    cycles: frames of the cycle of each straight state; entry: by cycle and sprite, where to enter
+    the cycle after it; following: the next sprite of each one's sequence, itself at the end of a
+    turn; area: relative motion areas; cycle_speed: of the straight cycle in the film, body
+    lengths/s; orientations: number that every sprite has.
     """
 
     cycles: dict[int, Ints]
@@ -71,10 +71,10 @@ class Sprites:
 
 @dataclass(frozen=True)
 class TurnPlan:
-    """frames (n,); share (n,) of the turn done after each tick, rising strictly to 1.
+    """A planned turn. frames (n,); share (n,): done after each tick, rising strictly to 1.
 
-    area: of the strongest frame; film_deg: by how much the film turned over these frames; floor:
-    share of the turn that each tick turns at least.
+    area: of the strongest frame; film_deg: by how much the film turns over these frames; floor:
+    the smallest share of the turn that a tick turns.
     """
 
     frames: Ints
@@ -87,10 +87,10 @@ class TurnPlan:
 def plan_turn(
     frames: TurnFrames, angle_deg: float, area: float, most: int, settings: NetworkSettings
 ) -> TurnPlan:
-    """The turn by `angle_deg` > 0 whose strongest frame comes nearest to the relative motion area.
+    """Return the turn by `angle_deg` > 0 whose strongest frame has the relative motion area `area`.
 
-    The strongest bend is held for at most `most` ticks. Where the film's frames turned by far less
-    or more than is wanted, a deeper or shallower bend is taken.
+    The nearest area counts. The strongest bend is held for at most `most` ticks. Where the film's
+    frames turn by far less or more than is wanted, a deeper or shallower bend is taken.
     """
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
     depth = min(depth, frames.peak)
@@ -114,10 +114,10 @@ def plan_turn(
 def start_from_bend(
     plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int
 ) -> TurnPlan:
-    """Start a turn to `side` from the bend that a sprite of some turn shows already.
+    """Return a turn to `side` that starts from the bend that a sprite of some turn shows already.
 
-    A bend to the same side is gone on from; one too deep is undone, one to the other side, too, and
-    twice as fast as filmed, before the turn.
+    A bend to the same side continues. A bend that is too deep is first undone; so is a bend to the
+    other side, twice as fast as filmed.
     """
     bent = next((s for s, t in turns.items() if sprite in t.number), 0)
     if not bent:

@@ -1,38 +1,43 @@
 """Parameters of `morph`: which drawings, and how one becomes the other (curve paper §2-4.1)."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import NotNegative, Positive
+from finloop.base.settings import NotNegative
 
 
 @dataclass(frozen=True)
 class MorphSettings:
     """Which drawings, how one becomes the other, and how that is filmed."""
 
-    a: str  # path of an SVG, the first drawing
-    b: str  # path of an SVG, the last drawing; contours belong together by their ids
-    hoop: str  # path of an SVG: one closed contour, bent and let go (Figs. 6, 7)
-    # a character; its outline at every scale (Fig. 2)
-    glyph: Annotated[str, Field(min_length=1, max_length=1)]
+    first_drawing: str
+    last_drawing: str
     method: Literal["linear", "physical", "simple"]  # Eq. 4.1 | Fig. 5 | never folds
-    frames: Annotated[int, Field(ge=2, le=10_000)]  # both drawings among them
-    points: Annotated[int, Field(ge=16, le=4096)]  # of a contour; a power of two
-    # linear: from 1/2^level of the points; null = all scales
-    level: Annotated[int, Field(ge=0)] | None
-    elastic: NotNegative  # physical: e0, of the stiffness
-    damping: NotNegative  # physical: c, of the mass
-    mass: NotNegative  # physical: ρ, the density
-    # of the linear morph with a level, and of Figs. 2, 3, 6, 7; a name of PyWavelets: orthogonal,
-    # smooth enough for a stiffness: db3 or longer, coif1 …, sym4 …
+    frames: Annotated[int, Field(ge=2, le=10_000)]
+    contour_points: Annotated[int, Field(ge=16, le=4096)]
+    linear_level: Annotated[int, Field(ge=0)] | None
+    elasticity: NotNegative
+    damping: NotNegative
     wavelet: str
-    back: bool  # the film goes there and back again
-    frame_rate_hz: Positive  # frames/s, of the films
-    size_px: Annotated[int, Field(ge=16, le=2048)]  # px, longer side of the films
+
+    # path of an SVG: one closed contour, bent and let go as in Figs. 6, 7
+    hoop: ClassVar[str] = "data/drawings/hoop.svg"
+    glyph: ClassVar[str] = "3"  # a character; Fig. 2 shows its outline at every scale
+    mass: ClassVar[float] = 1.0  # ρ of the physical morph; elasticity and damping are against it
+    back: ClassVar[bool] = True  # the film goes there and back, so that it can be played endlessly
+    frame_rate_hz: ClassVar[float] = 30.0  # frames/s of the films; what every player plays
+    size_px: ClassVar[int] = 512  # px, longer side of the films; the SVG has any size
+    RENAMED: ClassVar = {
+        "a": "first_drawing",
+        "b": "last_drawing",
+        "points": "contour_points",
+        "level": "linear_level",
+        "elastic": "elasticity",
+    }
 
     def __post_init__(self) -> None:
         """Refuse a number of points that the wavelet transform cannot halve."""
-        if self.points & (self.points - 1):
-            raise ValueError("points is no power of two")
+        if self.contour_points & (self.contour_points - 1):
+            raise ValueError("contour_points is no power of two")

@@ -1,4 +1,4 @@
-"""How a fish moves along rows of the film: as a search looks, and as it is shown."""
+"""How a fish moves along rows of the film, in the search and on screen."""
 
 from typing import NamedTuple
 
@@ -15,20 +15,20 @@ from finloop.plan.objectives import is_done
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits
 
-_ONWARD = 0.1  # body lengths; a place ahead that is nearer is steered to as if it were so far
+_ONWARD = 0.1  # body lengths; the least distance at which a place ahead is steered to
 
 
 @finite_leaf
 def most_turn(speed: float, steering: Steering) -> float:
-    """By how much a fish of some speed, body lengths/s, is turned in a tick at most, degrees."""
+    """Return the largest steering turn of a tick, degrees, at a speed in body lengths/s."""
     return steering.turn * min(speed / steering.brisk, 1.0)
 
 
 @finite_leaf
 def turn_to(route: Route, at, leads, ticks: int, most: float, steering: Steering) -> float:  # type: ignore[no-untyped-def]
-    """By how much to turn now, degrees, + = left; at most by `most`.
+    """Return the steering turn of this tick, degrees, + = left; at most `most`.
 
-    at: x, y, along; leads: px on the screen (dx, dy) to where the fish will be in so many ticks.
+    at: x, y, along; leads: px on the screen (dx, dy) to where the fish will be in `ticks` ticks.
     """
     dx, dy = leads
     far = np.sqrt(dx * dx + dy * dy)
@@ -48,7 +48,7 @@ def shift_to_path(route: Route, at, speed: float, when, steering: Steering):  # 
     """Shift a fish towards the path, and along it where it is too early or too late.
 
     at: x, y, along; speed: body lengths/s that the film's fish swims; when: the tick of that place,
-    ticks since the last shift. Returns its x, y, along, the x and y of its foot, and px of the
+    and ticks since the last shift. Returns its x, y, along, the x and y of its foot, and px of the
     shift.
     """
     (x, y, along), (tick, ticks) = at, when
@@ -67,20 +67,18 @@ def shift_to_path(route: Route, at, speed: float, when, steering: Steering):  # 
 
 @kernel
 def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # type: ignore[no-untyped-def]
-    """Return what is swum of a planned way: steered along a path, cut at its goal, end or a wall.
+    """Move along a planned way: steer to the path, and stop at the goal, its end or a wall.
 
-    Without a path it ends when it touches the goal, or the point on the way there that the fish
-    heads for.
+    Without a path it ends when it touches the goal, or the waypoint that the fish heads for.
 
-    way (m + 1, 3): x, y, heading, the fish's own place first, t ≤ m ticks of it to be swum; speed
-    (m,): body lengths/s; numbers (t,): of the pictures; begins: how far along the path, and
-    at which tick; towards: objective, goal; by: `Bounds`, and (t,) whether it can go on from each
-    picture.
+    way (m + 1, 3): x, y, heading, the fish's own place first, of which t ≤ m ticks count; speed
+    (m,): body lengths/s; numbers (t,): of the pictures; begins: px along the path, and the tick;
+    towards: objective, goal; by: `Bounds`, and (t,) whether it can go on from each picture.
 
     Returns
     -------
-    The way as it is swum (n, 3), up to where it is done, or leaves the tank; its corrections
-    (n, 2): degrees, px; how far along the path it ends; whether the last place touches the goal.
+    The final way (n, 3), up to where it is done, or leaves the tank; its corrections (n, 2):
+    degrees, px; px along the path at its end; whether the last place touches the goal.
     """
     objective, goal = towards
     ticks, route, steering = numbers.size, objective.route, objective.steering
@@ -119,9 +117,9 @@ def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # 
 
 @finite_leaf
 def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Swim so many ticks in one step, steered along a path: whether they can be swum.
+    """Swim `ticks` ticks in one step, steered along a path; return whether they stay in the tank.
 
-    `way` is moved on.
+    `way` is changed in place.
     """
     rows, row, route, steering = graph.film.rows, way.row, objective.route, objective.steering
     at, after, tick = rows[row], rows[row + ticks], start.tick + way.ticks + ticks
@@ -153,10 +151,10 @@ def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-un
 
 @leaf_kernel
 def swim_leg(graph, way, most, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Swim to the first loop end after a stride, so many ticks at most.
+    """Swim to the first loop end after a stride, at most `most` ticks.
 
-    `way` is moved on, and its rarity and lag added. Returns whether it leads on (not where a wall
-    or a fish is in the way, or the film ends), and whether the objective is done.
+    `way` is changed in place, and its rarity and lag added. Returns whether it leads on (not where
+    a wall or a fish is in the way, or the film ends), and whether the objective is done.
     """
     rows, begun, left, ends = graph.film.rows, way.row, min(graph.leg[way.row], most), False
     if left == 0:
@@ -191,7 +189,7 @@ def extend_by_film(graph: SearchGraph, begins: Floats, row: int, rot: float, tic
 
 @leaf_kernel
 def arrival(film: MotionGraph, x: float, y: float, row: int, rot: float) -> tuple[float, float]:
-    """Where a fish at x, y that shows a row is at the next tick."""
+    """Return where a fish at x, y that shows a row is at the next tick."""
     dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
     return x + dx, y + dy
 
@@ -208,14 +206,14 @@ class Pace(NamedTuple):
 
 @leaf_kernel
 def integrate_state(place, state, pace):  # type: ignore[no-untyped-def]
-    """Return the next place (x, y, heading) of a fish whose next state is this one."""
+    """Return the next place (x, y, heading) of a fish whose next state this is."""
     x, y = offset_point(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
     return x, y, place[2] + state[-1] * pace.turn_deg
 
 
 @kernel
 def predicted_way(states, start, pace):  # type: ignore[no-untyped-def]
-    """Return the way (n + 1, 3) of states (n, d) from a place x, y, heading, which is its first."""
+    """Return the way (n + 1, 3) of states (n, d) from a place x, y, heading, its first one."""
     way = np.empty((len(states) + 1, 3))
     place = start[0], start[1], start[2]
     way[0, 0], way[0, 1], way[0, 2] = place

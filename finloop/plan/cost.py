@@ -1,4 +1,4 @@
-"""All that a way of `matching` costs, in ticks: every term has its weight here."""
+"""The cost of a way of `matching`, in ticks: every term has its weight here."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,11 +19,11 @@ SEAM, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
 
 
 class CostWeights(NamedTuple):
-    """How ways are followed, and what they cost, times in ticks.
+    """Settings of the search, and weights of its costs; times in ticks.
 
-    pace [px/tick], turning [°/tick]: of a brisk fish; stride: a way is looked at after so many
-    ticks, and may jump; beam: ways followed at once; seam, repeat: ticks that a jump costs for a
-    seam of one median step, and for a row just seen; memory: until a row is forgotten.
+    pace [px/tick], turning [°/tick]: of a brisk fish; stride: ticks between two checks of a way, at
+    which it may jump; beam: ways followed at once; seam: cost of a jump of one median step; repeat:
+    cost of a row just seen; memory: until a row is forgotten.
     """
 
     pace: float
@@ -39,7 +39,7 @@ class CostWeights(NamedTuple):
 def repeat_cost(ago, weights):  # type: ignore[no-untyped-def]
     """Return the ticks that it costs to show what was on screen `ago` ticks before.
 
-    Numbers or arrays. It costs less and less till the memory is over.
+    Numbers or arrays. The cost falls to 0 until the end of the memory.
     """
     return weights.repeat * np.maximum(0.0, 1.0 - ago / weights.memory)
 
@@ -49,7 +49,7 @@ _SOON = 3  # ticks in which an offset dies away fastest
 
 @dataclass(frozen=True)
 class Rarity:
-    """What the steps to the film's rows (n,) cost.
+    """The cost of the steps to the film's rows (n,).
 
     A step that the film shows once in n frames costs share × n ticks. steps (n,): from the row
     before, 0 where there is none; known (k,): these, rising; pull: the largest step that an offset
@@ -69,8 +69,8 @@ class Rarity:
         """Build the rarity of a film (n rows).
 
         codes (n, c): of its postures; goes_on (n,): whether the next row is the next frame; seen
-        (n,): Eq. 5 from a row to the next, NaN where it is not known: there the body's movement
-        stands in. spring (t,): what is left of an offset of 1 after 0, 1 … ticks.
+        (n,): Eq. 5 from a row to the next, NaN where unknown: the body's movement replaces it
+        there. spring (t,): what is left of an offset of 1 after 0, 1 … ticks.
         """
         here = goes_on[:-1]
         moves, bends = (one[here] for one in moved)
@@ -84,18 +84,17 @@ class Rarity:
         return cls(steps, np.sort(steps[1:][here]), share, pull)
 
     def price(self, steps: Floats) -> Floats:
-        """Ticks (…) that steps cost."""
+        """Return the cost (…) of steps, in ticks."""
         smaller = np.searchsorted(self.known, steps)
         return self.share * len(self.known) / np.maximum(len(self.known) - smaller, 1)
 
     @property
     def cumulative(self) -> Floats:
-        """Ticks (n,) that showing all rows up to each costs, beyond their mean."""
+        """Return the ticks (n,) that showing all rows up to each costs, beyond their mean."""
         return (self._each - self._each.mean()).cumsum()
 
     @cached_property
     def _each(self) -> Floats:
-        """Ticks (n,) that the step to each row costs."""
         return self.price(self.steps)
 
     def transition_costs(self, rows: Ints, far: Floats) -> Floats:
@@ -109,12 +108,12 @@ class Rarity:
         return (self.price(steps) - self._each[soon]).sum(1)
 
 
-_MOST = 3.0  # times the usual lag; beyond it nothing gets dearer
-_BASE = 0.25  # of the price at the usual lag, along a path for who does not lag
+_MOST = 3.0  # times the usual lag, beyond which the cost does not grow
+_BASE = 0.25  # of the price at the usual lag, along a path for a fish that does not lag
 
 
 class Tempo(NamedTuple):
-    """How the film's fish swim.
+    """How fast the film's fish swim.
 
     step_px: their mean way in a tick; keeps: share of a lag that is left after a tick; usual: root
     mean square of their lags, ticks.
@@ -128,7 +127,7 @@ class Tempo(NamedTuple):
     def from_film(cls, film: MotionGraph, memory: float, least: float) -> "Tempo":
         """Build the tempo of a film.
 
-        memory: ticks after which a third of a lag is left; least: ticks, the smallest usual lag.
+        memory: ticks after which 1/e of a lag is left; least: ticks, the smallest usual lag.
         """
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory))
         tracks = np.split(lags(rows), np.flatnonzero(~rows["has_next"]) + 1)
@@ -141,20 +140,19 @@ class Tempo(NamedTuple):
         return float(_lag_after(self.step_px, self.keeps, lag, way, begin))
 
     def rest_price(self, lag: float, share: float) -> float:
-        """Ticks that a tick on the spot costs whoever lags so far; < 0: that it is worth.
+        """Return what a tick on the spot costs, in ticks, at a lag; < 0 where it is a gain.
 
         share: the price at the usual lag.
         """
         return share * min(max(lag / self.usual, -_MOST), _MOST)
 
     def rest_price_on_path(self, lag: float, share: float) -> float:
-        """The same on a path, on which who is slow keeps nearer to it; never < 0."""
+        """Return the price of a tick on the spot along a path, where slow fish stay closer; ≥ 0."""
         return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)
 
 
 @kernel
 def _lag_after(step_px, keeps, lag, way, begin):  # type: ignore[no-untyped-def]
-    """See `Tempo.lag_after`."""
     x, y = begin
     for t in range(len(way)):
         lag = keeps * lag + 1 - np.hypot(way[t, 0] - x, way[t, 1] - y) / step_px
@@ -165,11 +163,11 @@ def _lag_after(step_px, keeps, lag, way, begin):  # type: ignore[no-untyped-def]
 class Steering(NamedTuple):
     """How a fish is steered, and what leaving the path costs.
 
-    turn [°/tick, of a brisk fish], shift [px/tick at a body length/s]: the most that is corrected,
-    less of a slower fish, of one that rests nothing; brisk: speed of a brisk fish, body lengths/s;
-    reach: ticks of film that are looked ahead of; length_px: a body length. In ticks that a tick
-    costs: across, late: a body length beside the path, and from the place that is asked for now;
-    heading: at right angles to the heading that is asked for; effort: the most correction.
+    turn [°/tick, of a brisk fish], shift [px/tick at a body length/s]: the largest corrections,
+    smaller for a slower fish, none for a resting one; brisk: speed of a brisk fish, body lengths/s;
+    reach: ticks of film to look ahead; length_px: a body length. In ticks per tick: across, late: a
+    body length beside the path, and from the place due now; heading: at right angles to the
+    requested heading; effort: the largest correction.
     """
 
     turn: float
@@ -188,10 +186,10 @@ NO_STEERING = Steering(0.0, 0.0, 1.0, 0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 @finite_leaf
 def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
-    """What a tick costs, in ticks: beside the path, late, headed otherwise, and by its effort.
+    """Return the cost of a tick: its distance from the path, its delay, heading and corrections.
 
-    at: x, y, heading; foot_at: along, x, y; used: corrections, as shares of the most:
-    of the turn of a brisk fish, of the shift of its own speed.
+    at: x, y, heading; foot_at: along, x, y; used: corrections as shares of the largest: of the turn
+    of a brisk fish, of the shift at its own speed.
     """
     square = steering.length_px * steering.length_px
     x, y, heading = at
@@ -207,6 +205,6 @@ def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) ->
 
 @finite_leaf
 def huber(far2: float, unit2: float) -> float:
-    """The square of a distance in units; beyond one unit it grows as the distance does."""
+    """Return the square of a distance in units, which beyond one unit grows linearly."""
     share = far2 / unit2
     return share if share < 1.0 else 2.0 * np.sqrt(share) - 1.0

@@ -1,7 +1,7 @@
-"""What a fish does that has no way on, or whose way is not free: stay, turn, make way.
+"""What a fish does without a way on, or whose way is blocked: stay, turn, make way.
 
-The ladder, from the first to the last: swim what of a stretch is free; stay and turn on the spot;
-drift away from who is in the way, or more and more aside; stay with the same picture.
+The ladder, from the first to the last: swim the free part of a stretch; stay and turn on the spot;
+drift away from the fish in the way, or more and more aside; stay with the same picture.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,13 +19,13 @@ from finloop.plan.search import film_candidates
 from finloop.plan.walls import kept_inside
 from finloop.plan.world import FilmWorld
 
-_AWAY = 3.0  # body lengths; so far away from the nearest fish is the place to make way to
+_AWAY = 3.0  # body lengths from the nearest fish to the place to make way to
 _ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one after the other
 _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 
 
 class Fallback:
-    """What fish do that have no way. leave: how one would swim to a place."""
+    """Finds what a fish without a way does. leave: plans how it would swim to a place."""
 
     def __init__(
         self, world: FilmWorld, leave: Callable[[Fish, Target, np.random.Generator], Stretch]
@@ -63,7 +63,7 @@ class Fallback:
     def keep_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
         """Cut a stretch to the ticks inside the tank and clear of others; else stay, or make way.
 
-        At a wall the fish stays; one that is blocked by another, or turns on the spot beside it,
+        At a wall the fish stays. A fish that another blocks, or that turns on the spot beside it,
         makes way. Where nothing is free, the last resort is one tick in place.
         """
         stretch = self._inside(stretch) or self._at_wall(fish, Target(*stretch.aim))
@@ -87,7 +87,7 @@ class Fallback:
         return lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
 
     def _inside(self, stretch: Stretch) -> Stretch | None:
-        """As much of a stretch as stays inside, moved off the walls; None if nothing of it does."""
+        """Return the part of a stretch that stays inside, moved off the walls, or None."""
         most, numbers = self._world.cost_weights.pace, stretch.pictures.astype(np.int64)
         way = kept_inside(self._world.bounds, numbers, stretch.way, most)
         if np.array_equal(way, stretch.way):
@@ -95,9 +95,9 @@ class Fallback:
         return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
 
     def _at_wall(self, fish: Fish, aim: Target) -> Stretch:
-        """What a fish does whose next picture does not fit: it stays, and turns if it can.
+        """Return a stretch for a fish whose next picture does not fit: stay, and turn if it can.
 
-        In a corner where it cannot, it drifts towards open water.
+        In a corner where it cannot turn, it drifts towards open water.
         """
         open_water = Target(*self._world.tank.into(fish.x, fish.y), 0.0, 0.0)
         ways = self._staying(fish, aim)
@@ -111,14 +111,14 @@ class Fallback:
     def _making_way(
         self, fish: Fish, x: float, y: float, rng: np.random.Generator
     ) -> Iterator[Stretch]:
-        """What a fish can do that is blocked by another at x, y, the best first.
+        """Yield what a fish can do that another one at x, y blocks, the best first.
 
         It swims away, if that is quicker than a drift; drifts away, or more and more aside: turning
         there, not turning, with the same picture; stays with the same picture.
         """
         away = self._beyond(fish, x, y, 0.0)
         leaves = self._leave(fish, away, rng)
-        # Who is blocked all round may swim, too, and gain nothing: a drift is quicker.
+        # A fish blocked all round may swim, too, and gain nothing: a drift is quicker.
         gains = np.hypot(*(leaves.way[:, :2] - (x, y)).T) - np.hypot(fish.x - x, fish.y - y)
         ticks = self.ticks(fish, leaves)
         if ticks and gains[ticks - 1] > ticks * self._drift_px:
@@ -131,14 +131,14 @@ class Fallback:
         yield replace(self._staying(fish, away)[-1], decision=Decision(WAITING))
 
     def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Target:
-        """A place to make way to for a fish at x, y: away from it, or so much aside of that."""
+        """Return a place to make way to for a fish at x, y: away from it, or `aside_deg` aside."""
         far = _AWAY * self._world.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
         return Target(*self._world.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
 
     def _staying(self, fish: Fish, away: Target) -> list[Stretch]:
-        """What a fish can show in its place: turning, not turning, the same picture."""
+        """Return what a fish can show in its place: turning, not turning, the same picture."""
         stays = self.stay(fish, away, turns=False)
         rot = stays.way[:, 2] - self._world.film.heading[fish.row]
         same = np.full(len(rot), fish.row)
@@ -158,7 +158,7 @@ class Fallback:
         return replace(frozen, way=way, rot=rot)
 
     def _drifting(self, fish: Fish, stays: Stretch, there: Target) -> Floats:
-        """The way (n, 3) of a fish that stays, if it drifts towards a place meanwhile."""
+        """Return the way (n, 3) of a fish that stays but drifts towards a place meanwhile."""
         far = np.arange(1, len(stays.way) + 1) * self._drift_px
         to = np.subtract(there[:2], (fish.x, fish.y))
         along = to / max(float(np.hypot(*to)), 1e-9)

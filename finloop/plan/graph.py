@@ -1,9 +1,9 @@
-"""The film as something to swim by: forward along its tracks, across at its loops (Figs. 8, 10).
+"""The motion graph: film played forward along its tracks, and across at its loops (Figs. 8, 10).
 
-Whoever swims by the film is at a row of the feature table, drawn `rot` degrees anticlockwise of how
-it was filmed. Playing forward moves it as the fish of the film moved, turned by that. At the end of
-a loop another row may be shown instead. In pose BODY the heading goes on across a jump, so `rot`
-changes; in pose FILM `rot` stays as it is.
+A fish is at a row of the feature table, drawn `rot` degrees anticlockwise of how it was filmed.
+Playing forward moves it as the fish of the film moved, turned by `rot`. At the end of a loop
+another row may be shown instead. In pose BODY the heading goes on across a jump, so `rot` changes;
+in pose FILM `rot` stays the same.
 """
 
 from typing import Any, NamedTuple
@@ -34,17 +34,17 @@ x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as fi
 degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size;
 rarity_sum: ticks that showing all rows up to it costs; lag_sum: ticks by which all rows up to it
 lag behind the film's mean speed; jump_slot: number of the row among those that jumps can replace,
-−1 if none can; has_next: whether there is a next row to play; recurrent: whether playing on from
-the row need never stop."""
+−1 if none can; has_next: whether there is a next row to play; recurrent: whether the film can play
+on from the row for ever."""
 
 
 class MotionGraph(NamedTuple):
     """The rows of the feature table (n,), of dtype `ROW`, and the loops; kernels take it whole.
 
-    start, to, seam: what may be shown instead of the row of jump slot k, rows
-    `to[start[k]:start[k + 1]]`, after which the film need never stop, and their distances in median
-    steps of the film. body: whether jumps keep the heading, else the rotation. filmed: how many
-    rows are the film's own; row filmed + i is the mirror image of row i.
+    start, to, seam: instead of the row of jump slot k, rows `to[start[k]:start[k + 1]]` can be
+    shown, after which the film can play for ever; seam: their distances in median steps of the
+    film. body: whether jumps keep the heading, else the rotation. filmed: how many rows are the
+    film's own; row filmed + i is the mirror image of row i.
     """
 
     rows: NDArray[np.void]
@@ -55,13 +55,13 @@ class MotionGraph(NamedTuple):
     filmed: int
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """A column (n,) of the rows."""
+        """Return a column (n,) of the rows."""
         if name in (ROW.names or ()):
             return self.rows[name]
         raise AttributeError(name)
 
     def plays(self, rows: NDArray[np.integer]) -> Mask:
-        """Whether rows (k,) can be shown and the film need never stop after them."""
+        """Return whether rows (k,) can be shown and the film can play on from them for ever."""
         goes_on: Mask = self.has_next[rows].copy()
         goes_on[goes_on] = self.recurrent[rows[goes_on] + 1]
         return goes_on
@@ -75,8 +75,8 @@ class MotionGraph(NamedTuple):
 class Jumps(NamedTuple):
     """Where the film can go on: over its rows (m,), or over these and their mirror images (2 n).
 
-    jump_slot (m,): of `ROW`; instead of the row of slot k
-    rows `to[start[k]:start[k + 1]]` can be shown, `seam` natural steps away.
+    jump_slot (m,): see `ROW`; instead of the row of slot k rows `to[start[k]:start[k + 1]]` can be
+    shown, `seam` natural steps away.
     """
 
     jump_slot: NDArray[np.int32]
@@ -86,16 +86,16 @@ class Jumps(NamedTuple):
 
 
 def loop_jumps(graph: LoopGraph, rows: int, step: float) -> Jumps:
-    """The jumps of the paper's loops (Fig. 10); step: the median distance of successive frames."""
+    """Return the jumps of the paper's loops (Fig. 10); step: the film's natural step."""
     jump_slot = np.full(rows, -1, np.int32)
     jump_slot[graph.ends] = np.arange(len(graph.ends))
     return Jumps(jump_slot, graph.start, graph.ends[graph.to], graph.distance.astype(float) / step)
 
 
 def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
-    """The jumps of a table with the columns of `JUMPS`, sorted by row.
+    """Return the jumps of a table with the columns of `JUMPS`, sorted by row.
 
-    If some lead to mirror images, then those of mirror images, rows n … 2 n, too.
+    If some lead to mirror images, those of the mirror images, rows n … 2 n, are included.
     """
     source, to, across, seam = (
         jumps[name].to_numpy() for name in ("row", "to", "mirrored", "seam")
@@ -116,9 +116,9 @@ def motion_graph(
     features: pd.DataFrame, jumps: Jumps, motion: MotionStatistics, pose: str, barred: Mask,
     rarity_sum: Floats,
 ) -> MotionGraph:  # fmt: skip
-    """Arrange a feature table (n rows) and where it can go on.
+    """Return the motion graph of a feature table (n rows) and its jumps.
 
-    barred (n,): rows that must not be shown; rarity_sum (n,): of `ROW`. Where `jumps` has mirror
+    barred (n,): rows that must not be shown; rarity_sum (n,): see `ROW`. Where `jumps` has mirror
     images, row n + i is that of row i: the film upside down. Jumps to barred rows are left out, and
     those after which the film would have to stop.
     """
@@ -143,7 +143,7 @@ def motion_graph(
     rows["jump_slot"] = jumps.jump_slot
     made = MotionGraph(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
     made = made.with_jumps(~barred[jumps.to])
-    del jumps  # of a film of hours they are 24 million
+    del jumps  # a film of hours has 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     has_next, jump_slot = rows["has_next"].copy(), rows["jump_slot"].copy()
     rows["recurrent"] = endless_rows(has_next, jump_slot, made.start, made.to)
@@ -152,15 +152,15 @@ def motion_graph(
 
 
 def mean_step_px(rows: NDArray[np.void]) -> float:
-    """The mean way of a tick, px, of rows (n,) of dtype `ROW`; 1 where none goes on."""
+    """Return the mean way of a tick, px, of rows (n,) of dtype `ROW`; 1 where none goes on."""
     steps = np.hypot(rows["dx"], rows["dy"])[rows["has_next"]]
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
 def farthest(film: MotionGraph, most: int) -> Floats:
-    """How far (t,) the film's fish come from where they are in 0, 1 … `most` ticks, at most, px.
+    """Return how far (t,), px, the film's fish come in 0, 1 … `most` ticks, at most.
 
-    What is between powers of two is as far as the next of these.
+    Between two powers of two it is the value of the next one.
     """
     rows, far = film.rows[: film.filmed], np.zeros(most + 1)
     run, ticks = runs(rows["has_next"]), 1
@@ -173,7 +173,7 @@ def farthest(film: MotionGraph, most: int) -> Floats:
 
 
 def lags(rows: NDArray[np.void]) -> Floats:
-    """Ticks (n,) by which a fish that plays on from each row falls behind the film's mean speed."""
+    """Return by how many ticks (n,) playing on from each row falls behind the film's mean speed."""
     slower = 1 - np.hypot(rows["dx"], rows["dy"]) / mean_step_px(rows)
     return np.asarray(np.where(rows["has_next"], slower, 0.0))
 
@@ -186,7 +186,7 @@ def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
 
 
 def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
-    """Return the film with jumps to the rows that the forecast holds similar, not to its own.
+    """Return the film with jumps to the rows that the forecast finds similar, not to its own.
 
     Its rows are the sampler's; these jumps have no seam.
     """
@@ -202,14 +202,14 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
 
 
 def runs(more: Mask) -> NDArray[np.int64]:
-    """Ticks (n,) that the film goes on from each row."""
+    """Return for how many ticks (n,) the film goes on from each row."""
     stops = np.append(np.flatnonzero(~more[:-1]), len(more) - 1)
     here = np.arange(len(more))
     return np.asarray(stops[np.searchsorted(stops, here)] - here)
 
 
 def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:
-    """px per tick over Δ, centred where the track allows it."""
+    """Return px per tick over Δ, centred where the track allows it."""
     first = np.searchsorted(track, track, "left")
     last = np.searchsorted(track, track, "right") - 1
     here = np.arange(len(track))
@@ -221,9 +221,9 @@ def without_dead_ends(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
     """Restrict a sampler to the rows from which a fish can swim for ever.
 
     They are the largest strongly connected part of the graph, and all rows that lead there; not
-    those that only lead to an end of the film, or round and round in a few frames. more (m,): which
-    of the rows of a `MotionGraph` the film goes on from; rests (n,): at which of the film's own it
-    rests. Rows that must not be shown, and mirror images where there are none, are left out.
+    those that only lead to an end of the film, or to a cycle of few frames. more (m,): which rows
+    of a `MotionGraph` the film goes on from; rests (n,): which of the film's own rows it rests at.
+    Rows that must not be shown, and missing mirror images, are left out.
     """
     n, m = len(more), len(sampler.usable)
     shown = np.zeros(m + 1, bool)
@@ -233,7 +233,7 @@ def without_dead_ends(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
     leads = np.append(leading(shown, sampler.start, sampler.to, (part, order)), False) & shown
     usable = leads[:-1] & leads[1:]
     start, to = filter_edges(leads, usable, sampler.start, sampler.to)
-    still = np.resize(rests, m)  # those of mirror images follow
+    still = np.resize(rests, m)  # mirror images rest, too
     return sampler._replace(usable=usable, start=start, to=to, rests=still)
 
 
@@ -249,7 +249,7 @@ def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[I
 
 @kernel
 def _filter_edges(leads, usable, graph, count, made):  # type: ignore[no-untyped-def]
-    """The edges that are kept: how many of each row into `count`, their ends into `made`.
+    """Write how many edges each row keeps into `count`, and their ends into `made`.
 
     As far as `made` has room.
     """
@@ -268,14 +268,14 @@ def _filter_edges(leads, usable, graph, count, made):  # type: ignore[no-untyped
 
 @leaf_kernel
 def _next(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
-    """Where an edge leads, −1 if it must not be taken; the one before `start` is to play on."""
+    """Return where an edge leads, −1 if it must not be taken; the edge before `start` plays on."""
     after = row + 1 if edge < start[row] else np.int64(to[edge]) + 1
     return after if shown[row] and shown[after - 1] and shown[after] else -1
 
 
 @kernel
 def parts(shown, start, to):  # type: ignore[no-untyped-def]
-    """The number of the strongly connected part (m,) of every row (Tarjan 1972).
+    """Return the number of the strongly connected part (m,) of every row (Tarjan 1972).
 
     A part has a higher number than those that it leads to.
     """
@@ -315,7 +315,7 @@ def parts(shown, start, to):  # type: ignore[no-untyped-def]
 
 @kernel
 def leading(shown, start, to, numbered):  # type: ignore[no-untyped-def]
-    """Which rows (m,) lead to the largest part, its own rows too.
+    """Return which rows (m,) lead to the largest part, its own rows included.
 
     numbered: the part of each row, and the rows in the order of their parts.
     """

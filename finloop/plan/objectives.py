@@ -1,4 +1,4 @@
-"""What a fish is sent for: to a goal, along a path, by a rule; what is still to come."""
+"""The objective of a fish: to a goal, along a path, by a rule; and the cost still to come."""
 
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ class Objective(NamedTuple):
 
 
 ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, free=True)
-"""The target of a fish that has none: it goes where the film or its path goes."""
+"""The target of a fish without one: it goes where the film or its path goes."""
 
 
 def to_goal(aim: Target) -> Objective:
@@ -37,12 +37,12 @@ def along_path(route: Route, steering: Steering) -> Objective:
     return Objective(ANYWHERE, route, steering)
 
 
-# --- two questions of the search: is it done, and about what is still to come?
+# --- for the search: is the objective done, and what is the cost to come?
 
 
 @leaf_kernel
 def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
-    """Return whether a way has come to its aim, and can go on from there, or to a path's end."""
+    """Return whether a way has reached its aim, and can go on from there, or a path's end."""
     if objective.route.x.size:
         return at_path_end(objective.route, way.along)
     rows = graph.film.rows
@@ -54,10 +54,9 @@ def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def estimate_cost_to_come(lead, way, turned, objective, by):  # type: ignore[no-untyped-def]
-    """Return about what is still to come, in ticks, if a row is played on from where a way is.
+    """Estimate the cost to come, in ticks, of playing on a row from where a way is.
 
-    lead: of the row; turned: cosine and sine of the heading; by: weights; where the fish is asked
-    to be.
+    lead: of the row; turned: cosine and sine of the heading; by: weights; timed targets.
     """
     if objective.route.x.size:
         soon = by[1], objective.steering
@@ -69,7 +68,7 @@ def estimate_cost_to_come(lead, way, turned, objective, by):  # type: ignore[no-
 
 @leaf_kernel
 def estimate_ticks_to(x, y, turned, aim, weights):  # type: ignore[no-untyped-def]
-    """Return about how many ticks it is to a point: way / pace + turn / turning."""
+    """Estimate the ticks to a point: way / pace + turn / turning."""
     dx, dy = aim.x - x, y - aim.y
     far = np.hypot(dx, dy)
     ahead = (dx * turned[0] + dy * turned[1]) / max(far, 1e-9)
@@ -81,8 +80,8 @@ def estimate_ticks_to(x, y, turned, aim, weights):  # type: ignore[no-untyped-de
 def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def]
     """Return what the ticks of a way cost.
 
-    To a goal each costs one. On a path without times each costs as much as the fish lags, less what
-    it has come on; on one with times being late has its own price.
+    To a goal each costs one. On a path without times each costs as much as the fish lags, less its
+    progress; on one with times the delay has a price of its own.
     """
     if not objective.route.x.size:
         return float(way.ticks)
@@ -93,7 +92,7 @@ def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def
 
 @finite_leaf
 def at_path_end(route, along):  # type: ignore[no-untyped-def]
-    """Return whether a way that has come so far along a path, px, is at its end.
+    """Return whether a way that is `along` px along a path is at its end.
 
     Closed paths have none; those with times end with these.
     """
@@ -104,9 +103,9 @@ def at_path_end(route, along):  # type: ignore[no-untyped-def]
 
 @kernel_part
 def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
-    """Return where a path with times asks the fish to be, x, y (ticks + 1, 2) px, from a tick on.
+    """Return the targets x, y (ticks + 1, 2) px of a path with times, from a tick on.
 
-    (0, 2) of a path without times.
+    (0, 2) for a path without times.
     """
     count = ticks + 1 if route.when.size else 0
     asked = np.empty((count, 2))
@@ -117,17 +116,17 @@ def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def direction(at, way):  # type: ignore[no-untyped-def]
-    """The cosine and sine of the heading of a way that shows a row."""
+    """Return the cosine and sine of the heading of a way that shows a row."""
     angle = np.radians(at.heading + way.rot)
     return np.cos(angle), np.sin(angle)
 
 
 @finite_leaf
 def estimate_path_cost(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
-    """About what the next ticks cost, in ticks, if a row is played on from where a way has come to.
+    """Estimate the cost, in ticks, of the next ticks on a path if a way plays on a row.
 
-    By the places that it leads to, less what can be corrected on the way there: by Simpson's rule.
-    turned: of the heading there; by: where the fish is asked to be, steering.
+    By Simpson's rule over the places that it leads to, less what can be corrected on the way there.
+    turned: cosine and sine of the heading there; by: timed targets, steering.
     """
     half, steering = lead.ticks // 2, by[1]
     middle = _path_deviation(
@@ -155,22 +154,21 @@ def _path_deviation(way, lead, turned, route, by):  # type: ignore[no-untyped-de
 
 
 def rule_target(
-    rule: Rule, fish: Fish, waters: FilmWorld, rng: np.random.Generator
+    rule: Rule, fish: Fish, world: FilmWorld, rng: np.random.Generator
 ) -> tuple[Floats, int] | None:
-    """Return the place (2,), px, that a fish swims to by a rule, and for how many ticks.
+    """Return the place (2,), px, that a rule sends a fish to, and for how many ticks.
 
-    After a leader it is a body length behind it, for this decision alone.
-
-    None where the rule wishes nothing.
+    Behind a leader it is a body length behind it, for this decision alone. None where the rule
+    requests nothing.
     """
-    length = waters.motion.body_length_px
+    length = world.motion.body_length_px
     if rule.leader is not None:
         angle = np.radians(rule.others.headings_deg[rule.leader])
         x, y = rule.others.places[rule.leader] - length * np.array([np.cos(angle), -np.sin(angle)])
-        return np.array(waters.tank.into(float(x), float(y))), 0
+        return np.array(world.tank.into(float(x), float(y))), 0
     shoaling = rule.shoaling
     assert shoaling is not None
-    last = fish.speed * shoaling.horizon / waters.motion.rate_hz
+    last = fish.speed * shoaling.horizon / world.motion.rate_hz
     own = Self(fish.x, fish.y, fish.heading, last)
-    place = shoaling_place(own, rule.others, shoaling, waters.walls, rng)
-    return None if place is None else (np.array(waters.tank.into(*place)), shoaling.horizon)
+    place = shoaling_place(own, rule.others, shoaling, world.walls, rng)
+    return None if place is None else (np.array(world.tank.into(*place)), shoaling.horizon)

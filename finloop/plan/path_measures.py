@@ -1,4 +1,4 @@
-"""How well a path was swum: the error along it, where it was left and why, what was corrected."""
+"""How well a fish followed a path: its error, where it left the path and why, the corrections."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -31,9 +31,9 @@ SWUM = Schema(
     Column("turned_deg", "float64", "deg"),
     Column("shifted_px", "float64", "px"),
 )
-"""A path as it was swum, a row a tick: the place of the path that the fish is at, and its own; how
-far it is beside the path and, of a path with times, from the place asked for at that time; of one
-with headings, how far off the heading; and by how much the film's motion was corrected."""
+"""How a fish followed a path, a row a tick: the place of the path that the fish is at, and its own;
+its distance from the path and, if the path has times, from the place due at that time; if it has
+headings, the heading error; and the corrections of the film's motion."""
 LEFT = Schema(
     Column("fish", "int16", "1"),
     Column("mode", "string", "1"),
@@ -42,22 +42,22 @@ LEFT = Schema(
     Column("most", "float64", "body length"),
     Column("why", "string", "1"),
 )
-"""Where the path was left: from when to when, how far at most, and where that was. `why`: "wall",
-the fish's centre cannot be there; "sharp", the path bends more than nine of ten bends of the film;
-"fast", it asks for more than the film's highest speed; "" none of these."""
+"""Where a fish left its path: from when to when, how far at most, and where that was. `why`:
+"wall", the fish's centre cannot be there; "sharp", the path bends more than nine of ten bends of
+the film; "fast", it needs more than the film's highest speed; "" none of these."""
 _BEND = 0.9  # quantile of the film's bends, above which a path is sharp
 _AT_WALL = 0.1  # body lengths between a path and where the centre may be
 
 
-def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) -> pd.DataFrame:
-    """The path as it was swum in the first `ticks` ticks, while it lasts; columns of `SWUM`."""
+def swum_path(mode: str, swim: Swim, path: Path, ticks: int, world: FilmWorld) -> pd.DataFrame:
+    """Return how a fish followed a path in the first `ticks` ticks, columns of `SWUM`."""
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
     stretches = [one for one, name in zip(swim.stretches, swim.names, strict=True) if name == PATH]
     none = np.zeros((0, 3))
     way = np.concatenate([none, *(one.way for one in stretches)])[:ticks]
     steer = [np.zeros((len(s.way), 2)) if s.steer is None else s.steer for s in stretches]
     used = np.concatenate([none[:, :2], *steer])[:ticks]
-    route, length, along = path.asked, waters.motion.body_length_px, 0.0
+    route, length, along = path.asked, world.motion.body_length_px, 0.0
     feet, times = np.empty((len(way), 3)), np.full((len(way), 2), np.nan)
     for tick, (x, y, _) in enumerate(way):
         at = tick + route.begins
@@ -70,7 +70,7 @@ def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) 
         off = np.asarray(wrap_deg(way[:, 2] - route.heading[cell]), float)
     return pd.DataFrame({
         "fish": 0, "mode": mode, "tick": np.arange(len(way)),
-        "time_s": np.arange(len(way)) / waters.motion.rate_hz, "along_px": feet[:, 0],
+        "time_s": np.arange(len(way)) / world.motion.rate_hz, "along_px": feet[:, 0],
         "asked_x_px": feet[:, 1], "asked_y_px": feet[:, 2], "x_px": way[:, 0], "y_px": way[:, 1],
         "across": np.hypot(*(feet[:, 1:] - way[:, :2]).T) / length,
         "late": np.hypot(*(times - way[:, :2]).T) / length, "heading_error_deg": off,
@@ -79,108 +79,108 @@ def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: FilmWorld) 
 
 
 def path_metrics(
-    swum: pd.DataFrame, left: pd.DataFrame, path: Path, waters: FilmWorld
+    followed: pd.DataFrame, left: pd.DataFrame, path: Path, world: FilmWorld
 ) -> dict[str, float]:
-    """The measures of a path that was swum: errors in body lengths, corrections in per cent.
+    """Return the measures of a followed path: errors in body lengths, corrections in per cent.
 
-    `path_turn_corrected_pct`: of the spread of the film's turns over Δ, that of the corrections;
-    `path_way_corrected_pct`: of the px that were swum, those that the fish was shifted by.
+    `path_turn_corrected_pct`: spread of the turn corrections, of that of the film's turns over Δ;
+    `path_way_corrected_pct`: px by which the fish was shifted, of all px that it swam.
     """
-    motion, across = waters.motion, swum["across"].to_numpy()
-    if not len(swum):
+    motion, across = world.motion, followed["across"].to_numpy()
+    if not len(followed):
         return {}
-    turned = np.cumsum(swum["turned_deg"].to_numpy())
+    turned = np.cumsum(followed["turned_deg"].to_numpy())
     turned = turned[motion.delta :] - turned[: -motion.delta]
-    steps = np.hypot(np.diff(swum["x_px"]), np.diff(swum["y_px"])).sum()
+    steps = float(np.hypot(np.diff(followed["x_px"]), np.diff(followed["y_px"])).sum())
     ticks_left = sum(
         round((b - a) * motion.rate_hz) + 1
         for a, b in zip(left["from_s"], left["to_s"], strict=True)
     )
     numbers = {
         "path_length_body_lengths": path.asked.length / motion.body_length_px,
-        "path_swum_pct": 100 * float(swum["along_px"].iloc[-1]) / path.asked.length,
+        "path_swum_pct": 100 * float(followed["along_px"].iloc[-1]) / path.asked.length,
         "path_across_rms_body_lengths": rms(across),
         "path_across_p95_body_lengths": float(np.quantile(across, 0.95)),
         "path_across_most_body_lengths": float(across.max()),
-        "path_left_pct": 100 * ticks_left / len(swum),
-        "path_turn_corrected_pct": 100 * rms(turned) / max(waters.turn_spread_deg, 1e-9),
-        "path_way_corrected_pct": 100 * float(swum["shifted_px"].sum()) / max(float(steps), 1e-9),
+        "path_left_pct": 100 * ticks_left / len(followed),
+        "path_turn_corrected_pct": 100 * rms(turned) / max(world.turn_spread_deg, 1e-9),
+        "path_way_corrected_pct": 100 * float(followed["shifted_px"].sum()) / max(steps, 1e-9),
     }
     if path.asked.is_timed:
-        late = swum["late"].to_numpy()
+        late = followed["late"].to_numpy()
         numbers["path_late_rms_body_lengths"] = rms(late)
         numbers["path_late_p95_body_lengths"] = float(np.quantile(late, 0.95))
     if len(path.asked.heading):
-        numbers["path_heading_error_rms_deg"] = rms(swum["heading_error_deg"].to_numpy())
+        numbers["path_heading_error_rms_deg"] = rms(followed["heading_error_deg"].to_numpy())
     return numbers
 
 
 def rms(values: Floats) -> float:
-    """The root mean square of values (k,); 0 of none."""
+    """Return the root mean square of values (k,); 0 if there are none."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
 class Limits(NamedTuple):
-    """What no fish of the film does: bends, radians per body length; speed, body lengths/s."""
+    """What no fish of the film exceeds: bends, radians per body length; speed, body lengths/s."""
 
     bend: float
     speed: float
 
 
-def limits(film: MotionGraph, waters: FilmWorld) -> Limits:
-    """The limits of a film."""
-    motion = waters.motion
+def limits(film: MotionGraph, world: FilmWorld) -> Limits:
+    """Return the limits of a film."""
+    motion = world.motion
     bend = film_turning(film, motion.delta, motion.body_length_px, _BEND)
-    return Limits(bend, waters.brisk.fastest)
+    return Limits(bend, world.brisk.fastest)
 
 
-def where_left(swum: pd.DataFrame, path: Path, waters: FilmWorld, most: Limits) -> pd.DataFrame:
-    """Where the path was left by more than `path_max_offset_bl`, columns of `LEFT`; of one mode.
+def where_left(followed: pd.DataFrame, path: Path, world: FilmWorld, most: Limits) -> pd.DataFrame:
+    """Return where a fish left its path by more than `path_left`, columns of `LEFT`.
 
-    Of a path with times also where the fish was so far from the place asked for at that time.
+    On a path with times also where the fish was that far from the place due at that time.
     """
-    rate = waters.motion.rate_hz
-    far = swum["across"].to_numpy()
+    rate = world.motion.rate_hz
+    far = followed["across"].to_numpy()
     if path.asked.is_timed:
-        far = np.fmax(far, swum["late"].to_numpy())
-    edges = np.flatnonzero(np.diff(far > waters.settings.path_max_offset_bl, prepend=0, append=0))
+        far = np.fmax(far, followed["late"].to_numpy())
+    edges = np.flatnonzero(np.diff(far > world.settings.path_max_offset_bl, prepend=0, append=0))
     rows = []
     for first, stop in edges.reshape(-1, 2):
-        worst = swum.iloc[first + int(np.argmax(far[first:stop]))]
-        along = np.array([swum["along_px"].iloc[first], swum["along_px"].iloc[stop - 1]])
+        worst = followed.iloc[first + int(np.argmax(far[first:stop]))]
+        along = np.array([followed["along_px"].iloc[first], followed["along_px"].iloc[stop - 1]])
         rows.append((
             worst["fish"], worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
             worst["asked_x_px"], worst["asked_y_px"], far[first:stop].max(),
-            _why(along, (int(first), int(stop)), path, waters, most),
+            _why(along, (int(first), int(stop)), path, world, most),
         ))  # fmt: skip
     return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
 
 
-def _why(along: Floats, ticks: tuple[int, int], path: Path, waters: FilmWorld, most: Limits) -> str:
-    """What of the path, a body length before and after, no fish can swim."""
-    length, asked = waters.motion.body_length_px, path.asked
+def _why(along: Floats, ticks: tuple[int, int], path: Path, world: FilmWorld, most: Limits) -> str:
+    """Return what of the path, a body length before and after, no fish can swim."""
+    length, asked = world.motion.body_length_px, path.asked
     at = np.arange(along[0] - length, along[1] + length, 0.1 * length)
     at = at[(at >= 0) & (at <= (np.inf if asked.closed else asked.length))]
     if _apart(at, path).max(initial=0.0) > _AT_WALL * length:
         return "wall"
     if asked.is_timed:
-        before = round(length / max(most.speed * length, 1e-9) * waters.motion.rate_hz)
+        before = round(length / max(most.speed * length, 1e-9) * world.motion.rate_hz)
         when = asked.when[max(ticks[0] - before, 0) : ticks[1] + 1]
-        delta = min(waters.motion.delta, max(len(when) - 1, 1))
-        speed = (when[delta:] - when[:-delta]) / delta * waters.motion.rate_hz / length
+        delta = min(world.motion.delta, max(len(when) - 1, 1))
+        speed = (when[delta:] - when[:-delta]) / delta * world.motion.rate_hz / length
         if speed.max(initial=0.0) > most.speed:
             return "fast"
     return "sharp" if _sharp(at, asked, length, most.bend).any() else ""
 
 
 def _apart(at: Floats, path: Path) -> Floats:
-    """px between the path as asked and as it is steered for."""
+    """Return the px between the requested path and the steered one."""
     both = [np.array([place(one, float(a)) for a in at]).reshape(-1, 2) for one in path]
     return np.hypot(*(both[0] - both[1]).T)
 
 
 def _sharp(at: Floats, route: Route, length: float, bend: float) -> Mask:
-    """Whether a path bends more than `bend` over half a body length about each place."""
+    """Return whether a path bends more than `bend` over half a body length about each place."""
     half = 0.25 * length
     ends = [np.array([place(route, float(a + k * half)) for a in at]).reshape(-1, 2)
             for k in (-1, 0, 1)]  # fmt: skip
@@ -189,7 +189,7 @@ def _sharp(at: Floats, route: Route, length: float, bend: float) -> Mask:
 
 
 def film_turning(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
-    """How sharply the film's fish bend their ways over Δ: a quantile, radians per body length."""
+    """Return how sharply the film's fish turn over Δ: a quantile, radians per body length."""
     rows = film.rows[: film.filmed]
     first = np.flatnonzero(runs(rows["has_next"]) >= 2 * delta)
     if not len(first):

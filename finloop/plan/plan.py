@@ -1,4 +1,4 @@
-"""What of the ways that were weighed is taken: a plan, and the runs of film that it shows."""
+"""The plan that is taken of the ways that were weighed, and the runs of film that it shows."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -19,10 +19,10 @@ from finloop.plan.search import Candidates, Outcomes
 class CandidateVerdicts:
     """Rows (k,) that could be shown next, and the verdict on each.
 
-    rots: by how much they would be turned; seams: distances in median steps; terms (k, t): seconds
-    that the best way from there costs, of `TERMS`, nothing where there is none; value: their sum
-    but for what is left to chance, infinite where there is none; ticks: how long it stays in the
-    tank; verdict: number in `VERDICTS`; taken: which one was, −1 for none.
+    rots: by how much each would be turned; seams: distances in median steps; terms (k, t): seconds
+    that the best way from each costs, by `TERMS`, nothing where there is none; value: their sum
+    without the random part, infinite where there is none; ticks: how long it stays in the tank;
+    verdict: index in `VERDICTS`; taken: the chosen one, −1 for none.
     """
 
     rows: Ints
@@ -37,8 +37,8 @@ class CandidateVerdicts:
     def add_to(self, decision: Decision) -> Decision:
         """Return a decision with what was weighed.
 
-        What the way taken and the cheapest other one cost, how many ways there were, and how many
-        fail which test.
+        Adds the costs of the chosen way and of the cheapest other one, how many ways there were,
+        and how many fail each test.
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
@@ -56,10 +56,9 @@ class CandidateVerdicts:
 
 
 class Plan(NamedTuple):
-    """The way that is taken of some (k,) that could be, by one way to move (state).
+    """The way that is taken of (k,) candidates of one motion source (state).
 
-    taken: number of its candidate; rows, ticks (l,): with which its legs begin, and how long they
-    are.
+    taken: number of its candidate; rows, ticks (l,): first rows and lengths of its legs.
     """
 
     state: int
@@ -71,7 +70,7 @@ class Plan(NamedTuple):
 
     @property
     def value(self) -> float:
-        """What it costs, in ticks, but for what is left to chance; infinite where it ends."""
+        """Return its cost in ticks, without the random part; infinite where it ends."""
         return float(self.found.value[self.taken] - self.found.terms[self.taken, CHANCE])
 
     def options(self, rate_hz: float) -> CandidateVerdicts:
@@ -101,14 +100,14 @@ class Plan(NamedTuple):
         return tuple(runs)
 
 
-def option_table(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
+def option_table(found: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
     """Return what was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
 
     filmed: rows of the film, after which its mirror images are counted; fish: its number.
     """
-    begins = np.cumsum([0] + [len(s.way) for s in swum.stretches])
+    begins = np.cumsum([0] + [len(s.way) for s in found.stretches])
     parts = [_option_rows(tick, o, filmed) for tick, o in zip(
-        begins, (s.options for s in swum.stretches), strict=False
+        begins, (s.options for s in found.stretches), strict=False
     ) if tick < ticks and o is not None]  # fmt: skip
     none = pd.DataFrame({name: [] for name in CONSIDERED.names[1:]})
     table = pd.concat(parts, ignore_index=True) if parts else none
@@ -117,7 +116,6 @@ def option_table(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataF
 
 
 def _option_rows(tick: int, options: CandidateVerdicts, filmed: int) -> pd.DataFrame:
-    """Return what was weighed at a tick, a row each."""
     ends = np.isinf(options.value)
     terms = {
         f"{name}_s": np.where(ends, np.nan, options.terms[:, k]) for k, name in enumerate(TERMS)

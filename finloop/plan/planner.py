@@ -1,8 +1,8 @@
-"""The planner of mode `matching`: a fish and what it is sent for in, the next stretch out.
+"""The planner of mode `matching`: takes a fish and its task, returns the next stretch.
 
-Ways are weighed by one search (`finloop.plan.search`): through the film where a way of it leads on,
-else as the forecast predicts. The first part of the best is swum. Where no way leads on,
-`finloop.plan.fallback` says what the fish does.
+One search (`finloop.plan.search`) weighs ways: through the film where a way of it leads on, else by
+the forecast's predictions. The fish swims the first part of the best way. Where no way leads on,
+`finloop.plan.fallback` decides what the fish does.
 """
 
 from dataclasses import dataclass, replace
@@ -48,19 +48,18 @@ from finloop.plan.walls import fits
 from finloop.plan.world import FilmWorld
 from finloop.social.rule import Shoaling
 
-_PLACES = 200  # a place clear of the other fish is drawn so often
-_FEWER = 4  # a fish that has others near it follows so many times fewer ways
-_WIDER = 8  # times as many ways are followed along a path where, of those that were, none leads on
-_STARTS = 300  # rows that a path is begun from are drawn from so many
+_PLACES = 200  # tries to draw a place clear of the other fish
+_FEWER = 4  # divides the beam of a fish that has others near it
+_WIDER = 8  # multiplies the beam along a path where no way of it leads on
+_STARTS = 300  # rows from which the first one of a path is drawn
 
 
 @dataclass(frozen=True)
 class Planner:
-    """Moves fish in mode `matching`. film, prediction: the ways to move, one of them at least.
+    """Moves fish in mode `matching`. film, prediction: motion sources, at least one of them.
 
-    joins: how pictures follow on others; shoaling: how fish swim by zones, None where nothing was
-    learnt of it; sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes
-    on.
+    joins: how pictures follow others; shoaling: how fish swim by zones, None where the film shows
+    none; sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
     """
 
     world: FilmWorld
@@ -75,7 +74,7 @@ class Planner:
 
     @cached_property
     def sources(self) -> EditInputs:
-        """What its edit lists can show."""
+        """Return what the edit lists can show."""
         film, motion = self.world.film, self.world.motion
         own = slice(0, film.filmed)
         return EditInputs(
@@ -84,15 +83,15 @@ class Planner:
             ("matching", "matching"),
         )  # fmt: skip
 
-    # --- where a fish begins, and whom it knows
+    # --- where a fish begins, and which others it knows
 
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
     ) -> State:
         """Return a fish somewhere in the tank, clear of the walls and of the others.
 
-        Or at the beginning of a path, whoever else is there. NoRoom where, of many places drawn,
-        none is clear.
+        With a path it is at its beginning, whatever fish is there. NoRoom where, of many places
+        drawn, none is clear.
         """
         if route is not None:
             return State(self._begin_path(route, rng), np.zeros(2))
@@ -110,7 +109,7 @@ class Planner:
         )
 
     def _begin_anywhere(self, rng: np.random.Generator) -> Fish:
-        """Return a fish somewhere in the tank, at a row from which it need never stop."""
+        """Return a fish somewhere in the tank, at a row from which the film can play for ever."""
         source = self._first_source
         x, y = self.world.tank.random_point(rng)
         row = int(rng.choice(_lasting_rows(source)))
@@ -149,7 +148,7 @@ class Planner:
         return source
 
     def company(self, others: Floats, start: int) -> Company:
-        """Return what a fish that decides at a tick knows of the others (n, m, 4)."""
+        """Return the others (n, m, 4) as a fish that decides at a tick knows them."""
         p = self.world.settings
         if p.overlap or not others.shape[1]:
             return ALONE
@@ -191,7 +190,7 @@ class Planner:
     def _aim(
         self, state: State, goal: Goal | Rule | None, rng: np.random.Generator
     ) -> tuple[State, Target]:
-        """Return where a fish swims that follows no path, and the state that remembers it."""
+        """Return where a fish without a path swims, and the state that remembers it."""
         world, free = self.world, False
         if isinstance(goal, Goal):
             x, y = goal.x_px, goal.y_px
@@ -225,14 +224,13 @@ class Planner:
     def _follow(
         self, state: State, route: Route, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """Return the next stretch along a path, and the state then."""
         fish, path = state.fish, state.path
         since = least_along(route, path.along, fish.tick)
         path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
         objective = along_path(route, self.world.steering)
         whole, on = self._move(fish, path, objective, route, rng)
         stretch = self._fallback.keep_clear(fish, whole, rng)
-        # How far along a path a shorter one leads the next step finds from where it was.
+        # The next step finds from where it was how far along a path a shorter one leads.
         on = on if stretch is whole else Progress(state.path.along)
         return replace(stretch, touched=False), state._replace(
             fish=self._fish_after(fish, stretch), path=on
@@ -268,16 +266,16 @@ class Planner:
     def _plans(
         self, fish: Fish, along: float, objective: Objective, rng: np.random.Generator
     ) -> list[Plan]:
-        """Return the best plan by the film, and by the forecast where it is looked at, best first.
+        """Return the best plan by the film, and by the forecast where it is needed, best first.
 
-        The forecast is looked at where the film has no way on, or leaves the path.
+        It is needed where the film has no way on, or leaves the path.
         """
         film = self._weigh(self.film, fish, along, objective, rng)
         plans = [film]
         if film is None or self._needs_prediction(film, fish, objective):
             plans.append(self._weigh(self.prediction, fish, along, objective, rng))
         found = [one for one in plans if one is not None]
-        # To leave the film costs as much as a seam of one natural step.
+        # Leaving the film costs as much as a seam of one natural step.
         leaves = self._weights.seam
         return sorted(
             found,
@@ -285,7 +283,7 @@ class Planner:
         )
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
-        """Return whether to look at predictions: a plan ends, or costs as much as no path."""
+        """Return whether predictions are needed: a plan ends, or costs as much as no path."""
         route, p = objective.route, self.world.settings
         if not len(route.x):
             return not np.isfinite(plan.value)
@@ -298,7 +296,6 @@ class Planner:
         self, source: MotionSource | None, fish: Fish, along: float, objective: Objective,
         rng: np.random.Generator,
     ) -> Plan | None:  # fmt: skip
-        """Return the best plan by a way to move; None where no row could be shown."""
         made = source and source.candidates(fish, self._lag(fish, objective), along)
         if not (source and made):
             return None
@@ -310,11 +307,10 @@ class Planner:
     def _search(
         self, source: MotionSource, made: tuple[Candidates, SearchStart], objective: Objective
     ) -> Plan | None:
-        """Return the plan of the cheapest of some candidates, the longest where all end."""
         (candidates, start), weights = made, self._weights
         if start.company.near:
             weights = weights._replace(beam=1 + weights.beam // _FEWER)
-        horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead)
+        horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead_deltas)
         found, rows = search(source.graph, candidates, start, objective, weights, horizon)
         ends = found.over.any() and not np.isfinite(found.value).any()
         if ends and len(objective.route.x):
@@ -393,9 +389,9 @@ class Planner:
         return self.world.cost_weights
 
     def _commit(self, objective: Objective) -> int:
-        """Return the ticks of a plan that are swum before others are looked at."""
+        """Return the ticks of a plan to swim before the next search."""
         p, stride = self.world.settings, self._weights.stride
-        time = p.path_commit if len(objective.route.x) else p.replan_interval
+        time = p.path_commit if len(objective.route.x) else p.replan_interval_deltas
         return int(stride * max(1, self.world.ticks(time) // stride))
 
     @cached_property
@@ -403,7 +399,6 @@ class Planner:
         return Fallback(self.world, self._leave)
 
     def _leave(self, fish: Fish, away: Target, rng: np.random.Generator) -> Stretch:
-        """Return how a fish would swim to a place."""
         return self._move(fish, Progress(), to_goal(self._next_waypoint(fish, away)), away, rng)[0]
 
     def _from_sprite(self, fish: Fish) -> Fish:
@@ -413,7 +408,6 @@ class Planner:
         return replace(fish, state=FILM, sprite=-1, row=row, rot=rot)
 
     def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
-        """Return the fish at the end of a stretch."""
         world, ticks, number = self.world, len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         stays = stretch.decision.reason in (SPOT, WAITING)
@@ -429,7 +423,7 @@ class Planner:
             lag=world.tempo.lag_after(fish.lag, stretch.way, (fish.x, fish.y)),
         )  # fmt: skip
 
-    # --- what stretches and pictures are asked
+    # --- questions about stretches and pictures
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
         """Return whether a stretch from a state meets no other fish, now or where it ends."""
@@ -438,7 +432,7 @@ class Planner:
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """Return a stretch that began in a state, stopped after some ticks, and the state then."""
         short = stretch.cut(ticks)
-        # How far along a path it is then the next step finds from where it was.
+        # The next step finds from where it was how far along a path it is then.
         path = Progress(state.path.along)
         return short, state._replace(fish=self._fish_after(state.fish, short), path=path)
 
@@ -450,12 +444,11 @@ class Planner:
 
 
 def _same(one: object, other: object) -> bool:
-    """Return whether two tasks are one: the same path, or the same place to go to."""
+    """Return whether two tasks are equal: the same path, or the same place to go to."""
     places = isinstance(one, Target) and isinstance(other, Target)
     return one is other or (places and one == other)
 
 
 def _lasting_rows(source: MotionSource) -> Ints:
-    """Return the rows from which the film plays on, and need never stop."""
     rows = source.graph.film.rows
     return np.flatnonzero(rows["has_next"][:-1] & rows["recurrent"][:-1] & rows["recurrent"][1:])

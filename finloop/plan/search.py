@@ -1,8 +1,8 @@
-"""Looking ahead through the motion graph for an objective: one beam search, compiled.
+"""Beam search through the motion graph for an objective, compiled.
 
-Every candidate begins a way. All ways are followed at once, leg by leg, from loop end to loop end,
-where they are kept to and left; after every leg the best of all branches go on, as far as the
-horizon. What a way costs is kept term by term (`finloop.edit.schema.TERMS`).
+Every candidate begins a way. The search follows all ways at once, leg by leg, from loop end to loop
+end, where they go on or jump. After every leg it keeps the best of all branches, as far as the
+horizon. The cost of a way is kept term by term (`finloop.edit.schema.TERMS`).
 """
 
 from typing import NamedTuple
@@ -44,9 +44,9 @@ WAY = np.dtype(
     ],
     align=True,
 )  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, px along a path, row, rot); what it costs
-in ticks (total), and of that each of `TERMS`; the candidate that it began with (first); ticks that
-it took; its last run; whether it goes on after its leg."""
+"""A way that is followed: where it has come to (x, y px, px along a path, row, rot); its cost in
+ticks (total), and of that each of `TERMS`; the candidate that it began with (first); its ticks;
+its last run; whether it goes on after its leg."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 """A run of film that a way shows: its first row, the tick of that, and the number of the run before
@@ -61,10 +61,10 @@ _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 
 
 class SearchStart(NamedTuple):
-    """Where and when a candidate would be shown, and what of the fish that shows it matters.
+    """Where and when a candidate would be shown, and what of the fish matters.
 
-    recent (m, 3): what was on screen, as `Fish` keeps it; company: of `Fish`; lag: ticks that every
-    tick on the spot costs (`Tempo`); along: px along its path.
+    recent (m, 3): what was on screen, as `Fish` keeps it; company: the other fish; lag: ticks that
+    every tick on the spot costs (`Tempo`); along: px along its path.
     """
 
     x: float
@@ -80,7 +80,7 @@ class Candidates(NamedTuple):
     """Rows (k,) that could be shown now, by how much each would be turned, and its seam.
 
     seams: in median steps; jumps: whether it is one, and not the film's own next row; terms (k, t):
-    ticks that showing each costs at once, of `TERMS`.
+    ticks that showing each costs at once, by `TERMS`.
     """
 
     rows: Ints
@@ -94,8 +94,8 @@ class Outcomes(NamedTuple):
     """What becomes of each candidate (k,).
 
     value: cost of the best way, in ticks, infinite where all leave the tank or end; terms (k, t):
-    the same term by term; ticks: that it takes, or stays in the tank; over: whether it was given up
-    for better ones.
+    the same term by term; ticks: its duration, or its time in the tank; over: whether better ones
+    displaced it.
     """
 
     value: Floats
@@ -105,7 +105,7 @@ class Outcomes(NamedTuple):
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
-        """The number in `VERDICTS` of each: good, passed over, or out of the tank."""
+        """Return the index in `VERDICTS` of each: good, passed over, or out of the tank."""
         lost = np.where(np.isinf(self.value), _TANK, 0)
         return np.where(self.over, _OVER, lost).astype(np.int8)
 
@@ -113,8 +113,8 @@ class Outcomes(NamedTuple):
 class Branch(NamedTuple):
     """A way that goes on: the candidate that it began with (first), and its number (way).
 
-    total: what it costs, and is expected to cost; jump: number of the jump that it takes, −1 for
-    none; repeat: ticks that this costs for what was on screen.
+    total: its cost so far and to come; jump: number of the jump that it takes, −1 for none; repeat:
+    ticks that this costs for what was on screen.
     """
 
     total: float
@@ -129,8 +129,7 @@ class Beam(NamedTuple):
 
     ways, spare (w,): now, and room for those after the next leg; branches (b,): the best after it,
     of dtype `BRANCH`, their totals rising; runs: of all ways, of dtype `RUN`; rows, parents
-    (legs + 1, w): with which row each way began each leg, and the number of the way that it goes on
-    from.
+    (legs + 1, w): with which row each way began each leg, and the number of the way before it.
     """
 
     ways: NDArray[np.void]
@@ -142,7 +141,7 @@ class Beam(NamedTuple):
 
 
 class Best(NamedTuple):
-    """The best way so far that has come to its end: its value, legs, and number among the ways."""
+    """The best way so far that has reached its end: its value, legs, and number among the ways."""
 
     value: float
     legs: int
@@ -151,9 +150,9 @@ class Best(NamedTuple):
 
 @kernel
 def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
-    """Return the rows that can be shown next and need never stop: the next one, and its jumps.
+    """Return the rows that can be shown next and go on for ever: the next one, and its jumps.
 
-    row: the next one, which would be turned by `rot`. Nothing is priced yet.
+    row: the next one, which would be turned by `rot`. Costs are not added yet.
     """
     at = film.rows[row]
     own = np.int64(at.has_next and film.rows[row + 1].recurrent)
@@ -177,7 +176,7 @@ def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
 def add_costs(
     film: MotionGraph, made: Candidates, start: SearchStart, weights: CostWeights
 ) -> None:
-    """Add to the terms of each candidate what its jump costs, and what it repeats.
+    """Add to the terms of each candidate the costs of its jump and of its repetition.
 
     Playing on costs nothing but its repetition: it, or what follows within a stride, was on screen
     just now.
@@ -199,14 +198,14 @@ def search(
 
     Returns
     -------
-    found : what becomes of each candidate; rows (l,) : with which the best way begins its legs.
+    found : what becomes of each candidate; rows (l,) : the first rows of the best way's legs.
     Where no way leads on, they are those of the cheapest of the ways that came farthest.
     """
     route, most = objective.route, horizon
     asked = timed_targets(route, start.tick, horizon + objective.steering.reach)
     if route.when.size:  # not beyond its times
         most = max(min(most, route.begins + route.when.size - 1 - start.tick), 1)
-    legs = most + 1  # each has a tick at least; in memory only those are that are begun
+    legs = most + 1  # each has a tick at least; only legs that begin use memory
     beam, found, n = _begin(graph, candidates, start, (legs, weights.beam))
     best, leg = Best(np.inf, 0, 0), np.int64(0)
     while n and leg < legs:
@@ -224,7 +223,7 @@ def search(
 
 @kernel_part
 def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
-    """The beam, what is found so far, and how many ways there are: one a candidate that fits.
+    """Return the beam, the outcomes so far, and the number of ways, one a candidate that fits.
 
     sizes: legs, branches.
     """
@@ -259,10 +258,10 @@ def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-def]
-    """Follow all ways for a leg: how many branches there are after it, and the best that ended.
+    """Follow all ways for a leg; return the number of branches after it, and the best that ended.
 
-    state: the beam, how many ways, `Outcomes`, `Best`; at: number of the leg, ticks that are looked
-    at; by: weights; where the fish is asked to be.
+    state: the beam, number of ways, `Outcomes`, `Best`; at: number of the leg, ticks of the
+    horizon; by: weights, timed targets.
     """
     (beam, n, found, best), (leg, most), (weights, asked) = state, at, by
     rows, m = graph.film.rows, np.int64(0)
@@ -297,7 +296,7 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
                 repeat = _repeat_of(beam, way, way.row, start, weights)
             branch = Branch(way.total + repeat, way.first, s, -1, repeat)
             m = keep(beam.branches, m, branch, found.over)
-    for s in range(n):  # by now all but few jumps are dearer than the best
+    for s in range(n):  # by now most jumps cost more than the best branches
         if beam.ways[s].leads:
             m = _jumps(graph, s, (beam, m, found), start, objective, (weights, asked))
     return m, best
@@ -305,18 +304,17 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
 
 @leaf_kernel
 def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def]
-    """The jumps of way s after a leg that are among the best branches: how many there are then.
+    """Add the jumps of way s after a leg that are among the best branches; return their number.
 
-    kept: the beam, how many branches there were, `Outcomes`; by: weights; where the fish is asked
-    to be.
+    kept: the beam, its number of branches, `Outcomes`; by: weights, timed targets.
     """
     (beam, n, found), (weights, _), film = kept, by, graph.film
     way, branches = beam.ways[s], beam.branches
     first, last = jumps_of(film, way.row)
     if first == last:
         return n
-    # A jump changes neither the place nor, of a body that can be turned, the heading: what is still
-    # to come to a goal is the same after all of them.
+    # A jump changes neither the place nor, if the body can be turned, the heading: the cost to come
+    # to a goal is the same after all of them.
     same = film.body and not objective.route.x.size
     turned, to_come = direction(film.rows[way.row], way), way.terms[TO_COME]
     so_far, least = way.total - to_come, to_come if same else 0.0
@@ -344,9 +342,9 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
 
 @leaf_kernel
 def _repeat_of(beam, way, row, start, weights):  # type: ignore[no-untyped-def]
-    """Return the ticks that it costs a way to go on with a row, for what was on screen.
+    """Return the ticks that going on with a row costs a way, for what was on screen.
 
-    Before the search: of the rows of its first stride any; by the way itself: the last of them.
+    Before the search any row of its first stride counts; within the way its last one.
     """
     tick, last = start.tick + way.ticks, row + weights.stride - 1
     shown = last_on_screen(start.recent, row, last)
@@ -370,7 +368,7 @@ def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
 
 @kernel_part
 def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
-    """The first jump from a row, and the one after the last."""
+    """Return the number of the first jump from a row, and one past the last."""
     end = film.rows[row].jump_slot
     if end >= 0:
         return np.int64(film.start[end]), np.int64(film.start[end + 1])
@@ -381,8 +379,8 @@ def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
 def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
     """Insert a branch where it is among the best; return how many there are then.
 
-    branches: changed in place, n of them filled, their totals rising; over (candidates,): whether a
-    branch of a candidate was given up for better ones.
+    branches: changed in place, n of them filled, their totals rising; over (candidates,): whether
+    better branches displaced one of a candidate.
     """
     most = branches.size
     k = n

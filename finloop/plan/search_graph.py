@@ -1,4 +1,4 @@
-"""What a search goes through: the motion graph, its jumps by cost, and the walls of the tank."""
+"""The graph of a search: the motion graph, its jumps by cost, and the walls of the tank."""
 
 from typing import NamedTuple
 
@@ -20,12 +20,12 @@ LEAD = np.dtype(
         ("half_ahead", "f8"), ("half_left", "f8"), ("half_far", "f8"), ("ticks", "i8"),
     ]
 )  # fmt: skip
-"""Where the film leads to from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead
-and to the left, px as the crow flies; and in half as many ticks."""
+"""Where the film leads from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead and
+to the left, px as the crow flies; and in half as many ticks."""
 
 
 class SearchGraph(NamedTuple):
-    """What is searched: the film, and what keeps a fish inside the tank.
+    """The film that is searched, and what keeps a fish inside the tank.
 
     jumps (e,): those of the film, of dtype `JUMP`, at each loop end the cheapest first; run (n,):
     ticks that the film goes on from each row; leg (n,): ticks to the first loop end after a stride,
@@ -43,7 +43,7 @@ class SearchGraph(NamedTuple):
 def search_graph(
     film: MotionGraph, bounds: Bounds, weights: CostWeights, reach: int
 ) -> SearchGraph:
-    """Return what a search goes through; reach: ticks to which the leads of the rows are."""
+    """Return the graph of a search; reach: ticks that the leads of the rows span."""
     jumps = np.zeros(len(film.to), JUMP)
     _cheapest_first(film, weights, jumps)
     rows = film.rows

@@ -1,6 +1,6 @@
-"""Two ways to move: as the film moves, and as the forecast predicts.
+"""Two motion sources: the film, and the forecast's predictions.
 
-Each says which rows could be shown next, and how a run of one moves the fish.
+Each lists the rows that could be shown next, and how a run from one moves the fish.
 """
 
 from dataclasses import replace
@@ -24,11 +24,11 @@ from finloop.plan.world import FilmWorld
 
 
 class Passage(NamedTuple):
-    """How a run moves a fish, before it is steered.
+    """How a run moves a fish, before steering.
 
     way (m + 1, 3): x, y, heading, the fish's own place first, beyond the run as far as steering
     looks ahead; speed (m,): body lengths/s; numbers (n,): rows that are shown; seam: natural steps
-    to the first of them; jumps: whether it does not follow on what is shown; past: the states of a
+    to the first of them; jumps: whether it does not follow what is shown; past: the states of a
     fish that swims as predicted, the first ones before the run.
     """
 
@@ -41,18 +41,18 @@ class Passage(NamedTuple):
 
 
 class MotionSource(Protocol):
-    """A way to move. state: of `STATES`."""
+    """Lists rows to show next, and moves a fish by them. state: of `STATES`."""
 
     state: int
 
     @property
     def graph(self) -> SearchGraph:
-        """What is searched."""
+        """Return the graph to search."""
 
     def candidates(
         self, fish: Fish, lag: float, along: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """Return the rows that could be shown next, priced, and from where; None where none can.
+        """Return the rows that could be shown next, with costs, and the start; None without any.
 
         lag: ticks that a tick on the spot costs; along: px along the path.
         """
@@ -62,7 +62,7 @@ class MotionSource(Protocol):
 
 
 class FilmSource:
-    """The film, played on or joined where it is alike."""
+    """Moves a fish as the film does, played on or joined where it is alike."""
 
     state = FILM
 
@@ -71,14 +71,14 @@ class FilmSource:
 
     @cached_property
     def graph(self) -> SearchGraph:
-        """The film's own rows, their mirror images, and their jumps."""
+        """Return the film's own rows, their mirror images, and their jumps."""
         world = self._world
         return search_graph(world.film, world.bounds, world.cost_weights, world.reach)
 
     def candidates(
         self, fish: Fish, lag: float, along: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """See `MotionSource`."""
+        """Return rows as `MotionSource.candidates` does."""
         film = self.graph.film
         if fish.row < 0 or not film.has_next[fish.row]:
             return None
@@ -91,7 +91,7 @@ class FilmSource:
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
-        """See `MotionSource`."""
+        """Return a passage as `MotionSource.passage` does."""
         film, row = self.graph.film, run.row
         seam, rot = _seam_to(film, fish, row)
         begins = np.array([
@@ -105,7 +105,7 @@ class FilmSource:
 
 
 class PredictionSource:
-    """Frames in the poses that the forecast predicts. sampler: of `without_dead_ends`."""
+    """Moves a fish in the poses that the forecast predicts. sampler: from `without_dead_ends`."""
 
     state = FORECAST
 
@@ -121,7 +121,7 @@ class PredictionSource:
 
     @cached_property
     def graph(self) -> SearchGraph:
-        """The film's rows, with jumps to similar rows."""
+        """Return the film's rows, with jumps to similar rows."""
         world = self._world
         film = prediction_graph(world.film, self.sampler)
         return search_graph(film, world.bounds, world.cost_weights, world.reach)
@@ -129,7 +129,7 @@ class PredictionSource:
     def candidates(
         self, fish: Fish, lag: float, along: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """See `MotionSource`."""
+        """Return rows as `MotionSource.candidates` does."""
         film = self.graph.film
         fish, _ = self._with_past(fish)
         rows = ways(self.sampler, fish.row)[0].astype(np.int64)
@@ -147,7 +147,7 @@ class PredictionSource:
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
-        """See `MotionSource`."""
+        """Return a passage as `MotionSource.passage` does."""
         film, row = self.graph.film, run.row
         fish, past = self._with_past(fish)
         states = follow(self.sampler, past, row, run.ticks, self.sampler.control[row])
@@ -162,7 +162,7 @@ class PredictionSource:
         return Passage(way, speed, numbers, np.nan, row != fish.row, shown)
 
     def _with_past(self, fish: Fish) -> tuple[Fish, Floats]:
-        """Return the fish and its past; one that has none takes that of the row on screen."""
+        """Return the fish and its past; without one it takes that of the row on screen."""
         if fish.past is not None:
             return fish, fish.past
         row = int(self._near[fish.row])
@@ -170,9 +170,9 @@ class PredictionSource:
 
 
 def _start(fish: Fish, place: tuple[float, float, int], lag: float, along: float) -> SearchStart:
-    """Return from where candidates are followed that are shown at a place (x, y, tick).
+    """Return the start of a search whose candidates are shown at a place (x, y, tick).
 
-    The first tick that is swum counts as `fish.tick` + 1.
+    The first tick of the next stretch counts as `fish.tick` + 1.
     """
     company = fish.company
     later = company._replace(start=company.start + 1, until=company.until + 1)

@@ -1,8 +1,8 @@
 """Whether a picture that is shown at a place is inside the tank, compiled.
 
-Far from the walls every picture is, at every heading. Near them the discs that hold the body
-(`finloop.animate.company`) must be as far from the wall as their radius. So a fish swims along a
-wall as near to it as the film's fish do, but cannot turn its side into it.
+Far from the walls every picture is, at every heading. Near them each disc of the body
+(`finloop.animate.company`) must be at least its radius from the wall. So a fish can swim along a
+wall as near as the film's fish do, but cannot turn its side into it.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from finloop.base.kernel import kernel, leaf_kernel
 
 _CELL = 4  # bits; where every picture fits is looked up first by cells of 16 x 16 px
 _MARGIN_PX = 1.5  # beyond the edge of a disc; extraction drops silhouettes at the very edge
-_PUSHES = 6  # a place is moved off the walls in so many steps
+_PUSHES = 6  # steps in which a place is moved off the walls
 
 
 class Bounds(NamedTuple):
@@ -26,8 +26,8 @@ class Bounds(NamedTuple):
 
     roomy (h, w): where every picture fits, at every heading; cells: whether all pixels of a cell
     are roomy; depth (h, w): how far the middle of each pixel is from the wall, px, < 0 outside;
-    nearest (2, h, w): of `Tank`; discs: of the pictures; none where the fish must be where it is
-    roomy.
+    nearest (2, h, w): as in `Tank`; discs: of the pictures; without any the fish keeps to where it
+    is roomy.
     """
 
     roomy: Mask
@@ -38,7 +38,7 @@ class Bounds(NamedTuple):
 
 
 def bounds_of(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
-    """The bounds of a tank. discs: none where a fish must keep to `tank.legal`."""
+    """Return the bounds of a tank; without discs a fish must keep to `tank.legal`."""
     walled = np.pad(tank.arena.astype(np.uint8), 1)
     depth, beyond = (
         cv2.distanceTransform(side, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
@@ -52,7 +52,6 @@ def bounds_of(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
 
 @leaf_kernel
 def _depth(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
-    """How far a point is from the wall, px, < 0 outside."""
     height, width = bounds.depth.shape
     column, row = round(x), round(y)
     in_x, in_y = min(max(column, 0), width - 1), min(max(row, 0), height - 1)
@@ -61,7 +60,7 @@ def _depth(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _tightest(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """The disc of a picture that lacks most room: px that it lacks, and where it is (x, y)."""
+    """Return what the tightest disc of a picture lacks, px, and where it is (x, y)."""
     number, side, cos, sin = disc_orientation(bounds.discs, (picture, heading))
     table, most, at_x, at_y = bounds.discs.table, -np.inf, x, y
     for i in range(table.shape[1]):
@@ -75,7 +74,7 @@ def _tightest(bounds, picture: int, x: float, y: float, heading: float):  # type
 
 @leaf_kernel
 def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
-    """Whether a picture at a place is inside the tank; picture: its number, as `Discs` has it."""
+    """Return whether a picture at a place is inside the tank; picture: its number in `Discs`."""
     roomy, column, row = bounds.roomy, round(x), round(y)
     if not (0 <= row < roomy.shape[0] and 0 <= column < roomy.shape[1]):
         return False
@@ -88,7 +87,7 @@ def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bo
 
 @leaf_kernel
 def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """The place (x, y) nearest to one, about, at which a picture fits, and whether it does.
+    """Return about the nearest place (x, y) at which a picture fits, and whether it does.
 
     Without discs the nearest roomy pixel.
     """
@@ -113,10 +112,10 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 
 @kernel
 def kept_inside(bounds: Bounds, numbers: Ints, way: Floats, most: float) -> Floats:
-    """As much of a way (n, 3) as stays inside, moved off the walls where it must be.
+    """Return the part of a way (n, 3) that stays inside, moved off the walls where it must be.
 
-    numbers (n,): of its pictures; most: px that a tick may move it aside. What follows a tick that
-    is moved is moved as far.
+    numbers (n,): of its pictures; most: px that a tick may be moved aside. What follows a moved
+    tick is moved by the same amount.
     """
     out = way.copy()
     aside_x = aside_y = 0.0

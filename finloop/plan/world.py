@@ -1,4 +1,4 @@
-"""What a fish of `matching` swims in and by: the tank, the film, what the film teaches."""
+"""The world of a fish of `matching`: the tank, the film, and what the film teaches."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,15 +14,13 @@ from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg
 from finloop.plan.cost import CostWeights, Steering, Tempo
 from finloop.plan.graph import MotionGraph, farthest, runs
-from finloop.plan.settings import AllSettings
+from finloop.plan.matching_settings import AllSettings
 from finloop.plan.walls import Bounds, bounds_of
 from finloop.social.walls import Walls
 
 
 class Brisk(NamedTuple):
-    """turn_deg: by how much a brisk fish turns in a tick, over Δ; fastest: the film's highest
-    speed, body lengths/s.
-    """
+    """A brisk fish: its turn in a tick, over Δ (turn_deg), and the film's highest speed in BL/s."""
 
     turn_deg: float
     fastest: float
@@ -30,10 +28,10 @@ class Brisk(NamedTuple):
 
 @dataclass(frozen=True)
 class FilmWorld(World):
-    """What a fish of `matching` swims in and by: the tank, the film, what the film teaches.
+    """The world of a fish of `matching`: the tank, the film, and what the film teaches.
 
-    discs: by which it is told whether a picture is inside the tank; none where the fish must be
-    where all are.
+    discs: decide whether a picture is inside the tank; without any the fish keeps to where every
+    picture fits.
     """
 
     film: MotionGraph
@@ -42,48 +40,48 @@ class FilmWorld(World):
     discs: Discs = NO_DISCS
 
     def ticks(self, time: float) -> int:
-        """A time of the settings, in Δ, in ticks."""
+        """Return a time of the settings, in Δ, in ticks."""
         return round(time * self.motion.delta)
 
     @cached_property
     def walls(self) -> Walls:
-        """The wall of the tank, as rules between fish have it."""
+        """Return the wall of the tank in the form that rules between fish take."""
         return Walls(self.tank.arena, self.motion.body_length_px)
 
     @cached_property
     def bounds(self) -> Bounds:
-        """What keeps a fish inside the tank."""
+        """Return what keeps a fish inside the tank."""
         return bounds_of(self.tank, self.discs)
 
     @cached_property
     def farthest(self) -> Floats:
-        """How far (t,) the film's fish come from where they are in 0, 1, 2 … ticks, at most, px."""
+        """Return how far (t,), px, the film's fish come in 0, 1, 2 … ticks, at most."""
         return farthest(self.film, self.ticks(2 * self.settings.give_way) + 2)
 
     @cached_property
     def tempo(self) -> Tempo:
-        """How fast the film's fish swim."""
+        """Return how fast the film's fish swim."""
         return Tempo.from_film(
             self.film, self.ticks(self.settings.repeat_memory), self.motion.delta
         )
 
     @cached_property
     def cost_weights(self) -> CostWeights:
-        """How ways are followed, and what they cost."""
+        """Return the settings of the search and the weights of its costs."""
         motion, p = self.motion, self.settings
         swims, delta = self.film.speed[self.film.has_next], motion.delta
         brisk = brisk_rate(swims, p) if len(swims) else 1.0
         return CostWeights(
             pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
-            stride=max(1, self.ticks(p.search_step)), beam=p.beam,
+            stride=max(1, self.ticks(p.search_step_deltas)), beam=p.beam,
             seam=p.discontinuity_cost * delta, repeat=p.repeat_cost * delta,
             memory=p.repeat_memory * delta,
         )  # fmt: skip
 
     @cached_property
     def turn_spread_deg(self) -> float:
-        """The standard deviation of the film's turns over Δ, degrees."""
+        """Return the standard deviation of the film's turns over Δ, degrees."""
         rows, delta = self.film.rows[: self.film.filmed], self.motion.delta
         first = np.flatnonzero(runs(rows["has_next"]) >= delta)
         if not len(first):
@@ -93,7 +91,7 @@ class FilmWorld(World):
 
     @cached_property
     def steering(self) -> Steering:
-        """How a fish is steered along a path."""
+        """Return how a fish is steered along a path."""
         motion, p = self.motion, self.settings
         return Steering(
             turn=max(p.path_max_correction_ratio * self.turn_spread_deg / motion.delta, 1e-6),
@@ -106,12 +104,12 @@ class FilmWorld(World):
 
     @property
     def reach(self) -> int:
-        """Ticks that a fish which follows a path looks ahead, to steer."""
+        """Return how many ticks a fish on a path looks ahead, to steer."""
         return max(2, self.ticks(self.settings.path_steer_ahead))
 
     @property
     def duration(self) -> int:
-        """Ticks of the animation."""
+        """Return the ticks of the animation."""
         return round(self.settings.seconds * self.motion.rate_hz)
 
 
@@ -131,9 +129,9 @@ def learn_brisk(features: pd.DataFrame, rate_hz: float, delta: int, p: AllSettin
 
 
 def brisk_rate(sizes: Floats, settings: AllSettings) -> float:
-    """The speed, or turn rate, of a brisk fish among those (n,) of a film.
+    """Return the speed, or turn rate, of a brisk fish among those (n,) of a film.
 
-    A quantile; of a fish that rests for most of the film a share of the quickest.
+    It is a quantile, or, where the fish rests for most of the film, a share of the quickest.
     """
     quantile, quickest = np.quantile(sizes, (settings.typical_speed_quantile, _QUICKEST))
     return float(max(quantile, settings.typical_speed_least * quickest, 1e-6))

@@ -1,6 +1,6 @@
 """The postures of a film's animals: every row as a few codes, so that poses can be joined.
 
-A posture is how an animal is bent (`finloop.puppet.pose`); its codes are the shares of the film's
+A posture is how an animal is bent (`finloop.puppet.pose`); its codes are the amounts of the film's
 principal shapes.
 """
 

@@ -1,4 +1,4 @@
-"""All postures of a film: as codes of its few principal shapes, and back."""
+"""All postures of a film as codes of its few principal shapes, and back."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,16 +25,16 @@ POSES = Schema(
 """The codes of every row of the feature table, in its order; as many as there are shapes."""
 
 USED = ("backbone_x_px", "backbone_y_px", "half_width_px")
-"""The columns of a table of tracks that poses are made of."""
+"""The columns of a table of tracks from which poses are computed."""
 
 
 @dataclass(frozen=True)
 class ShapeFacts:
-    """What `FilmPoses` holds beside its codes, in plain lists: the content of shapes.json.
+    """`FilmPoses` without its codes, as plain lists: the content of shapes.json.
 
-    mean (d), shapes (c, d), weights (d), variance (c), total_variance, gap: of `PoseShapes`. trunk:
-    whether body and tail are counted apart; tail_spread: the number that decides. memory_frames: of
-    `FilmPoses`.
+    mean (d), shapes (c, d), weights (d), variance (c), total_variance, gap: see `PoseShapes`.
+    trunk: whether body and tail are separate; tail_spread: the number that decides it.
+    memory_frames: see `FilmPoses`.
     """
 
     mean: list[float]
@@ -52,9 +52,9 @@ class ShapeFacts:
 class FilmPoses:
     """The postures of a film (n rows). codes: (n, c); shapes: what they mean.
 
-    pose: places, headings and sizes of the rows, and the postures that their codes stand for.
-    trunk, tail_spread: of `ShapeFacts`. memory_frames: the frames after which a posture is half
-    as far from itself, in mean squares, as any two postures of the film are.
+    pose: places, headings and sizes of the rows, and the postures of their codes. trunk,
+    tail_spread: see `ShapeFacts`. memory_frames: the frames after which a posture is half as far
+    from itself, in mean squares, as any two postures of the film are.
     """
 
     pose: Pose
@@ -66,7 +66,7 @@ class FilmPoses:
 
     @cached_property
     def facts(self) -> ShapeFacts:
-        """The data that `restore_poses` needs beside the codes."""
+        """Return the data that `restore_poses` needs beside the codes."""
         shapes = self.shapes
         return ShapeFacts(
             shapes.mean.tolist(), shapes.shapes.tolist(), shapes.weights.tolist(),
@@ -79,20 +79,16 @@ class FilmPoses:
         return replace(self.pose[row], posture=self.shapes.decode(codes))
 
     def table(self, features: pd.DataFrame) -> pd.DataFrame:
-        """The table of `POSES`; features: of the same rows."""
+        """Return the table of `POSES`; features: the feature table of the same rows."""
         codes = pd.Series(list(self.codes.astype(np.float32)), features.index, dtype=object)
         return features[["track_id", "frame"]].assign(codes=codes)
 
 
 def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) -> FilmPoses:
-    """The postures of a film.
+    """Compute the postures of a film.
 
-    tracks: columns `USED`; features: of the same rows, columns of `FEATURES`.
-
-    Raises
-    ------
-    FinloopError
-        If the film has fewer than two rows.
+    tracks: columns `USED`; features: columns of `FEATURES`, the same rows. FinloopError if the film
+    has fewer than two rows.
     """
     lines = lists_to_points(tracks, "backbone").astype(float)
     lines = np.where(tail_first(lines, features)[:, None, None], lines[:, ::-1], lines)
@@ -111,11 +107,11 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
 def restore_poses(
     features: pd.DataFrame, codes: Reals, facts: dict[str, Any], posture: Floats | None = None
 ) -> FilmPoses:
-    """Restore the postures as the stage `pose` stored them.
+    """Restore the postures that the stage `pose` stored.
 
-    features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): of `POSES`; facts:
-    the fields of `ShapeFacts`; posture (n, d): what the codes stand for, None where that is to be
-    worked out. ValueError where they do not belong together.
+    features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): the table POSES;
+    facts: the fields of `ShapeFacts`; posture (n, d): the postures of the codes, None to compute
+    them. ValueError if they do not belong together.
     """
     values, shape = codes.astype(float), ShapeFacts(**facts)
     mean, shapes = np.array(shape.mean), np.array(shape.shapes)

@@ -23,9 +23,8 @@ class PoseSettings:
     # half widths of the body, standard deviation along such a backbone: the steps of pixels are
     # shorter, bends are longer
     tail_smoothing: ClassVar[float] = 0.5
-    tail_body: ClassVar[float] = (
-        0.625  # of the points are the body's, the others the tail's: most bend
-    )
+    # share of such a backbone's points that the body has, the tail has the others: both bend finely
+    tail_body: ClassVar[float] = 0.625
     tail_whole: ClassVar[float] = 0.95  # quantile of the tails' lengths: few are longer by mistake
     RENAMED: ClassVar = {
         "share": "explained_variance_ratio",

@@ -1,8 +1,8 @@
 """The puppet: any film row drawn in any pose, mirrored or not, at any place, heading and size.
 
 A pose has a backbone. Each pixel of the new picture takes the film's pixel at the same place along
-and beside the backbone: a fish of the film can bend as it did in no frame, and two frames that are
-blended in one pose differ in light and skin, not in shape.
+and beside the backbone: a fish of the film can bend as in no frame, and two frames that are blended
+in one pose differ in light and skin, not in shape.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""A film row drawn in any pose, place, heading and size; two rows blended in one pose."""
+"""Draw a film row in any pose, place, heading and size; blend two rows in one pose."""
 
 import cv2
 import numpy as np
@@ -23,14 +23,24 @@ def draw(
     mirrored: bool = False,
     sharp: bool = True,
 ) -> Premultiplied:
-    """A fish of the film in another pose: (height, width, c) premultiplied, 0 … 1.
-
-    cutout: of the film, c = 2 or 4. pose: its own, px of the film; target: px of the new picture,
-    of `size` height and width. What lies outside the picture is cut off. mirrored: the fish's left
-    is drawn as its right; the target is what is seen, it is not mirrored. sharp: Keys' cubic
-    filter, as `render.painter`; else a linear one, as the pictures of `distance.picture`.
+    """Draw a fish of the film in another pose: (height, width, c) premultiplied, 0 … 1.
 
     Drawn in its own pose at its own place it is the frame itself.
+
+    Parameters
+    ----------
+    cutout
+        Of the film, c = 2 or 4.
+    pose
+        The fish's own, px of the film.
+    target
+        The new pose, px of the new picture.
+    size
+        Height and width of the new picture, px; what lies outside is cut off.
+    mirrored
+        The fish's left is drawn as its right; `target` is the visible pose and is not mirrored.
+    sharp
+        Keys' cubic filter, as in `render.painter`; else a linear one, as in `distance.picture`.
     """
     source = line(pose, cutout.x0_px, cutout.y0_px)
     strip = Laid(cutout.pixels, source, line(target), mirrored, sharp)
@@ -38,7 +48,7 @@ def draw(
 
 
 class Laid:
-    """A film's picture in another pose, not drawn yet; drawn on any part of the new picture.
+    """A film's picture in another pose, not drawn yet; any part of the new picture can be drawn.
 
     box: rows and columns that the animal may cover, half open: top, left, bottom, right.
     """
@@ -51,7 +61,7 @@ class Laid:
         mirrored: bool,
         sharp: bool = True,
     ) -> None:
-        """Take a picture (h, w, c), the line of its animal in it, and that in the new one."""
+        """Take a picture (h, w, c), its animal's backbone, and that in the new picture."""
         across = source.size_px / target.size_px
         self._how = How(across, mirrored, sharp)
         self._film = blur_for_shrinking(pixels.astype(np.float32), 1 / across)
@@ -59,7 +69,7 @@ class Laid:
         self.box: tuple[int, int, int, int] = self._plan.box
 
     def in_box(self, box: tuple[int, int, int, int]) -> Premultiplied:
-        """The part of the new picture in a box: (bottom - top, right - left, c), 0 … 1."""
+        """Draw the part of the new picture in a box: (bottom - top, right - left, c), 0 … 1."""
         top, left, bottom, right = box
         canvas = np.zeros((bottom - top, right - left, self._film.shape[2]), np.float32)
         paint(canvas, self._film, self._plan, self._how, (top, left))
@@ -67,15 +77,15 @@ class Laid:
 
 
 def blend(first: Premultiplied, second: Premultiplied, weight: float) -> Premultiplied:
-    """Two pictures (h, w, c) of one pose, mixed: 1 − weight of the first, weight of the second.
+    """Mix two pictures (h, w, c) of one pose: 1 − weight of the first, weight of the second.
 
-    Light and skin go over; the shape, which is the same, stays.
+    Light and skin change; the shape, which is the same, stays.
     """
     return cv2.addWeighted(first, 1 - weight, second, weight, 0)
 
 
 def line(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
-    """The backbone of one pose in a picture whose first pixel is at (x0_px, y0_px)."""
+    """Return a pose's backbone in a picture whose first pixel is at (x0_px, y0_px)."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
     return PlacedBackbone(
         float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture

@@ -20,13 +20,13 @@ from finloop.puppet.strip import (
 )
 
 _RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
-_SEAM = 1e-9  # px by which steps overlap: rounding leaves no hole between them
-_STRIDE = 2.0  # px between the places where alpha is looked for
+_SEAM = 1e-9  # px by which steps overlap, so that rounding leaves no hole
+_STRIDE = 2.0  # px between the places where alpha is sampled
 _UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)
 
 
 class How(NamedTuple):
-    """across: px of film per px of picture. sharp: Keys' cubic instead of a linear filter."""
+    """How to draw. across: px of film per px of picture; sharp: Keys' cubic filter, else linear."""
 
     across: float
     mirrored: bool
@@ -37,8 +37,8 @@ class StripLayout(NamedTuple):
     """The strips of a film's picture and of the new one, and how far the animal reaches.
 
     there, here: in the film and in the new picture; reach: (m - 1, 2) px beside each step of the
-    new one, left and right, 0 where nothing is seen. box: rows and columns of the new picture that
-    the animal may cover, half open: top, left, bottom, right.
+    new one, left and right, 0 where nothing is visible. box: rows and columns of the new picture
+    that the animal may cover, half open: top, left, bottom, right.
     """
 
     there: Strip
@@ -51,7 +51,7 @@ class StripLayout(NamedTuple):
 def plan(
     film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, how: How
 ) -> StripLayout:
-    """The plan that brings a film's picture from the backbone `source` to the backbone `target`."""
+    """Plan how to lay a film's picture from the backbone `source` along the backbone `target`."""
     there, here = strip(source), strip(target)
     reach = _reach(film, there) / how.across
     low_x = low_y = HIDDEN
@@ -79,7 +79,6 @@ def plan(
 
 @finite_leaf
 def _least(limits, i):  # type: ignore[no-untyped-def]
-    """The shortest end of the cross-sections i and i + 1."""
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
 
@@ -91,7 +90,7 @@ def paint(
     """Draw a strip as planned in the canvas, whose first pixel is at `corner`, row and column.
 
     canvas: (H, W, c), zero; film: (h, w, c) 0 … 255, premultiplied. Where two parts of the body
-    meet, the one with more alpha is seen.
+    meet, the one with more alpha is visible.
     """
     for i in range(len(to.reach)):
         if to.reach[i, 0] + to.reach[i, 1] > 0:
@@ -102,7 +101,7 @@ def paint(
 
 @finite_kernel
 def _reach(film, there):  # type: ignore[no-untyped-def]
-    """How far, px of the strip, the animal reaches beside each step (m - 1, 2), left and right."""
+    """Return how far [px] the animal reaches beside each step (m - 1, 2), left and right."""
     height, width, channels = film.shape
     m = len(there.points)
     rays = np.empty((m, 2))
@@ -111,7 +110,7 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
         for side in range(2):
             sign, limit = 1 - 2 * side, there.limits[i, side]
             nx, ny = sign * there.normals[i, 0], sign * there.normals[i, 1]
-            o = min(limit, height + width)  # and no farther than the picture's edges
+            o = min(limit, height + width)  # at most to the picture's edges
             if abs(nx) > _ONE / 1024:
                 o = min(o, max((width - 1 - x) / nx, -x / nx))
             if abs(ny) > _ONE / 1024:
@@ -134,7 +133,7 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _section(strip, i):  # type: ignore[no-untyped-def]
-    """A cross-section as numbers: point, normal, and limits on its left and right."""
+    """Return a cross-section as numbers: point, normal, and limits on its left and right."""
     return (
         (strip.points[i, 0], strip.points[i, 1]),
         (strip.normals[i, 0], strip.normals[i, 1]),
@@ -144,7 +143,7 @@ def _section(strip, i):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _span(y, front, rear):  # type: ignore[no-untyped-def]
-    """The range of x in a row of pixels between two cross-sections."""
+    """Return the range of x in a row of pixels between two cross-sections."""
     (ax, ay), (anx, any_), _ = front
     (bx, by), (bnx, bny), _ = rear
     start, stop = -HIDDEN, HIDDEN
@@ -196,9 +195,9 @@ def _step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-d
 
 @finite_kernel
 def _beside(x, y, front, rear, share):  # type: ignore[no-untyped-def]
-    """How far [px] (x, y) lies beside the backbone, + = left, on the strip, and along it.
+    """Return how far [px] (x, y) lies beside the backbone, + = left, on the strip, and along it.
 
-    Both from the cross-section at `share` between `front` and `rear`.
+    Both count from the cross-section at `share` between `front` and `rear`.
     """
     (ax, ay), (anx, any_), (aleft, aright) = front
     (bx, by), (bnx, bny), (bleft, bright) = rear
@@ -213,7 +212,7 @@ def _beside(x, y, front, rear, share):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
-    """Where (u, v) [px] in the film lies a place of the strip; the inverse of `_beside`.
+    """Return where (u, v) [px] in the film a place of the strip lies; the inverse of `_beside`.
 
     at: how far beside the backbone and along it, px of the film, and the share from the section
     `front` to `rear`. (HIDDEN, HIDDEN) where the film's pose does not show it.
@@ -237,7 +236,7 @@ def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _linear(film, u, v):  # type: ignore[no-untyped-def]
-    """Red (or grey), green, blue, alpha, 0 … 1, at (u, v), by a linear filter."""
+    """Return red (or grey), green, blue, alpha, 0 … 1, at (u, v), by a linear filter."""
     column, row = math.floor(u), math.floor(v)
     du, dv = np.float32(u - column), np.float32(v - row)
     red, green, blue, alpha = _sum_pixels(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
@@ -246,11 +245,11 @@ def _linear(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _cubic(film, u, v):  # type: ignore[no-untyped-def]
-    """The same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
+    """Return the same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
     column, row = math.floor(u), math.floor(v)
     across, down = keys(u - column), keys(v - row)
     red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)
-    # Where alpha overshoots, the colour goes with it: no fringe.
+    # Where alpha overshoots, the colour is scaled with it: no fringe.
     share = min(_UNIT, _ONE / max(alpha, _ONE))
     alpha = max(alpha, _ZERO) * share
     return (

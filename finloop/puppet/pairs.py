@@ -1,4 +1,4 @@
-"""Eq. 5 of pairs of pictures, the second drawn in the pose of the first."""
+"""Eq. 5 for pairs of pictures, the second drawn in the pose of the first."""
 
 import math
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from finloop.puppet.strip import PlacedBackbone
 class PictureSet(NamedTuple):
     """Pictures (n, s, s, c) premultiplied, each in its own posture (n, d), headed right.
 
-    Its mass centre is in the middle; size_px: typical length of the animals in them.
+    Mass centres are in the middle; size_px: typical length of the animals in them.
     """
 
     pictures: NDArray[np.uint8]
@@ -25,10 +25,10 @@ class PictureSet(NamedTuple):
 
 @finite_kernel
 def apart_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
-    """Eq. 5 (k,) from pictures `rows` (k,) to pictures `to` (k,), mirrored (k,) or not.
+    """Compute Eq. 5 (k,) from pictures `rows` (k,) to pictures `to` (k,), mirrored (k,) or not.
 
-    The pictures `to` are drawn in the postures of `rows`. Where they are nearer
-    undrawn, that counts.
+    The pictures `to` are drawn in the postures of `rows`. If they are nearer undrawn, that distance
+    counts.
     """
     apart = np.empty(len(rows))
     canvas = np.empty(film.pictures.shape[1:], np.float32)
@@ -42,11 +42,11 @@ def apart_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Flo
 def nearest_in_pose(
     film: PictureSet, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
-    """As `apart_in_pose`, but only for pairs that can be among the `count` best of their row.
+    """Compute `apart_in_pose` only for pairs that can be among the `count` best of their row.
 
     rows: rising. to: the second pictures (k,), whether they are mirrored, and the least cost (k,)
-    of each pair, rising within each row. The cost of a pair is the sum of that and the square
-    of Eq. 5 in `unit`. −1 for pairs that are not drawn.
+    of each pair, rising within each row. The cost of a pair is the sum of that and the square of
+    Eq. 5 in `unit`. −1 for pairs that are not drawn.
     """
     partner, mirrored, least = to
     apart = np.full(len(rows), -1.0)
@@ -74,7 +74,7 @@ def nearest_in_pose(
 
 @finite_kernel
 def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
-    """Eq. 5 of a pair: picture, partner, whether the partner is mirrored. canvas: (s, s, c)."""
+    """Compute Eq. 5 of a pair: picture, partner, whether it is mirrored. canvas: (s, s, c)."""
     pictures, postures, size_px = film
     row, to, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
@@ -84,7 +84,7 @@ def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
     picture, partner = pictures[row], pictures[to].astype(np.float32)
     how = How(1.0, mirrored, False)
     canvas[:] = 0
-    # No literals: for those numba would compile all that `paint` calls once more.
+    # No literals: numba would compile all kernels of `paint` again for them.
     paint(canvas, partner, plan(partner, there, here, how), how, (np.int64(0), np.int64(0)))
     posed = plain = 0.0
     for y in range(side):

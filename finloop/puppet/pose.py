@@ -1,9 +1,9 @@
 """A pose: where an animal is, where it heads, how large it is, and its posture, how it is bent.
 
-A posture is a vector, so that postures can be added, averaged and faded. It has the head's place
-from the mass centre, ahead and to the left, in sizes of the animal (its typical length); then the
-directions of the backbone's n steps from head to tail, seen towards the head, in radians against
-the heading, + = turned to the animal's left; then the lengths of these steps, in sizes.
+A posture is a vector, so postures can be added, averaged and faded. It has the head's place from
+the mass centre, ahead and to the left, in sizes of the animal (its typical length); then the
+directions of the backbone's n steps from head to tail, pointing towards the head, in radians
+against the heading, + = turned to the animal's left; then the lengths of these steps, in sizes.
 """
 
 from dataclasses import dataclass, replace
@@ -47,7 +47,7 @@ class Pose:
     def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """Return the same posture elsewhere; a single number holds for all poses."""
+        """Return the same posture elsewhere; a single number applies to all poses."""
         place = (x_px, y_px, heading_rad, size_px)
         x, y, heading, size = (
             np.broadcast_to(np.asarray(part, float), self.posture.shape[:-1]) for part in place
@@ -60,7 +60,7 @@ class Pose:
 
     @property
     def head_px(self) -> Points:
-        """The head end (…, 2) x, y of the backbone, px."""
+        """Return the head end (…, 2) x, y of the backbone, px."""
         ahead, left = self.posture[..., _AHEAD], self.posture[..., _LEFT]
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         x = self.x_px + self.size_px * (cos * ahead - sin * left)
@@ -69,16 +69,16 @@ class Pose:
 
     @property
     def angles_rad(self) -> Floats:
-        """The directions (…, n) on screen of the backbone's steps, towards the head."""
+        """Return the directions (…, n) on screen of the backbone's steps, towards the head."""
         return bends(self.posture) + self.heading_rad[..., None]
 
     @property
     def steps_px(self) -> Floats:
-        """The lengths (…, n) of the backbone's steps."""
+        """Return the lengths (…, n) of the backbone's steps."""
         return steps(self.posture) * self.size_px[..., None]
 
     def backbone_px(self) -> Points:
-        """The backbone (…, n + 1, 2) x, y, from head to tail, px."""
+        """Return the backbone (…, n + 1, 2) x, y, from head to tail, px."""
         angles, length = self.angles_rad, self.steps_px[..., None]
         way = np.stack([-np.cos(angles), np.sin(angles)], -1) * length
         head = self.head_px[..., None, :]
@@ -86,12 +86,12 @@ class Pose:
 
 
 def bends(posture: Floats) -> Floats:
-    """The directions (…, n) in postures (…, 2 + 2 n); a view."""
+    """Return the directions (…, n) of postures (…, 2 + 2 n), as a view."""
     return posture[..., _STEPS : _STEPS + posture.shape[-1] // 2 - 1]
 
 
 def steps(posture: Floats) -> Floats:
-    """The lengths (…, n) in postures (…, 2 + 2 n); a view."""
+    """Return the lengths (…, n) of postures (…, 2 + 2 n), as a view."""
     return posture[..., posture.shape[-1] // 2 + 1 :]
 
 
@@ -107,7 +107,8 @@ def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     """Return the poses (k) of the rows of a feature table.
 
     features: track_id, x_px, y_px, heading_deg, body_length_px. backbones: (k, n + 1, 2) px, head
-    first, as `features.table.features` gives them, of an animal with a thin tail `puppet.trunk`.
+    first, as `features.table.features` gives them, or `puppet.tail.trunk` for an animal with a thin
+    tail.
     """
     lines = np.asarray(backbones, float)
     way = -np.diff(lines, axis=1)
@@ -115,7 +116,7 @@ def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     heading = np.radians(features["heading_deg"].to_numpy(float))
     size = typical_length(features).to_numpy(float)
     angles = np.arctan2(-way[..., 1], way[..., 0]) - heading[:, None]
-    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
+    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the other angles continue from the head
     length = np.hypot(way[..., 0], way[..., 1]) / size[:, None]
     head = ahead_left((lines[:, 0] - np.stack([x, y], -1)) / size[:, None], heading)
     posture = np.concatenate([head, np.unwrap(angles, axis=1), length], 1)

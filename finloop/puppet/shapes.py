@@ -1,7 +1,7 @@
 """The few principal shapes of a film's postures, and which postures it shows (PCA).
 
 As with the worm in Stephens et al. 2008 ("eigenworms"), a posture is the mean plus a few codes
-times the shapes. Every posture counts together with its mirror image: left and right are equal.
+times the shapes. Every posture counts together with its mirror image, so left and right are equal.
 """
 
 from dataclasses import dataclass, field
@@ -16,20 +16,20 @@ from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread
 from finloop.puppet.pose import bends, mirror_posture, steps
 
-_SAMPLE = 50_000  # postures whose nearest neighbours are searched; a quantile needs no more
-_EXACT = 1e-5  # of codes, which files hold as float32
-_ROUNDING = 1e-6  # of the greatest component of a shape
+_SAMPLE = 50_000  # postures whose nearest neighbours are searched; that suffices for a quantile
+_EXACT = 1e-5  # accuracy of codes, which files hold as float32
+_ROUNDING = 1e-6  # relative difference of a shape's components that counts as equal
 
 
 class NearestPostures(NamedTuple):
-    """Postures (…, d) that are possible, and whether (…) they had to be changed."""
+    """Possible postures (…, d), and whether (…) they had to be changed."""
 
     posture: Floats
     clamped: Mask
 
 
 class NearestCodes(NamedTuple):
-    """Codes (…, c) of postures that are possible, and whether (…) they had to be changed."""
+    """Codes (…, c) of possible postures, and whether (…) they had to be changed."""
 
     codes: Floats
     clamped: Mask
@@ -55,21 +55,17 @@ class PoseShapes:
 
     @classmethod
     def fit(cls, postures: Floats, share: float, gap_quantile: float = 0.99) -> "PoseShapes":
-        """The shapes of postures (k, d) that explain `share` of their variance.
+        """Compute the shapes of postures (k, d) that explain `share` of their variance.
 
-        gap_quantile: of how far postures are from the nearest other one; it is the gap.
-
-        Raises
-        ------
-        FinloopError
-            If there are fewer than two postures, or one is not finite.
+        gap_quantile: quantile of the distance from a posture to its nearest other one; this becomes
+        the gap. FinloopError if there are fewer than two postures, or one is not finite.
         """
         broken = int((~np.isfinite(postures)).any(1).sum())
         if len(postures) < 2 or broken:
             raise FinloopError(
                 f"{len(postures)} postures, {broken} of them not finite",
                 "two or more postures of a film",
-                "take those of `finloop.puppet.poses_from_features`",
+                "use the postures from `finloop.puppet.poses_from_features`",
             )
         both = np.concatenate([postures, mirror_posture(postures)])
         weights = np.ones(both.shape[1])
@@ -77,7 +73,7 @@ class PoseShapes:
         bends(weights)[:] = count**-0.5
         steps(weights)[:] = count**0.5
         mean = both.mean(0)
-        apart = both  # in place: of a film of hours these are the largest arrays
+        apart = both  # in place: in a film of hours these are the largest arrays
         apart -= mean
         apart *= weights
         variance, shapes = np.linalg.eigh(apart.T @ apart / len(both))
@@ -97,18 +93,18 @@ class PoseShapes:
 
     @cached_property
     def mirror(self) -> Floats:
-        """The matrix (c, c) that takes codes to those of the mirror image: codes @ mirror."""
+        """Return the matrix (c, c) that mirrors codes: codes @ mirror."""
         both = mirror_posture(np.ones_like(self.mean))
         return (self.shapes * both) @ self.shapes.T
 
     def encode(self, postures: Floats) -> Floats:
-        """The codes (…, c) of postures (…, d)."""
+        """Return the codes (…, c) of postures (…, d)."""
         away = postures - self.mean
-        away *= self.weights  # in place, as below: a film of hours has a million postures
+        away *= self.weights  # in place: a film of hours has a million postures
         return away @ self.shapes.T
 
     def decode(self, codes: Floats) -> Floats:
-        """The postures (…, d) of codes (…, c)."""
+        """Return the postures (…, d) of codes (…, c)."""
         postures = codes @ self.shapes
         postures /= self.weights
         postures += self.mean
@@ -119,20 +115,20 @@ class PoseShapes:
         return scipy.spatial.cKDTree(self.codes)
 
     def nearest(self, postures: Floats) -> NearestPostures:
-        """The nearest postures (…, d) that the film shows, or nearly.
+        """Return the nearest postures (…, d) that the film shows, or almost shows.
 
-        A posture whose codes are within `gap` of a filmed one stays as it is. Any other one is
-        moved straight towards the nearest filmed one until it is within `gap`.
+        A posture whose codes are within `gap` of a filmed one stays unchanged. Any other one moves
+        straight towards the nearest filmed one until it is within `gap`.
         """
         codes, clamped = self.nearest_codes(self.encode(postures))
         return NearestPostures(np.where(clamped[..., None], self.decode(codes), postures), clamped)
 
     def far(self, codes: Floats) -> Mask:
-        """Which codes (…, c) are as far from all filmed ones as a possible posture may be."""
+        """Return which codes (…, c) are farther than `gap` from all filmed ones, or almost."""
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """The same of codes (…, c)."""
+        """Apply `nearest` to codes (…, c)."""
         near, most = np.array(codes, float), self.gap + _EXACT
         clamped = np.asarray(np.isinf(self._tree.query(near, distance_upper_bound=most)[0]))
         if clamped.any():
@@ -146,7 +142,7 @@ class PoseShapes:
 def _fix_signs(shapes: Floats) -> Floats:
     """Make the greatest component of each shape (c, d) positive.
 
-    Of components that are as great but for rounding the first one counts.
+    Of components that are equal but for rounding, the first one counts.
     """
     size = np.abs(shapes)
     greatest = (size > (1 - _ROUNDING) * size.max(axis=1, keepdims=True)).argmax(axis=1)

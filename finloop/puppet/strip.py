@@ -3,7 +3,7 @@
 A place of the strip is (i, t): i counts steps of the backbone from head to tail, t [px] lies beside
 it. A pose puts it at B(i) + o N(i), where o is t, squeezed on the inner side of a bend. There a
 cross-section ends on the medial axis (Blum 1967), where another part of the backbone is as near: so
-no two cross-sections meet, and no place is seen twice.
+no two cross-sections meet, and no place is drawn twice.
 """
 
 import math
@@ -15,19 +15,19 @@ from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_kernel
 
 BEYOND = 10
-"""Steps of a strip, straight, beyond either end of its backbone, where pale fins are."""
+"""Straight steps of a strip beyond either end of its backbone, where pale fins are."""
 
 HIDDEN = 1e9
-"""The distance [px] of what a pose does not show."""
+"""The distance [px] of a place that a pose does not show."""
 
 LEAST = 1e-6
 """The length [px] of a cross-section that shows nothing."""
 
-_FREE = 0.5  # share of a cross-section, from the backbone on, that is not squeezed
+_FREE = 0.5  # inner share of a cross-section that is not squeezed
 
 
 class PlacedBackbone(NamedTuple):
-    """One animal's backbone in a picture, px; as `puppet.pose.Pose` says."""
+    """An animal's backbone in a picture, px; in the terms of `puppet.pose.Pose`."""
 
     x_px: float
     y_px: float
@@ -50,7 +50,7 @@ class Strip(NamedTuple):
 
 @finite_kernel
 def strip(line: PlacedBackbone) -> Strip:
-    """The strip along a backbone, straight beyond its ends."""
+    """Return the strip along a backbone, straight beyond its ends."""
     n = len(line.posture) // 2 - 1
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]
     m = n + 1 + 2 * BEYOND
@@ -75,13 +75,13 @@ def strip(line: PlacedBackbone) -> Strip:
 
 @finite_kernel
 def _limits(points, normals):  # type: ignore[no-untyped-def]
-    """The radii (m, 2) [px], left and right, of the largest circles that touch at one point.
+    """Return the radii (m, 2) [px], left and right, of the largest circles that touch at one point.
 
     The circle that touches B(i) with its normal N(i) and passes through B(j), d = B(j) − B(i), has
     the radius |d|² / (2 d·N(i)): the least one over all j counts.
     """
     m = len(points)
-    head, tail = np.int64(BEYOND), m - 1 - BEYOND  # for a literal `_free` is compiled again
+    head, tail = np.int64(BEYOND), m - 1 - BEYOND  # a literal would compile `_free` again
     first, last = head, tail
     while first > 0 and _free(points, first - 1, head):
         first -= 1
@@ -100,7 +100,7 @@ def _limits(points, normals):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def _free(points, i, end):  # type: ignore[no-untyped-def]
-    """Whether point i, beyond an end of the backbone, is nearer to that end than to the rest."""
+    """Return whether point i, beyond an end of the backbone, is nearest to that end."""
     own = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
     for j in range(BEYOND, len(points) - BEYOND):
         square = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2

@@ -1,8 +1,8 @@
 """Backbones of an animal with a fat body and a thin tail, a mouse, so that frames compare.
 
-Such a tail is seen in some frames and not in others, and the backbone of a fat body is drawn
-towards it. So the backbone is smoothed as far as the body is wide, and parted where the body ends:
-the body has the same number of steps in every frame, and the tail steps of the same length.
+Such a tail is visible only in some frames, and the backbone of a fat body is drawn towards it. So
+the backbone is smoothed as far as the body is wide, and divided where the body ends: the body has
+the same number of steps in every frame, and the tail steps of the same length.
 """
 
 from typing import NamedTuple
@@ -18,9 +18,9 @@ from finloop.extract.backbone import resample
 class Tail(NamedTuple):
     """Where a body ends and its tail begins, and how both are made alike in all frames.
 
-    thin: the body ends where its width falls to this share of its largest. smoothing:
-    of the backbone, a standard deviation in half widths of the body. body: the share of the points
-    that the body has. whole: quantile of the tails' lengths that stands for the whole tail.
+    thin: the body ends where its width falls to this share of its largest. smoothing: of the
+    backbone, a standard deviation in half widths of the body. body: the share of the points that
+    the body has. whole: quantile of the tails' lengths that counts as the whole tail.
     """
 
     thin: float
@@ -30,9 +30,9 @@ class Tail(NamedTuple):
 
 
 def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """How much the tails of rows (k) differ in length: quantiles 0.05 to 0.95, in bodies' lengths.
+    """Return the range of tail lengths of rows (k), quantiles 0.05 to 0.95, in body lengths.
 
-    tracks, backbones: as of `trunk`; thin: as of `Tail`.
+    tracks, backbones: as in `trunk`; thin: as in `Tail`.
     """
     end = _body_end(_half_widths(tracks, backbones), thin)
     step, last = _steps(backbones.astype(float)), backbones.shape[1] - 1
@@ -41,11 +41,11 @@ def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
 
 
 def trunk(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
-    """Backbones (k, n, 2) px, head first, that have the same part of the body at every point.
+    """Return backbones (k, n, 2) px, head first, with the same body part at every point.
 
     tracks: backbone_x_px, backbone_y_px, half_width_px of the rows. backbones: (k, n, 2) of the
-    same, head first, as `features.table.features` gives them. Where no tail is seen, the line goes
-    on straight.
+    same, head first, as `features.table.features` gives them. Where no tail is visible, the line
+    continues straight.
     """
     widths = _half_widths(tracks, backbones)
     lines = np.stack([
@@ -55,22 +55,20 @@ def trunk(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
     count = lines.shape[1]
     body = max(1, round(how.body * (count - 1)))
     step, end = _steps(lines), _body_end(widths, how.thin)
-    tail = np.quantile((count - 1 - end) * step, how.whole) / step  # in steps, as all that follows
+    tail = np.quantile((count - 1 - end) * step, how.whole) / step  # in steps, as below
     shares = np.arange(count - body) / max(count - 1 - body, 1)
     before = end[:, None] * np.linspace(0, 1, body + 1)[:-1]
-    places = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)  # beyond n - 1 too
+    places = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)  # also beyond n - 1
     low = np.minimum(places.astype(int), count - 2)[..., None]
     start, stop = (np.take_along_axis(lines, low + k, 1) for k in (0, 1))
     return start + (places[..., None] - low) * (stop - start)
 
 
 def _steps(lines: Floats) -> Floats:
-    """The mean step (k,) px of backbones (k, n, 2)."""
     return np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).mean(1)
 
 
 def _half_widths(tracks: pd.DataFrame, backbones: Reals) -> Floats:
-    """The half widths (k, n) px, head first."""
     width = lists_to_array(tracks["half_width_px"]).astype(float)
     first = lists_to_points(tracks, "backbone")[:, 0]
     near, far = (np.abs(first - backbones[:, end]).sum(1) for end in (0, -1))
@@ -78,7 +76,7 @@ def _half_widths(tracks: pd.DataFrame, backbones: Reals) -> Floats:
 
 
 def _body_end(widths: Floats, thin: float) -> Floats:
-    """Where bodies (k, n) end, in points from the head; n - 1 of one that has no tail."""
+    """Return where bodies (k, n) end, in points from the head; n - 1 without a tail."""
     points = np.arange(widths.shape[1])
     most = widths.max(1, keepdims=True)
     tail = (widths < thin * most) & (points > widths.argmax(1)[:, None])
@@ -95,7 +93,7 @@ def _smooth_line(line: Floats, width: Floats, smoothing: float) -> Floats:
     count = len(line)
     step = max(np.hypot(*np.diff(line, axis=0).T).mean(), 1e-6)
     inner = width.copy()
-    inner[[0, -1]] = width[[1, -2]]  # at the tips there is none
+    inner[[0, -1]] = width[[1, -2]]  # the tips have no width
     spread = np.clip(smoothing * inner / step, 1e-3, count / 4)
     long = np.concatenate([2 * line[0] - line[:0:-1], line, 2 * line[-1] - line[-2::-1]])
     places = np.arange(len(long)) - (count - 1)

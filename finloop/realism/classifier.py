@@ -87,7 +87,7 @@ def fit(
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     return HistGradientBoostingClassifier(
-        max_iter=p.rounds,
+        max_iter=p.classifier_trees,
         max_leaf_nodes=p.leaves,
         min_samples_leaf=p.leaf_windows,
         max_bins=p.bins,

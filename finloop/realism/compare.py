@@ -52,14 +52,14 @@ class Sample:
     def cut(self) -> Cutting:
         """Times of the parameters in frames."""
         p = self.p
-        return cutting(p.window, p.stride, p.step, self.delta)
+        return cutting(p.window_deltas, p.stride, p.step, self.delta)
 
     def windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
         """Windows of film or animation, by blocks of the film's time; part (n,): rows to take."""
         p, gap = self.p, self.p.gap * self.delta / self.rate_hz
         plays = swimming.row >= 0
         time_s = self.frame_s[np.where(plays, swimming.row, 0)]
-        own = equal_blocks(swimming.time_s, p.blocks)
+        own = equal_blocks(swimming.time_s, p.cross_validation_folds)
         chunk = max(1, round(p.cluster * self.delta))
         tick = np.round(swimming.time_s * self.rate_hz).astype(np.int64)
         ticks = Ticks(
@@ -79,7 +79,7 @@ class Sample:
 
     def blocks(self, times: int = 1) -> Blocks:
         """Blocks of time that hold equally much of the film."""
-        return equal_blocks(self.frame_s[self.film.row], self.p.blocks, times)
+        return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, times)
 
     def beside(self, animation: Swimming) -> tuple[Windows, Windows]:
         """Windows of the film and of an animation made from it."""
@@ -93,7 +93,7 @@ class Sample:
         tracks a classifier learns which fish is which.
         """
         blocks = self.blocks(2)
-        early = self.frame_s[self.film.row] < blocks.edges[self.p.blocks]
+        early = self.frame_s[self.film.row] < blocks.edges[self.p.cross_validation_folds]
         return self.windows(self.film, blocks, early), self.windows(self.film, blocks, ~early)
 
     def sides(self, swum: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
@@ -149,14 +149,16 @@ def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = Tr
 def refuse(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
     """FinloopError if the windows are too few: each block tests film and learns from both."""
     film, beside = sides
-    tested, learnt = np.bincount(film.block, minlength=p.blocks), (~film.near).sum(axis=0)
+    folds = p.cross_validation_folds
+    tested, learnt = np.bincount(film.block, minlength=folds), (~film.near).sum(axis=0)
     learnt_beside = (~beside.near).sum(axis=0)
-    if min(tested.min(), learnt.min(), learnt_beside.min()) < LEAST or len(beside.x) < p.blocks:
+    if min(tested.min(), learnt.min(), learnt_beside.min()) < LEAST or len(beside.x) < folds:
         raise FinloopError(
             f"windows of the film that blocks test {tested.tolist()} and learn from "
             f"{learnt.tolist()}, of what it is compared with {learnt_beside.tolist()}",
-            f"at least {LEAST} of each in each of {p.blocks} blocks",
-            "a longer film, fewer realism.blocks, or shorter realism.window and gap",
+            f"at least {LEAST} of each in each of {folds} blocks",
+            "a longer film, fewer realism.cross_validation_folds, or a shorter "
+            "realism.window_deltas",
         )
 
 

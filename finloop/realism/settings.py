@@ -1,31 +1,49 @@
 """Parameters of `realism`: how much is compared, in which windows, by which classifier."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from finloop.base.settings import Count, NotNegative, Positive, Seed
+from finloop.base.settings import Count, Positive, Seed
 
 
 @dataclass(frozen=True)
 class RealismSettings:
     """How an animation is compared with its film."""
 
-    # s, of animation in each mode, and of film at most; its tracks stay whole
     seconds: Positive
-    window: Positive  # Δ, length of a window, the input of the classifier
-    stride: Positive  # Δ, from the beginning of a window to that of the next one
-    step: Positive  # Δ, over which the channels of a window are means; at least a frame
-    # blocks of time; each is tested by a classifier that has learnt from the others
-    blocks: Annotated[int, Field(ge=2)]
-    # Δ of film before and after a block that its classifier does not learn from
-    gap: NotNegative
-    cluster: Positive  # Δ; windows that begin within it are one observation of the interval
-    rounds: Count  # trees of the classifier
-    leaves: Annotated[int, Field(ge=2)]  # of a tree, at most
-    leaf_windows: Count  # windows in a leaf, at least
-    bins: Annotated[int, Field(ge=2, le=255)]  # of the values of a channel, in the classifier
-    examples: Annotated[int, Field(ge=0)]  # windows on the contact sheet, of each mode
-    slower: Annotated[int, Field(ge=1)]  # times that the film of them is slowed down
-    seed: Seed  # for the choice of tracks and for the classifier
+    window_deltas: Positive
+    cross_validation_folds: Annotated[int, Field(ge=2)]
+    classifier_trees: Count
+    examples: Annotated[int, Field(ge=0)]
+    seed: Seed
+
+    step: ClassVar[float] = 0.2  # Δ; channels are means over it, of a frame at least
+    leaves: ClassVar[int] = 8  # of a tree, at most; small trees do not learn single windows
+    leaf_windows: ClassVar[int] = 10  # in a leaf, at least; a leaf of fewer is chance
+    bins: ClassVar[int] = 32  # quantiles of a channel; a few hundred windows fill no more of them
+    slower: ClassVar[int] = 4  # times; so the film of examples can be followed by eye
+    RENAMED: ClassVar = {
+        "window": "window_deltas",
+        "stride": "window_deltas",
+        "gap": "window_deltas",
+        "cluster": "window_deltas",
+        "blocks": "cross_validation_folds",
+        "rounds": "classifier_trees",
+    }
+
+    @property
+    def stride(self) -> float:
+        """Return the Δ from the beginning of a window to that of the next: a quarter of it."""
+        return self.window_deltas / 4
+
+    @property
+    def gap(self) -> float:
+        """Return the Δ of film around a fold that its classifier does not learn from: a window."""
+        return self.window_deltas
+
+    @property
+    def cluster(self) -> float:
+        """Return the Δ within which windows are one observation of the interval: five windows."""
+        return 5 * self.window_deltas

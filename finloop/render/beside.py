@@ -1,4 +1,4 @@
-"""Film and modes side by side: a panel each, the camera on the fish, its colour what is shown."""
+"""Film and modes side by side: a panel each, the camera on the fish, coloured by what is shown."""
 
 from collections.abc import Iterator, Mapping
 
@@ -14,8 +14,8 @@ from finloop.render.marks import COLOURS, rgb, write
 from finloop.render.painter import Painter
 
 WORDS_PX = 40
-"""Height of the words below a panel."""
-_AROUND = 1.25  # body lengths that a panel shows to every side of the fish
+"""Height of the text below a panel."""
+_AROUND = 1.25  # body lengths that a panel shows on every side of the fish
 
 
 def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""The pictures that an edit list names, and what its rows want drawn."""
+"""The pictures that an edit list names, and what its rows draw."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -28,7 +28,7 @@ _COLUMNS = [
 
 
 class Shelf(NamedTuple):
-    """Cut-outs of the n frames, or of the n sprites in so many orientations.
+    """Cut-outs of the n frames, or of the n sprites in each of `orientations` orientations.
 
     centres_px (n, 2): their mass centres in the film.
     """
@@ -39,7 +39,7 @@ class Shelf(NamedTuple):
 
 
 class Gallery:
-    """Pictures as an edit list names them, the most recent `keep` of them held.
+    """Pictures by the names in an edit list; the most recent `keep` stay in memory.
 
     bodies: the film's postures, without which no frame can be drawn mirrored or in another pose.
     """
@@ -60,14 +60,14 @@ class Gallery:
         return picture(cutout.pixels, x, y)
 
     def frame(self, row: int, mirrored: bool = False) -> Picture:
-        """The picture of a row of the film, mirrored: its left is its right."""
+        """Return the picture of a row of the film; mirrored: left and right exchanged."""
         return self.picture(FRAME, row, 1, mirrored)
 
     def rotate_picture(
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool = False,
     ) -> Turned:  # fmt: skip
-        """A sprite in an orientation, or a frame (its orientation does not count), turned."""
+        """Return a sprite in an orientation, or a frame, which has none, turned."""
         if kind != FRAME:
             one = self.picture(kind, source, int(orientation), False)
         elif mirrored:
@@ -79,7 +79,7 @@ class Gallery:
         return Turned(one, rotation_deg, scale)
 
     def place(self, row: Any) -> Placed:
-        """What a row of an edit list wants drawn; it has the names of its columns."""
+        """Return what a row of an edit list draws; `row` has the names of its columns."""
         own = row.kind, row.source, row.orientation, row.rotation_deg
         partner = None
         if row.weight > 0:
@@ -106,7 +106,6 @@ class Gallery:
         return Placed(row.x_px, row.y_px, fish, other, row.weight)
 
     def _bend_body(self, body: Body, posture: Floats, heading_rad: float, size_px: float) -> Bent:
-        """Return a body of the film in a posture."""
         assert self.bodies is not None
         row = int(body.row)
         own, film = self.bodies.poses.pose[row], self.frame(row)
@@ -147,7 +146,7 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
 
 
 def frames(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
-    """Tick by tick what an edit list (schema EDIT) wants drawn: every fish, the lowest first.
+    """Yield what an edit list (schema EDIT) draws, tick by tick: every fish, the lowest first.
 
     FinloopError at once, listing all that cannot be drawn.
     """
@@ -208,5 +207,5 @@ def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
 
 
 def _possible(pose: Floats, codes: int) -> bool:
-    """Whether these are so many codes."""
+    """Return whether a pose has this number of finite codes."""
     return codes > 0 and np.shape(pose) == (codes,) and bool(np.isfinite(pose).all())

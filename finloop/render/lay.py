@@ -1,4 +1,4 @@
-"""Kernels of the painter: pictures sampled where they are turned to, and laid over the canvas."""
+"""Kernels of the painter: they sample turned pictures, and lay them over the canvas."""
 
 import math
 
@@ -12,7 +12,7 @@ _ONE = np.float32(1)
 
 @leaf_kernel
 def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
-    """Red, green, blue (grey: thrice), alpha of a picture at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
+    """Return red, green, blue (grey: thrice), alpha at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
     channels = pixels.shape[2]
     column, row = math.floor(u), math.floor(v)
     red = green = blue = alpha = np.float32(0)
@@ -38,7 +38,7 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
             alpha += down[j] * a
         if channels == 2:
             green = blue = red
-        # Where alpha overshoots, the colour goes with it: a fish of the tank's colour stays unseen.
+        # Where alpha overshoots, the colour follows: a fish of the tank's colour stays invisible.
         alpha, share = max(alpha, np.float32(0)), min(np.float32(255) / max(alpha, _ONE), _ONE)
         alpha *= share
         red = min(max(red * share, np.float32(0)), alpha)
@@ -49,7 +49,7 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def _span(m, y, shape, ends):  # type: ignore[no-untyped-def]
-    """From which x to which, within `ends`, half open, a row y shows what the kernel can read."""
+    """Return the half-open range of x, within `ends`, where the kernel can read for row y."""
     start, stop = ends
     for slope, offset, most in (
         (m[0], m[1] * y + m[2], shape[1] - 2), (m[3], m[4] * y + m[5], shape[0] - 2),
@@ -76,7 +76,7 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
 def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
     """Lay (1 − share) fish + share partner, both a `painter.Layer`, over the canvas."""
     top, left, bottom, right = box
-    # Taken apart here: within the loop every look into a tuple would count its references.
+    # Unpacked here: within the loop every access to a tuple would count its references.
     pixels, near, m = fish
     other, other_near, n = partner
     shape, other_shape = near.shape, other_near.shape

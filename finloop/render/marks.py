@@ -1,8 +1,8 @@
-"""Marks in a film: goals, ways so far, and in a corner time, state and goal (Figs. 16, 18).
+"""Marks in a film: goals, paths, and in a corner time, state and goal (Figs. 16, 18).
 
-Of several fish the corner has time and number. What lies on the floor (goals, ways) is drawn there
-once and stays, below the fish; only the caption is written anew at every tick. Sizes follow the
-picture's height. Colours are those of Okabe and Ito, told apart by colour-blind eyes too.
+For several fish the corner has time and number. Goals and paths are drawn on the floor once and
+stay, below the fish; only the caption is new at every tick. Sizes follow the picture's height. The
+colours are those of Okabe and Ito, which colour-blind eyes can distinguish.
 """
 
 from collections.abc import Sequence
@@ -30,18 +30,19 @@ COLOURS = {
     "sprite": "#0072B2",
     "prediction": "#009E73",
 }
-"""Of what is shown (`finloop.edit.measures.SHOWN`), or where that is one thing, of the states."""
+"""Colours of what is shown (`finloop.edit.measures.SHOWN`), or where that is one thing, of the
+states."""
 _OTHERS = ("#56B4E9", "#F0E442", "#000000")
 _WAITING, _CURRENT = (255, 255, 255), (255, 190, 40)  # goals; a reached one has a dot
-_EDGE = (25, 25, 25)  # around what is bright, so that it is seen on a bright tank too
+_EDGE = (25, 25, 25)  # around bright marks, so that they are visible on a bright tank
 _FONT, _REGULAR, _BOLD = cv2.FontFace("sans"), 400, 700
 _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Return what tells the ticks of an edit list apart, and its colours.
+    """Return the category of each tick of an edit list, and the colour of each category.
 
-    That is what they show; where all show the same, the states.
+    The category is what a tick shows; where all show the same, its state.
     """
     names = picture_kinds(edit)
     names = names if names.nunique() > 1 else edit["state"]
@@ -51,20 +52,20 @@ def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
 
 def aims(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Stretches of one goal after the other: its name ("" = wandering), first tick, end."""
+    """Return the stretches to each goal in turn: its name ("" = wandering), first tick, end."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def goal_ticks(edit: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return which ticks lead to a goal; where there is no goal at all, every tick."""
+    """Return which ticks lead to a goal; all ticks where there is no goal."""
     found = (edit["goal"] != "").to_numpy()
     return found if found.any() else ~found
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """ "#RRGGBB" as three numbers."""
+    """Return "#RRGGBB" as three numbers."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red, green, blue
 
@@ -82,7 +83,7 @@ def write(
 
 
 class MarkedTrack(NamedTuple):
-    """What is marked of a fish. places (ticks, 2): of its way, px; pens: colour and width there.
+    """The marks of a fish. places (ticks, 2): of its path, px; pens: colour and width there.
 
     goals: the name of the goal from each tick on at which that changes, "" = wandering.
     """
@@ -93,7 +94,7 @@ class MarkedTrack(NamedTuple):
 
 
 class MarkPainter:
-    """Draws the fish of an edit list with the marks, tick by tick, with a painter of colour."""
+    """Draws the fish of an edit list with their marks, tick by tick, with a painter of colour."""
 
     def __init__(self, painter: Painter, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
         height, width = painter.canvas.shape[:2]
@@ -115,7 +116,7 @@ class MarkPainter:
             for rows in edit.groupby("fish").indices.values()
         ]  # fmt: skip
         fish, ticks = len(self._courses), len(self._courses[0].places)
-        self._colour = colour if fish == 1 else []  # of the square beside the caption
+        self._colour = colour if fish == 1 else []  # colours of the square beside the caption
         self._times = [f"{time:.1f} s" for time in edit["time_s"][:ticks]]
         self._words = [f"{fish} fish"] * ticks if fish > 1 else [
             f"{state} → {goal}" if goal else f"{state}, wandering"
@@ -131,13 +132,13 @@ class MarkPainter:
             self._goal(name, _WAITING)
 
     def show(self, tick: int, *fish: Placed) -> None:
-        """Draw a tick; every one in its turn, since the ways grow by it."""
+        """Draw a tick; ticks must come in order, since the paths grow with each."""
         self._below(tick)
         self._painter.show(*fish)
         self._above(tick)
 
     def _below(self, tick: int) -> None:
-        """Bring the floor up to a tick: goals in their colours, the ways that far."""
+        """Bring the floor up to a tick: goals in their colours, the paths until then."""
         for fish, course in enumerate(self._courses):
             if tick in course.goals:
                 if self._current[fish] in self._goals:
@@ -153,10 +154,9 @@ class MarkPainter:
                 self._touch(np.stack([start, stop]), self._line + 2)
 
     def _above(self, tick: int) -> None:
-        """Write time, state and goal into the corner."""
         box = self._plate
         plate = self._painter.canvas[box.slices]
-        np.right_shift(plate, 1, out=plate)  # half as bright: letters are seen on any tank
+        np.right_shift(plate, 1, out=plate)  # half as bright: letters are legible on any tank
         size, middle = self._size, (box.top + box.bottom) // 2
         corner = box.left + size // 2, middle - size // 2
         canvas, white = self._painter.canvas, (255, 255, 255)
@@ -204,7 +204,7 @@ class MarkPainter:
 
 
 def _pale(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
-    """A colour that is seen on this floor, but hardly: for a way that leads to no goal."""
+    """Return a faint colour on this floor, for a path that leads to no goal."""
     middle = np.median(floor[::8, ::8].reshape(-1, 3), axis=0)
     red, green, blue = (0.75 * middle if middle.mean() > 80 else middle + 40).astype(int).tolist()
     return red, green, blue
@@ -219,7 +219,7 @@ def _subpixel_point(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, 
 def _free_corner(
     places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
 ) -> Box:
-    """The corner of the picture where a plate (width, height) hides the fish least often."""
+    """Return the corner of the picture where a plate (width, height) hides the fish least often."""
     (width, height), found = size, []
     for top in (gap, shape[0] - gap - height):
         for left in (gap, shape[1] - gap - width):

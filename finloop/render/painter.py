@@ -1,25 +1,25 @@
 """The painter: pictures of a fish laid over the empty tank, turned, scaled and cross-faded.
 
-What an edit list asks for (fish paper Figs. 16, 18). Everything is premultiplied by alpha and stays
-in floating point until the canvas, so that a pixel is rounded once:
+It draws what an edit list names (fish paper Figs. 16, 18). Everything is premultiplied by alpha and
+stays in floating point until the canvas, so that a pixel is rounded once:
 
     F = (1 − w) A + w B        the cross-fade of two pictures A, B, w the partner's share
     canvas = F + (1 − alpha of F) · tank
 
-A and B are sampled with the cubic kernel of Keys (a = −1/2), which gives back every polynomial up
+A and B are sampled with the cubic kernel of Keys (a = −1/2), which reproduces every polynomial up
 to the second degree: a shift by a part of a pixel moves the mass centre by exactly that part, and
-no shift at all changes nothing. Its overshoots are cut off: 0 ≤ colour ≤ alpha ≤ 255, so that no
+no shift at all changes nothing. Its overshoots are clipped: 0 ≤ colour ≤ alpha ≤ 255, so that no
 fringe shines at the outline and nothing overflows.
 
-A fish in another pose than it was filmed in is drawn by the puppet, its partner in the same pose.
-Of several fish each is laid over those before it. Where it lies over one, its shadow falls on that
+The puppet draws a fish in another pose than the filmed one, its partner in the same pose. Of
+several fish each is laid over those before it. Where it lies over one, its shadow falls on that
 one. U is its alpha, S the same blurred with the SD σ, Cₖ the alpha of a fish k below it: those keep
 
     1 − share · S · (1 − Πₖ (1 − fₖ Cₖ)),  fₖ = min(1, Aₖ / 2πσ²),  Aₖ = Σ max(0, U + Cₖ − 1)
 
-of their light. Aₖ is the area in px² that both cover for certain, none of fish beside each other.
+of their light. Aₖ is the area in px² that both cover for certain, 0 for fish beside each other.
 fₖ fades the shadow in as a fish comes under: Aₖ / 2πσ² is the peak of so large a spot blurred by σ.
-On the floor no shadow is drawn: the film's own cut-outs have none.
+The floor has no shadow: the film's own cut-outs have none.
 
 Coordinates in px, x right, y down, pixel centres at integers; angles anticlockwise as seen.
 """
@@ -55,11 +55,11 @@ class Box(NamedTuple):
 
     @property
     def empty(self) -> bool:
-        """Whether there is nothing in it."""
+        """Return whether the box contains nothing."""
         return self.bottom <= self.top or self.right <= self.left
 
     def within(self, shape: tuple[int, ...]) -> "Box":
-        """The part of it that lies on a canvas of this shape."""
+        """Return the part of the box that lies on a canvas of this shape."""
         top, bottom = (min(max(edge, 0), shape[0]) for edge in (self.top, self.bottom))
         left, right = (min(max(edge, 0), shape[1]) for edge in (self.left, self.right))
         return Box(top, left, bottom, right)
@@ -69,7 +69,7 @@ class Box(NamedTuple):
         return Box(self.top - rim, self.left - rim, self.bottom + rim, self.right + rim)
 
     def common(self, other: "Box") -> "Box":
-        """What two have in common."""
+        """Return the intersection of two boxes."""
         return Box(
             max(self.top, other.top), max(self.left, other.left),
             min(self.bottom, other.bottom), min(self.right, other.right),
@@ -77,7 +77,7 @@ class Box(NamedTuple):
 
     @classmethod
     def around(cls, boxes: Iterable["Box"]) -> "Box":
-        """The smallest one that holds all of them."""
+        """Return the smallest box that holds all boxes."""
         tops, lefts, bottoms, rights = zip(*boxes, strict=True)
         return cls(min(tops), min(lefts), max(bottoms), max(rights))
 
@@ -96,7 +96,7 @@ class Picture(NamedTuple):
 
 
 class Turned(NamedTuple):
-    """A picture as it is to be drawn, turned about its mass centre."""
+    """A picture to draw, turned about its mass centre."""
 
     picture: Picture
     rotation_deg: float = 0.0
@@ -104,7 +104,7 @@ class Turned(NamedTuple):
 
 
 class Bent(NamedTuple):
-    """A picture as it is to be drawn in another posture, `finloop.puppet.pose`.
+    """A picture to draw in another posture (`finloop.puppet.pose`).
 
     source: the animal's backbone in the picture's pixels. posture: the one to draw, headed
     `heading_rad` on screen; size_px: of the animal there. mirrored: left is drawn as right.
@@ -124,7 +124,7 @@ class Bent(NamedTuple):
 
 
 def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
-    """A picture from a cut-out (h, w, 2 or 4) uint8 whose mass centre is (x_px, y_px) of it."""
+    """Return a picture from a cut-out (h, w, 2 or 4) uint8 with its mass centre at (x_px, y_px)."""
     rim = (_PAD, _PAD)
     padded = np.pad(pixels, (rim, rim, (0, 0)))
     alpha = np.ascontiguousarray(padded[..., -1])
@@ -133,7 +133,7 @@ def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
 
 
 class Placed(NamedTuple):
-    """What a row of an edit list wants drawn; the arguments of `Painter.draw`."""
+    """What a row of an edit list draws; the arguments of `Painter.draw`."""
 
     x_px: float
     y_px: float
@@ -143,7 +143,7 @@ class Placed(NamedTuple):
 
 
 class Shadow(NamedTuple):
-    """Of a fish on the fish below it. share: of the light that it takes; blur_px: its softness."""
+    """The shadow on the fish below. share: of the light that it takes; blur_px: its softness."""
 
     share: float
     blur_px: float
@@ -155,8 +155,8 @@ NO_SHADOW = Shadow(0.0, 1.0)
 class Painter:
     """A canvas to draw on, again and again; only what was drawn is wiped.
 
-    floor: (H, W, 1 or 3) uint8, the canvas without fish; whoever draws on it says where, by
-    `touch`. canvas: the same, with fish.
+    floor: (H, W, 1 or 3) uint8, the canvas without fish; callers that draw on it report where with
+    `touch`. canvas: the floor with fish.
     """
 
     def __init__(self, background: Image, colour: bool = False, shadow: Shadow = NO_SHADOW) -> None:
@@ -170,22 +170,22 @@ class Painter:
 
     @property
     def frame(self) -> Image:
-        """The canvas as (H, W) or (H, W, 3); a view."""
+        """Return the canvas as (H, W) or (H, W, 3); a view."""
         return self.canvas if self.canvas.shape[2] == 3 else self.canvas[..., 0]
 
     def touch(self, box: Box) -> None:
-        """Say that the canvas is not the floor there any more, or will not be."""
+        """Mark a box of the canvas as changed, now or soon."""
         if not box.empty:
             self._touched.append(box)
 
     def wipe(self) -> None:
-        """Make the canvas the floor again."""
+        """Restore the floor where the canvas was changed."""
         for box in self._touched:
             self.canvas[box.slices] = self.floor[box.slices]
         self._touched.clear()
 
     def show(self, *fish: Placed) -> Box:
-        """The floor with these fish alone, the lowest first; where they are."""
+        """Draw the floor with these fish alone, the lowest first; return their box."""
         self.wipe()
         boxes: list[Box] = []
         for number, one in enumerate(fish):
@@ -195,7 +195,6 @@ class Painter:
         return Box.around([box for box in boxes if not box.empty] or boxes)
 
     def _shade(self, upper: Placed, lower: Sequence[Placed]) -> None:
-        """Throw the shadow of a fish on those that are drawn and that it lies over."""
         own, (share, blur_px) = extent(upper), self._shadow
         lower = [one for one in lower if not extent(one).common(own).empty]
         box = own.grow(math.ceil(3 * blur_px)).within(self.canvas.shape)
@@ -214,7 +213,10 @@ class Painter:
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
     def _silhouette(self, one: Placed, box: Box) -> NDArray[np.float32]:
-        """How much of each pixel of a box (h, w) a fish covers: painted over black and white."""
+        """Return the share of each pixel of a box (h, w) that a fish covers.
+
+        It is painted over black and over white.
+        """
         shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
         black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
         moved = one._replace(x_px=one.x_px - box.left, y_px=one.y_px - box.top)
@@ -231,10 +233,9 @@ class Painter:
         partner: Turned | Bent | None = None,
         weight: float = 0.0,
     ) -> Box:
-        """Draw a fish with its mass centre at (x_px, y_px); what lies outside is cut off.
+        """Draw a fish with its mass centre at (x_px, y_px), clipped at the edges; return its box.
 
-        `partner`, of the same kind, is cross-faded into it with the share `weight` (0 … 1). Returns
-        what was touched.
+        `partner`, of the same kind, is cross-faded into it with the share `weight` (0 … 1).
         """
         other, share = (partner, weight) if partner is not None else (fish, 0.0)
         channels = max(one.picture.pixels.shape[2] for one in (fish, other))
@@ -250,12 +251,11 @@ class Painter:
             if not box.empty:
                 lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
         else:
-            raise ValueError("a fish and its partner are drawn both in a pose, or neither")
+            raise ValueError("a fish and its partner are either both drawn in a pose, or neither")
         self.touch(box)
         return box
 
     def _draw_bent(self, fish: Laid, other: Laid | None, share: float) -> Box:
-        """Draw a fish, and its partner with its share; return the box drawn."""
         boxes = [Box(*one.box) for one in (fish, other) if one is not None]
         box = Box.around(boxes).within(self.canvas.shape)
         if not box.empty:
@@ -267,7 +267,7 @@ class Painter:
 
 
 def extent(one: Placed) -> Box:
-    """Where a fish and its partner can leave a trace."""
+    """Return where a fish and its partner can leave a trace."""
     pictures = [one.fish] if one.partner is None or not one.weight else [one.fish, one.partner]
     return Box.around(
         Box(*fish.lay_at(one.x_px, one.y_px).box) if isinstance(fish, Bent)
@@ -277,7 +277,7 @@ def extent(one: Placed) -> Box:
 
 
 def _axes(fish: Turned) -> tuple[float, float]:
-    """Cosine and sine of the turn; of whole turns exactly 1 and 0."""
+    """Return cosine and sine of the turn; exactly 1 and 0 for whole turns."""
     angle = math.radians(math.remainder(fish.rotation_deg, 360.0))
     return math.cos(angle), math.sin(angle)
 
@@ -294,7 +294,6 @@ class Layer(NamedTuple):
 
 
 def _layer(x_px: float, y_px: float, fish: Turned) -> Layer:
-    """A fish with its mass centre at (x_px, y_px)."""
     cos, sin = (part / fish.scale for part in _axes(fish))
     pixels, near, u, v = fish.picture
     return Layer(
@@ -304,7 +303,7 @@ def _layer(x_px: float, y_px: float, fish: Turned) -> Layer:
 
 
 def _extent(x_px: float, y_px: float, fish: Turned) -> Box:
-    """Where a picture can leave a trace: its corners, turned; the kernel reaches 2 px beyond."""
+    """Return where a picture can leave a trace: its turned corners, and 2 px for the kernel."""
     cos, sin = (part * fish.scale for part in _axes(fish))
     (height, width), reach = fish.picture.pixels.shape[:2], _PAD - 2
     us = [edge - fish.picture.x_px for edge in (reach, width - 1 - reach)]

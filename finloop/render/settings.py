@@ -1,11 +1,11 @@
 """Parameters of `render`: how an edit list becomes a film (fish paper Figs. 16, 18)."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from finloop.base.settings import Crf, NotNegative, Positive, Quality
+from finloop.base.settings import Crf, NotNegative, Quality
 from finloop.edit.modes import Shown
 
 
@@ -13,16 +13,21 @@ from finloop.edit.modes import Shown
 class RenderSettings:
     """Which edit list is filmed, and how."""
 
-    mode: Shown  # the edit list
-    marks: bool  # a second film, with goals, way, state and time
-    crf: Crf  # quality of the films, H.264
-    # of a fish on one that it swims over (matching.overlap): share of the light that it takes away
-    shadow: Annotated[float, Field(ge=0, le=1)]
-    shadow_blur: Positive  # body lengths, how soft that is: the SD by which it is blurred
-    # px, of the animated WebP; it has marks if there are
+    mode: Shown
+    marked_film: bool
+    crf: Crf
+    shadow_darkness: Annotated[float, Field(ge=0, le=1)]
     webp_width_px: Annotated[int, Field(ge=16, le=16383)]
-    webp_seconds: NotNegative  # s, its duration; 0 = none
-    webp_quality: Quality  # of WebP
-    # s, of the film of all modes side by side, the film's own fish first; 0 = none
-    beside_seconds: NotNegative
-    beside_px: Annotated[int, Field(ge=32, le=1024)]  # width of one of its panels
+    webp_seconds: NotNegative
+    webp_quality: Quality
+    comparison_seconds: NotNegative
+
+    shadow_blur: ClassVar[float] = (
+        0.05  # body lengths, SD of its blur; soft, yet narrower than a fish
+    )
+    beside_px: ClassVar[int] = 256  # px, width of a panel of modes.mp4; five fit on a screen
+    RENAMED: ClassVar = {
+        "marks": "marked_film",
+        "shadow": "shadow_darkness",
+        "beside_seconds": "comparison_seconds",
+    }

@@ -12,10 +12,10 @@ from finloop.render.painter import Box, Painter, Turned
 
 
 class FrameChangeMeter:
-    """How much the picture changes from one drawn frame to the next (Eq. 5 on what is shown).
+    """Measures how much the picture changes from one drawn frame to the next (Eq. 5 on the screen).
 
     ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square. It
-    grows with the way swum as with the change of shape. `film_steps` measures the film so.
+    grows with distance and with the change of shape. `film_steps` measures the film the same way.
     """
 
     def __init__(self, painter: Painter) -> None:
@@ -45,10 +45,10 @@ class FrameChangeMeter:
 def film_steps(
     painter: Painter, gallery: Gallery, tracks: pd.DataFrame, most: int = 400
 ) -> NDArray[np.float64]:
-    """The steps of the film itself: its fish drawn alone at their own places, frame after frame.
+    """Return the steps of the film itself: its fish drawn alone, frame after frame.
 
-    tracks: track_id, frame and mass centre, a row per frame; at most so many pairs
-    of consecutive frames, spread over the film.
+    tracks: track_id, frame and mass centre, a row per frame; most: pairs of consecutive frames,
+    spread over the film.
     """
     track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
     first = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
@@ -67,7 +67,7 @@ def film_steps(
 
 
 def step_numbers(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
-    """Metrics: the steps of an animation beside those of the film itself."""
+    """Return metrics: the steps of an animation beside those of the film itself."""
     steps = np.asarray(drawn)[1:]
     if not len(steps) or not len(film):
         return {}

@@ -1,18 +1,24 @@
 """Parameters of `report`: how large the page may be."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from finloop.base.settings import Positive, Quality
+from finloop.base.settings import Positive
 
 
 @dataclass(frozen=True)
 class ReportSettings:
     """How large the page and what it holds may be."""
 
-    film_most_mb: Positive  # MB; a larger film is made smaller for the page
-    picture_width_px: Annotated[int, Field(ge=200, le=4000)]  # px; pictures are at most so wide
-    picture_quality: Quality  # of the pictures, WebP
-    most_mb: Positive  # MB; a page that would be larger is refused
+    max_film_mb: Positive
+    max_picture_width_px: Annotated[int, Field(ge=200, le=4000)]
+    max_page_mb: Positive
+
+    picture_quality: ClassVar[int] = 85  # of the pictures, WebP; letters in them stay sharp
+    RENAMED: ClassVar = {
+        "film_most_mb": "max_film_mb",
+        "picture_width_px": "max_picture_width_px",
+        "most_mb": "max_page_mb",
+    }

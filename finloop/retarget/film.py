@@ -107,7 +107,7 @@ def retarget_track(
     motion = motion_of(track, film.rate_hz, p)
     way, scale = _scale_track(track, motion, film, p)
     rows = FilmRows.from_reel(reel, film.poses, film.look, others.weights, track.has_postures)
-    if track.rows is not None and not p.own_frames:
+    if track.rows is not None and not p.allow_own_frames:
         rows = rows.without(track.rows)
     pictures = film.pictures
     how = joins(others.joins, others.join, pictures.bodies, delta_of(reel.features), pictures.helps)

@@ -44,7 +44,7 @@ def load_track(film: RetargetData, p: RetargetSettings) -> Track:
     folder = film_folder(path)
     if folder is not None:
         return _load_film_track(folder, steps, p)
-    rate = p.rate_hz or film.rate_hz
+    rate = p.tracks_rate_hz or film.rate_hz
     software = None if p.software == "auto" else p.software
     return track_of(load_poses(path, software, rate, "retarget.tracks"), rate, steps, p)
 
@@ -64,7 +64,7 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
     """Load a track of another film, whose folder data/ this is."""
     scene = load_record(folder / _SCENE, SceneFacts, "extract")
     features = load_table(folder / _FEATURES, FEATURES)
-    rate = p.rate_hz or load_facts(folder / _FACTS).frame_rate_hz
+    rate = p.tracks_rate_hz or load_facts(folder / _FACTS).frame_rate_hz
     tracks = load_table(folder / _TRACKS, tracks_schema(scene.points), _LINES)
     if len(tracks) != len(features):
         raise FinloopError(

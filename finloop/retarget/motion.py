@@ -46,8 +46,8 @@ def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMoti
             f"the longest stretch of {track.name} without a gap has {len(longest)} frames, "
             f"{lasts:.2f} s, of {int(asked.sum())} frames that were asked for",
             f"{_LEAST / rate_hz:.2g} s at least, {_LEAST} frames of this film",
-            "a longer gap (retarget.gap_s), another animal, or another part of the track "
-            "(retarget.start_s, end_s)",
+            "a track with shorter gaps, another animal (retarget.animal), or another part of the "
+            "track (retarget.start_s, end_s)",
         )
     at = time[longest[0]] + np.arange(ticks) / rate_hz
     points = CubicSpline(time[longest], track.points[longest])(at)
@@ -60,12 +60,12 @@ def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMoti
             for one in (points, codes)
         )
     forward = forward_share(points)
-    if forward < _BACKWARDS and not p.backwards:
+    if forward < _BACKWARDS and not p.allow_backwards:
         raise FinloopError(
             f"{track.name} swims tail first for {1 - forward:.0%} of its way",
             "points from head to tail; most animals swim head first",
-            "exchange retarget.head and retarget.tail, turn retarget.points round, or let it swim "
-            "so: retarget.backwards=true",
+            "name the points from head to tail (retarget.body_keypoints), or let it swim so: "
+            "retarget.allow_backwards=true",
         )
     first, last = track.frame[longest[[0, -1]]]
     every = int(asked.sum())

@@ -24,7 +24,7 @@ def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
         raise FinloopError(
             f"one point of {track.name} is given: it says no body length",
             "head and tail of the animal, or how large its px are in this tank",
-            "name both (retarget.head, retarget.tail); or set retarget.scale: the body length of "
+            "name both (retarget.body_keypoints); or set retarget.scale: the body length of "
             "this film's fish by that of the tracked animal, both in px",
         )
     return length_px / track.length_px
@@ -56,19 +56,19 @@ def find_placement(
     bodies (T, k, 2) px: the drawn points of the animal; a smaller way keeps their size.
     FinloopError if they fit nowhere.
     """
-    if p.place == "given":
+    if p.placement == "given":
         return np.zeros(2), 1.0
     shift = shift_into(bodies, arena, length_px)
     if shift is not None:
         return shift, 1.0
-    if p.place == "fit":
+    if p.placement == "fit":
         there = np.argwhere(arena)[:, ::-1].astype(float)
         raise FinloopError(
             f"the way is {_size(bodies, length_px)} body lengths large, body and all, the tank "
             f"{_size(there, length_px)}: nowhere in it the fish stays inside",
             "a way that fits into the tank",
-            "a part of the track (retarget.start_s, end_s), a smaller way (retarget.place=shrink), "
-            "or let it leave the tank (retarget.place=given)",
+            "a part of the track (retarget.start_s, end_s), a smaller way "
+            "(retarget.placement=shrink), or let it leave the tank (retarget.placement=given)",
         )
     small, large = 0.0, 1.0
     best = shift_into(smaller(bodies, small), arena, length_px)
@@ -76,7 +76,7 @@ def find_placement(
         raise FinloopError(
             "the fish does not fit into the tank, however small its way",
             "a tank larger than the fish",
-            "give the arena its real size (clip.arena), or retarget.place=given",
+            "give the arena its real size (clip.arena), or retarget.placement=given",
         )
     for _ in range(_ROUNDS):
         middle = (small + large) / 2

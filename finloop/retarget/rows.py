@@ -81,7 +81,7 @@ class FilmRows:
             raise FinloopError(
                 "the film has no frames but those of the track that is asked for",
                 "other frames of the film to draw it from",
-                "retarget.own_frames=true, or a film with more tracks",
+                "retarget.allow_own_frames=true, or a film with more tracks",
             )
         values = np.where(gone[:, None], np.inf, self.values)
         follows = np.where(np.isin(self.follows, np.flatnonzero(gone)), -1, self.follows)

@@ -56,23 +56,24 @@ def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> T
     """
     name, frame, points = _animal(poses, p)
     order = body_points(poses.keypoints, points, p)
+    first, last = p.keypoint_range
     if len(order) > 2:
         inner = np.arange(steps + 1) / steps
-        at = inner[(inner >= p.first_share - 1e-9) & (inner <= p.last_share + 1e-9)]
-        share = (at - p.first_share) / (p.last_share - p.first_share)
+        at = inner[(inner >= first - 1e-9) & (inner <= last + 1e-9)]
+        share = (at - first) / (last - first)
         line = lines(points[:, order], share, name)
     else:
-        heads = [keypoint(poses.keypoints, p.head, HEADS, "retarget.head")]
+        heads = [keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
         single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
-        at = np.array([p.first_share, p.last_share] if len(order) == 2 else [single])
+        at = np.array([first, last] if len(order) == 2 else [single])
         line = points[:, order]
     there = np.isfinite(line).all((1, 2))
     if not there.any():
         raise FinloopError(
             f"{name} has no frame in which {', '.join(poses.keypoints[one] for one in order)} are "
-            f"given with a confidence of {p.least_confidence:g} or more",
+            f"given with a confidence of {p.min_confidence:g} or more",
             "one frame at least with all of them",
-            "name points that are seen (retarget.points), or lower retarget.least_confidence",
+            "name points that are seen (retarget.body_keypoints), or lower retarget.min_confidence",
         )
     return Track(name, rate_hz, frame, line, at, _length_px(line[there], at))
 
@@ -87,14 +88,14 @@ def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, s
 
 def _animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
     """Name, frames (t,) and points (t, keypoints, 2), NaN where not given, of the animal."""
-    sure = ~(poses.confidence < p.least_confidence)  # NaN: not said
+    sure = ~(poses.confidence < p.min_confidence)  # NaN: not said
     points = np.where(sure[..., None], poses.places, np.nan)
     seen = np.asarray(np.isfinite(points).all(2)).any(1)
     if not seen.any():
         raise FinloopError(
-            f"no point of the tracks has a confidence of {p.least_confidence:g} or more",
+            f"no point of the tracks has a confidence of {p.min_confidence:g} or more",
             "points that the program is sure of",
-            "lower retarget.least_confidence",
+            "lower retarget.min_confidence",
         )
     counts = np.bincount(poses.individual[seen], minlength=len(poses.individuals))
     number = choose_animal(p.animal, poses.individuals, counts)
@@ -122,17 +123,17 @@ def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -
     By themselves: head, tail, and what lies between them near their line, in the median of all
     frames: eyes and fins lie beside it.
     """
-    if p.points is not None:
-        missing = [one for one in p.points if one not in keypoints]
-        if missing or not p.points:
+    if p.body_keypoints is not None:
+        missing = [one for one in p.body_keypoints if one not in keypoints]
+        if missing or not p.body_keypoints:
             raise FinloopError(
                 f"the tracks have no keypoint {', '.join(missing) or '(none is named)'}",
                 f"some of {', '.join(keypoints)}",
-                "correct retarget.points",
+                "correct retarget.body_keypoints",
             )
-        return np.array([keypoints.index(one) for one in p.points])
-    head = keypoint(keypoints, p.head, HEADS, "retarget.head")
-    tail = keypoint(keypoints, p.tail, TAILS, "retarget.tail")
+        return np.array([keypoints.index(one) for one in p.body_keypoints])
+    head = keypoint(keypoints, p.head, HEADS, "retarget.body_keypoints")
+    tail = keypoint(keypoints, p.tail, TAILS, "retarget.body_keypoints")
     if head is None or tail is None or head == tail:
         one = next((k for k, name in enumerate(keypoints) if _plain(name) in _CENTRES), 0)
         return np.array([one if head is None else keypoints.index(head)])
@@ -183,7 +184,7 @@ def lines(points: Floats, share: Floats, name: str) -> Floats:
             f"the line through the points of {name} is {np.median(ratio):.1f} times as long as the "
             "way from the first to the last of them: they go back and forth",
             "points in their order along the body, from head to tail",
-            "name them in that order (retarget.points)",
+            "name them in that order (retarget.body_keypoints)",
         )
     return places
 

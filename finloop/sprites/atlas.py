@@ -1,10 +1,10 @@
-"""The sprites as an atlas for game engines: pages of pictures, and JSON that says what is where.
+"""The sprites as an atlas for game engines: pages of pictures, and JSON that lists their places.
 
 The JSON is TexturePacker's and Aseprite's *hash* layout, which PixiJS, Phaser and Godot's importers
 read: `frames` by name, `meta.frameTags` (Aseprite) and `animations` (PixiJS) for each sequence in
 each orientation. A frame's pivot is the fish's mass centre, as a share of its untrimmed size,
 measured from the upper left *edge* as engines do, not from the first pixel's centre. Pictures have
-straight alpha there, as PNG must.
+straight alpha there, as PNG requires.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ from finloop.base.errors import FinloopError
 from finloop.features.table import orientations_of
 
 PADDING = 2  # px between pictures, so that an engine's filter reaches no neighbour
-BLEED = 2  # px that colour reaches out under transparent pixels
+BLEED = 2  # px that colour extends under transparent pixels
 _KEY = ["sprite", "orientation"]
 
 
@@ -46,14 +46,10 @@ class AtlasPage(NamedTuple):
 
 
 def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
-    """Lay out every sprite of every orientation, a sequence in an orientation never torn apart.
+    """Lay out every sprite in every orientation; a sequence in an orientation stays on one page.
 
-    `index` is that of sprites.arrow: of each sprite and orientation the size.
-
-    Raises
-    ------
-    FinloopError
-        If a page cannot hold the pictures of one sequence in one orientation.
+    `index` is that of sprites.arrow: the size of each sprite in each orientation. FinloopError if a
+    page cannot hold the pictures of one sequence in one orientation.
     """
     groups = list(_groups(sprites, index))
     atlas: list[AtlasPage] = []
@@ -73,7 +69,6 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Atla
 
 
 def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[AtlasSlot]]:
-    """The pictures of each sequence in each orientation, named and not yet placed."""
     sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     for sequence, rows in sprites.groupby("sequence", sort=False):
         for number in range(1, orientations_of(sprites) + 1):
@@ -86,7 +81,6 @@ def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[AtlasSl
 
 
 def _count_fitting(groups: list[list[AtlasSlot]], page_px: int) -> int:
-    """Return how many of the first groups fit on one page, by bisection."""
     low, high = 0, len(groups)
     while low < high:
         middle = (low + high + 1) // 2
@@ -99,7 +93,7 @@ def _count_fitting(groups: list[list[AtlasSlot]], page_px: int) -> int:
 
 
 def _smallest(spots: list[AtlasSlot], page_px: int) -> AtlasPage:
-    """A page about as wide as high, no larger than `page_px`."""
+    """Return a page about as wide as high, no larger than `page_px`."""
     area = sum((s.width + PADDING) * (s.height + PADDING) for s in spots)
     width = min(page_px, max(int(area**0.5), max(s.width for s in spots) + 2 * PADDING))
     while (page := _shelves(spots, width, page_px)) is None:
@@ -124,23 +118,23 @@ def _shelves(spots: list[AtlasSlot], width: int, height: int) -> AtlasPage | Non
 
 
 def picture(page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """A page as (h, w, 4) RGBA with straight alpha; pixels(sprite, orientation): as stored."""
+    """Draw a page as (h, w, 4) RGBA, straight alpha; `pixels(sprite, orientation)` loads one."""
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for spot in page.spots:
         here = canvas[spot.y : spot.y + spot.height, spot.x : spot.x + spot.width]
         source = pixels(spot.sprite, spot.orientation)
-        here[..., :3], here[..., 3:] = source[..., :-1], source[..., -1:]  # grey to three alike
+        here[..., :3], here[..., 3:] = source[..., :-1], source[..., -1:]  # grey gives R = G = B
     return straight_alpha(canvas)
 
 
 def png(rgba: NDArray[np.uint8]) -> bytes:
-    """A page as a PNG file; smaller, and slower to make, than OpenCV's default."""
+    """Code a page as a PNG file, smaller than OpenCV's default but slower."""
     settings = [cv2.IMWRITE_PNG_COMPRESSION, 6, cv2.IMWRITE_PNG_STRATEGY, 0]
     return cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA), settings)[1].tobytes()
 
 
 def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Premultiplied RGBA with its colour divided by alpha, bled `BLEED` px under the edge.
+    """Divide the colour of premultiplied RGBA by alpha; bleed it `BLEED` px under the edge.
 
     Premultiplying again gives back the same numbers.
     """
@@ -162,7 +156,7 @@ def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def document(
     atlas: list[AtlasPage], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
 ) -> dict[str, Any]:
-    """The JSON of page `number`: everything an engine needs, and each step's motion besides.
+    """Return the JSON of page `number`: what an engine needs, and each step's motion.
 
     All frames have the same untrimmed size, its middle within a pixel of the mass centre.
     """
@@ -200,7 +194,7 @@ def document(
 
 
 def _reach(sprites: pd.DataFrame, index: pd.DataFrame) -> int:
-    """How far in px any picture reaches from the pixel that its mass centre lies in."""
+    """Return how far [px] any picture reaches from the pixel that holds its mass centre."""
     places = sprites[["x_px", "y_px"]].to_numpy()[index["sprite"]]
     x, y = np.floor(places + 0.5).T
     left, top = index["x0_px"].to_numpy(), index["y0_px"].to_numpy()
@@ -233,7 +227,7 @@ def _frame(
 
 
 def _motion(sprites: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """How the fish moves from each step to the next, and how much its picture is to be scaled."""
+    """Return how the fish moves in each step, and the scale of its picture."""
     numbers = ["scale", "forward", "sideways", "turn_deg"]
     return {
         f"{row.sequence}/{row.step:02d}": {"phase": row.phase}

@@ -1,7 +1,7 @@
 """Candidates for sprites: every tail beat, glide and turn of the film, with its faults.
 
-A fault is measured in units of what is just acceptable; `settings` are those of
-`sprites.settings`, tables those of `sprites.swimmers`.
+A fault of 1 is just acceptable. `settings` are those of `sprites.settings`, tables those of
+`sprites.swimmers`.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from finloop.sprites.swimmers import smooth, spans
 
 
 def beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Every stretch that is one tail beat, swum straight: a row each, with its faults.
+    """Return every stretch of one straight tail beat: a row each, with its faults.
 
     Columns: start, length (rows of `table`), and one per fault. The frame after the last is in the
     track too, since it is compared with the first.
@@ -49,10 +49,10 @@ def beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.Data
 
 
 def slides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Every stretch of gliding, a row each as in `beats`.
+    """Return every stretch of gliding, a row each as in `beats`.
 
-    Stretches shorter than `slide_least` are among them only if there are no longer ones, and
-    those whose tail moves more than `still` only if no tail is still.
+    Stretches shorter than `slide_least` are included only if there are no longer ones, and those
+    whose tail moves more than `still` only if no tail is still.
     """
     least = max(3, round(settings.slide_least * delta))
     most = max(3, round(settings.slide_most * delta))
@@ -77,7 +77,7 @@ def slides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.Dat
 
 
 def calm(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Glides that stand in for a tail beat where there is none: a row each as in `slides`.
+    """Return glides that replace a missing tail beat: a row each as in `slides`.
 
     They are of straight swimming, else of any swimming, else of any frames, usable or not.
     """
@@ -91,9 +91,9 @@ def calm(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataF
 def _straight(
     table: pd.DataFrame, least: int, most: int
 ) -> Iterator[tuple[pd.DataFrame, int, NDArray[np.intp], NDArray[np.intp]]]:
-    """Windows of `least` … `most` usable straight frames, the frame after them straight as well.
+    """Yield windows of `least` … `most` usable straight frames, followed by a straight frame.
 
-    Yields a track, a length, the windows' first rows in that track and the same in `table`.
+    Each item is a track, a length, the windows' first rows in that track and in `table`.
     """
     fine = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
     for span in spans(table):
@@ -106,7 +106,7 @@ def _straight(
 def _common_faults(
     track: pd.DataFrame, start: NDArray[np.intp], n: int, settings: SpritesSettings
 ) -> dict[str, Floats]:
-    """Faults that beats and slides share, of windows of `n` frames that begin at `start`."""
+    """Return the faults that beats and slides share, of windows of `n` frames from `start`."""
     heading = track["heading"].to_numpy()
     speed = sliding_window_view(track["speed"].to_numpy(), n)[start]
     area = sliding_window_view(track["area_px"].to_numpy(), n + 1)[start]
@@ -143,7 +143,7 @@ class _Bends(NamedTuple):
 
 
 def turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
-    """The strongest whole turns to one side, a row each as in `beats`.
+    """Return the strongest whole turns to one side, a row each as in `beats`.
 
     A turn is whole if all its frames are usable, it has frames before and after the largest bend,
     and the heading changes. Weaker turns are taken only if there are no stronger ones: `strong`.
@@ -167,7 +167,7 @@ def turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataF
 
 
 def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
-    """Bends that stand in for a whole turn to one side: a row each as in `beats`.
+    """Return bends that replace a missing whole turn to one side: a row each as in `beats`.
 
     A bend runs from a minimum of bending to the next one.
     """
@@ -187,13 +187,12 @@ def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
 
 
 def _minimal(bend: Reals) -> Mask:
-    """Local minima (n,): less than the number before, no more than the next; and the ends."""
+    """Return local minima (n,): less than the number before, at most the next one; and the ends."""
     inner = (bend[1:-1] < bend[:-2]) & (bend[1:-1] <= bend[2:])
     return np.concatenate([[True], inner, [True]])[: len(bend)]
 
 
 def _peaks(bend: Reals, turning: Mask) -> NDArray[np.intp]:
-    """Local maxima of the bend among turning frames."""
     inner = np.flatnonzero((bend[1:-1] > bend[:-2]) & (bend[1:-1] >= bend[2:])) + 1
     return inner[turning[inner] & (bend[inner] > 0)]
 
@@ -201,7 +200,7 @@ def _peaks(bend: Reals, turning: Mask) -> NDArray[np.intp]:
 def _turn(
     table: pd.DataFrame, of_side: _Bends, span: slice, peak: int, settings: SpritesSettings
 ) -> dict[str, float] | None:
-    """The turn around `peak`, the row of its largest bend; None if it is not whole."""
+    """Return the turn around `peak`, the row of its largest bend; None if it is not whole."""
     side, bend, strongest = of_side
     first = _downhill(bend, peak, span.start, -1, settings)
     last = _downhill(bend, peak, span.stop - 1, 1, settings)
@@ -240,7 +239,7 @@ def _turn(
 
 
 def _downhill(bend: Reals, peak: int, end: int, way: int, settings: SpritesSettings) -> int:
-    """The row between `peak` and `end` where the fish is straightest before it bends again.
+    """Return the row between `peak` and `end` where the fish is straightest before the next bend.
 
     `way`: 1 = later, −1 = earlier. Small rises do not end the search; a straight fish does.
     """
@@ -255,7 +254,7 @@ def _downhill(bend: Reals, peak: int, end: int, way: int, settings: SpritesSetti
 
 
 def _climbs(bend: Reals) -> float:
-    """How much the bend falls before its peak and rises after it, together."""
+    """Return how much the bend falls before its peak and rises after it, together."""
     step = np.diff(bend)
     peak = int(bend.argmax())
     return float(-np.minimum(step[:peak], 0).sum() + np.maximum(step[peak:], 0).sum())

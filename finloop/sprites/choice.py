@@ -1,8 +1,8 @@
-"""The choice of frames for sprites (fish paper §3.3; there it is made by hand).
+"""The choice of frames for sprites (fish paper §3.3, which makes it by hand).
 
 Four sequences: *straight* (one full tail beat whose end meets its beginning), *slide* (gliding with
-a still tail, a loop too), and the strongest *left* and *right* turns, from nearly straight through
-the bend back to nearly straight. The candidate with the smallest sum of faults is taken, so its
+a still tail, also a loop), and the strongest *left* and *right* turns, from nearly straight through
+the bend back to nearly straight. The candidate with the smallest sum of faults is chosen, so its
 faults explain the choice. Only the best candidates are compared as pictures.
 """
 
@@ -21,7 +21,7 @@ from finloop.sprites.candidates import beats, bends, calm, slides, turns
 from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.stretch import SIDES, WORDS, FrameRun, cycle_heading, from_text
 
-_SAMPLE = 200  # frames whose median sharpness is the clip's; more do not change it
+_SAMPLE = 200  # frames that give the clip's median sharpness; more do not change it
 
 Look = Callable[[NDArray[np.intp], Reals], NDArray[np.float32]]
 """Rows of the table of swimmers and a heading for each → pictures (n, size, size, channels) of
@@ -30,7 +30,7 @@ these fish, headed right, their mass centres in the middle, all of one length.""
 
 @dataclass(frozen=True)
 class Choice:
-    """The film's frames for one sequence; `mirrored` where the other side's turn stands in.
+    """The film's frames for one sequence; `mirrored` if it is a turn to the other side.
 
     stands_in: the film has no tail beat, or no whole turn, and this is the best substitute.
     """
@@ -43,9 +43,9 @@ class Choice:
 def choose(
     table: pd.DataFrame, look: Look, delta: int, settings: SpritesSettings
 ) -> dict[str, Choice]:
-    """The film's frames for each sequence of `WORDS`: those of the settings, else the best.
+    """Choose the film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
-    `table` is of `swimmers`; delta: Δ in frames. A side without a turn gets the opposite one
+    `table` is from `swimmers`; delta: Δ in frames. A side without a turn gets the opposite one
     mirrored; a film without a tail beat or a whole turn gets the best substitute. FinloopError if
     the settings name frames that do not exist, or the fish never bends.
     """
@@ -87,7 +87,7 @@ def choose(
 
 
 def _typical_sharpness(table: pd.DataFrame, look: Look, settings: SpritesSettings) -> float:
-    """Median `sharpness` of usable frames spread over the film, of all where none is usable."""
+    """Return the median `sharpness` of usable frames spread over the film, else of all frames."""
     usable = np.flatnonzero(table["usable"])
     usable = usable if usable.size else np.arange(len(table))
     rows = usable[np.linspace(0, usable.size - 1, min(_SAMPLE, usable.size)).astype(int)]
@@ -95,7 +95,6 @@ def _typical_sharpness(table: pd.DataFrame, look: Look, settings: SpritesSetting
 
 
 def _check(stretches: dict[str, Sequence[FrameRun]]) -> None:
-    """FinloopError where the film has no substitute for a tail beat, or for a turn."""
     lacks = [] if stretches["straight"] else ["four frames of one track, one after the other"]
     if not (stretches["left"] or stretches["right"]):
         lacks.append("a fish that bends")
@@ -111,7 +110,7 @@ def best_of_tracks(
     table: pd.DataFrame, candidates: pd.DataFrame, look: Look, sharp: float,
     settings: SpritesSettings, *, loops: bool,
 ) -> list[FrameRun]:  # fmt: skip
-    """The best candidate of each track, with the faults of its pictures; the best track first.
+    """Return each track's best candidate, with the faults of its pictures; the best track first.
 
     `sharp`: the clip's median of `sharpness`. With `loops` the frame after the last should be like
     the first, within a natural step.
@@ -145,15 +144,15 @@ def best_of_tracks(
 
 
 def closure(pictures: Reals) -> float:
-    """How far the last picture is from the first, over the median step between these pictures.
+    """Return the distance of the last picture from the first, over the median step between them.
 
-    They are a loop's frames and the one after them.
+    The pictures are a loop's frames and the one after them.
     """
     return float(apart(pictures[-1], pictures[0])) / max(float(np.median(steps(pictures))), 1e-9)
 
 
 def sharpness(pictures: Reals) -> Floats:
-    """Gradient energy (n,) of pictures (n, h, w, channels) per opaque pixel."""
+    """Return the gradient energy (n,) of pictures (n, h, w, channels) per opaque pixel."""
     down, right = np.diff(pictures, axis=1)[:, :, :-1], np.diff(pictures, axis=2)[:, :-1]
     return (down**2 + right**2).sum((1, 2, 3)) / np.maximum(pictures[..., -1].sum((1, 2)), 1e-9)
 
@@ -161,7 +160,7 @@ def sharpness(pictures: Reals) -> Floats:
 def combination(
     table: pd.DataFrame, stretches: dict[str, Sequence[FrameRun]], settings: SpritesSettings
 ) -> dict[str, FrameRun]:
-    """One stretch of each sequence, with the least sum of faults and changes of animal.
+    """Return a stretch of each sequence, with the least sum of faults and changes of animal.
 
     Another track than that of the first sequence costs `track_change_cost`, and 1 for a relative
     difference of `size_off` in length, contrast and area, on average.

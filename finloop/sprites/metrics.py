@@ -15,7 +15,7 @@ TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
 
 
 def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
-    """Table 1 of the sprites in all orientations; motion areas over the *clip's* largest."""
+    """Compute Table 1 of the sprites in all orientations; areas are over the *clip's* largest."""
     count = orientations_of(sprites)
     every = pd.DataFrame(
         {
@@ -35,14 +35,14 @@ def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
 
 
 def complete(table: pd.DataFrame) -> int:
-    """The number of orientations of a Table 1 that show all three types."""
+    """Count the orientations of a Table 1 that show all three types."""
     return int((table[["straight_pct", "left_pct", "right_pct"]] > 0).all(axis=1).sum())
 
 
 def numbers(
     sprites: pd.DataFrame, table: pd.DataFrame, features: pd.DataFrame, frames: int, rate_hz: float
 ) -> dict[str, float]:
-    """Flat numbers about the picks, for metrics.json; `table` is that of swimmers."""
+    """Return metrics of the choices, for metrics.json; `table` is that of swimmers."""
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     frames_used = sprites[["track_id", "frame"]].drop_duplicates()
     result: dict[str, float] = {
@@ -69,7 +69,7 @@ def numbers(
 
 
 def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> dict[str, float]:
-    """How well a cycle closes, in median natural steps, and how far its tail swings."""
+    """Return how well a cycle closes, in median natural steps, and how far its tail swings."""
     rows = np.arange(choice.stretch.rows.start, choice.stretch.rows.stop)
     n = len(rows)
     more = np.r_[rows, min(rows[-1] + 1, len(table) - 1)]
@@ -87,14 +87,14 @@ def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> 
 
 
 def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: SpritesSettings) -> bool:
-    """Whether a slide is one: long enough, and with a still tail."""
+    """Return whether a slide is one: long enough, and with a still tail."""
     tail = table["tail"].to_numpy()[choice.stretch.rows]
     long = len(tail) >= round(settings.slide_least * delta)
     return long and float(np.ptp(tail)) <= settings.still
 
 
 def faults(choices: dict[str, Choice]) -> pd.DataFrame:
-    """Why these frames: every fault of each choice, in units of what is just acceptable."""
+    """Return every fault of each choice; 1 is just acceptable."""
     return pd.DataFrame(
         [
             (word, f"{s.track_id}:{s.first}-{s.last}", name, value)

@@ -36,7 +36,7 @@ SPRITES = Schema(
 def sprite_table(
     table: pd.DataFrame, choices: dict[str, Choice], settings: SpritesSettings
 ) -> pd.DataFrame:
-    """The rows of `SPRITES`: every frame of the choice, its heading and its motion."""
+    """Return the rows of `SPRITES`: every chosen frame, its heading and its motion."""
     rows = pd.concat([_sequence(table, word, choice, settings) for word, choice in choices.items()])
     rows.insert(0, "sprite", np.arange(len(rows)))
     return rows.reset_index(drop=True)[SPRITES.names]
@@ -45,7 +45,6 @@ def sprite_table(
 def _sequence(
     table: pd.DataFrame, word: str, choice: Choice, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """The rows of `SPRITES` of one sequence, without their numbers."""
     stretch, sign = choice.stretch, -1 if choice.mirrored else 1
     here = table.iloc[stretch.rows]
     n = len(here)
@@ -84,7 +83,7 @@ def _sequence(
 
 
 def _line(table: pd.DataFrame, stretch: FrameRun) -> Floats:
-    """Heading (n + 1,) of a straight stretch and of the next frame, on a line."""
+    """Return the heading (n + 1,) of a straight stretch and of the next frame, on a line."""
     rows = _with_next(table, stretch)
     n = len(stretch)
     if rows.stop - rows.start == n + 1:
@@ -96,9 +95,9 @@ def _line(table: pd.DataFrame, stretch: FrameRun) -> Floats:
 def _turn_heading(
     table: pd.DataFrame, stretch: FrameRun, side: int, turn_back_deg: float
 ) -> Floats:
-    """Heading (n + 1,) of a turn and of the next frame, smoothed; at the ends as measured.
+    """Return the heading (n + 1,) of a turn and of the next frame, smoothed; its ends as measured.
 
-    Where it turns back by no more than `turn_back_deg` in all, it is made not to.
+    If it turns back by at most `turn_back_deg` in all, that is removed.
     """
     rows = _with_next(table, stretch)
     heading = smooth(table["heading"].to_numpy()[rows])
@@ -110,14 +109,14 @@ def _turn_heading(
 
 
 def _with_next(table: pd.DataFrame, stretch: FrameRun) -> slice:
-    """Rows of a stretch and of the film's next frame, where the track has one."""
+    """Return the rows of a stretch and of the film's next frame, where the track has one."""
     track, after = table["track_id"].to_numpy(), stretch.rows.stop
     more = after < len(table) and track[after] == stretch.track_id
     return slice(stretch.rows.start, after + int(more))
 
 
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
-    """Every sprite in all orientations, in the order of `finloop.distance.reel.sprite_row`."""
+    """Yield every sprite in all orientations, in the order of `distance.reel.sprite_row`."""
     for row in sprites.itertuples():
         cutout = film[row.row]
         mirror = row.heading_deg if row.mirrored else None

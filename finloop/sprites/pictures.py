@@ -10,7 +10,7 @@ _SOLID = 64  # alpha from which a pixel belongs to the fish
 
 
 def outlines(reel: Reel) -> list[Floats]:
-    """The hull (k, 2) of every sprite, px from the mass centre at the drawn size: ahead, left."""
+    """Return the hull (k, 2) of every sprite: px ahead and left of the mass centre, as drawn."""
     hulls = []
     for number, row in enumerate(reel.sprites.itertuples()):
         cutout = reel.sprite(number)

@@ -1,4 +1,4 @@
-"""Stretches: successive frames of one track, picked or given by hand, and how they turn."""
+"""Stretches: successive frames of one track, chosen or listed by hand, and how they turn."""
 
 import re
 from dataclasses import dataclass, field
@@ -30,21 +30,21 @@ class FrameRun:
 
     @property
     def cost(self) -> float:
-        """Sum of the faults; about 1 for each that is just acceptable."""
+        """Return the sum of the faults; about 1 for each that is just acceptable."""
         return sum(self.faults.values())
 
 
 def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
-    """The stretch of a sequence that `sprites.<word>_frames` gives as "track:first-last".
+    """Parse the stretch of a sequence that `sprites.<word>` gives as "track:first-last".
 
-    FinloopError if it is written otherwise, if there are no such frames, or if a turn among them
-    has no `phases`.
+    FinloopError if its form is wrong, if there are no such frames, or if a turn among them has no
+    `phases`.
     """
     name = f"sprites.{word}_frames={text}"
     form = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
     if form is None:
         raise FinloopError(
-            name, 'a track and its first and last frame, as "8:120-140"', "write it so"
+            name, 'a track and its first and last frame, as "8:120-140"', "write it in this form"
         )
     number, first, last = map(int, form.groups())
     ids = table["track_id"].unique()
@@ -53,7 +53,7 @@ def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRu
         raise FinloopError(
             f"{name}: there is no track {number}",
             "one of " + ", ".join(map(str, ids[:40])) + (", …" if len(ids) > 40 else ""),
-            "look at reports/features/trajectories.png and data/features/features.parquet",
+            "see reports/features/trajectories.png and data/features/features.parquet",
         )
     frames = table["frame"].to_numpy()[track]
     least = 3 if word in SIDES else 2
@@ -79,7 +79,7 @@ def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRu
 
 
 def phases(table: pd.DataFrame, stretch: FrameRun, side: int, hold: float) -> list[str]:
-    """The phase of each frame of a turn: in, hold or out; ["none"] where no bend lies within it.
+    """Return the phase of each frame of a turn: in, hold or out; ["none"] without a bend.
 
     The phase is hold where the bend is at least the share `hold` of its largest.
     """
@@ -95,7 +95,7 @@ def phases(table: pd.DataFrame, stretch: FrameRun, side: int, hold: float) -> li
 
 
 def cycle_heading(table: pd.DataFrame, start: int, n: int) -> Floats:
-    """Heading (n + 1,) along a straight stretch and the frame after it: a line.
+    """Return the heading (n + 1,) of a straight stretch and the frame after it, on a line.
 
     Its slope is the drift from the first frame to that after the last. Both show the same phase of
     the tail beat, so the head's yaw, which a least-squares line would follow, cancels.

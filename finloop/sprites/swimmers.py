@@ -15,7 +15,7 @@ from finloop.sprites.settings import SpritesSettings
 def swimmers(
     features: pd.DataFrame, tracks: pd.DataFrame, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Measures of every fish in every frame, by which frames are picked; rows as in both tables.
+    """Measure every fish in every frame for the choice of frames; rows as in both tables.
 
     tail: the tail tip's offset from the head's axis, body lengths, + = left. heading: degrees,
     unwrapped. speed: body lengths a frame. alone: body lengths to the nearest other mass centre.
@@ -67,7 +67,7 @@ def swimmers(
 
 
 def smooth(values: Reals) -> Floats:
-    """¼, ½, ¼ of neighbours (frames,): takes noise out, keeps lines, and monotone runs monotone.
+    """Smooth values (frames,) by ¼, ½, ¼; lines stay, and monotone runs stay monotone.
 
     The ends are continued in a straight line.
     """
@@ -79,7 +79,7 @@ def smooth(values: Reals) -> Floats:
 
 
 def _alone(table: pd.DataFrame) -> Floats:
-    """Distance (rows,) in px to the nearest other mass centre of the same frame; inf if none."""
+    """Return the distance (rows,) [px] to the frame's nearest other mass centre; inf if none."""
     nearest = np.full(len(table), np.inf)
     place = table[["x_px", "y_px"]].to_numpy()
     for rows in table.groupby("frame").indices.values():
@@ -91,7 +91,7 @@ def _alone(table: pd.DataFrame) -> Floats:
 
 
 def spans(table: pd.DataFrame) -> Iterator[slice]:
-    """The rows of each run of successive frames of one track."""
+    """Return the rows of each run of successive frames of one track."""
     broken = (np.diff(table["track_id"]) != 0) | (np.diff(table["frame"]) != 1)
     edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(table)]
     yield from (slice(a, b) for a, b in pairwise(edges) if b > a)

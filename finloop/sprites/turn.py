@@ -1,8 +1,8 @@
-"""Turning a cut-out about its mass centre, without fringes and without clipping (fish paper §3.3).
+"""Turn a cut-out about its mass centre, without fringes and without clipping (fish paper §3.3).
 
-Pictures are premultiplied (h, w, channels) uint8, alpha last: only so may neighbours be mixed, else
-the colour under transparent pixels bleeds into the edge. Angles are degrees, anticlockwise as seen;
-y is down. Pixel centres lie at integers.
+Pictures are premultiplied (h, w, channels) uint8, alpha last: only such neighbours may be mixed,
+else the colour under transparent pixels bleeds into the edge. Angles are degrees, anticlockwise as
+seen; y is down. Pixel centres lie at integers.
 """
 
 import cv2
@@ -16,7 +16,7 @@ _REACH = 4  # px that a Lanczos kernel of four lobes reaches beyond a pixel
 
 
 def rotation(angle_deg: float) -> Floats:
-    """The matrix (2, 2) that turns (x right, y down) anticlockwise as seen; exact at 90° steps."""
+    """Return the matrix (2, 2) that turns (x right, y down) anticlockwise as seen, exact at 90°."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     if angle_deg % 90 == 0:
         c, s = np.round([c, s])
@@ -24,18 +24,18 @@ def rotation(angle_deg: float) -> Floats:
 
 
 def reflection(axis_deg: float) -> Floats:
-    """The matrix (2, 2) that mirrors about a line in the direction `axis_deg`."""
+    """Return the matrix (2, 2) that mirrors about a line in the direction `axis_deg`."""
     return rotation(axis_deg) @ np.diag([1.0, -1.0]) @ rotation(-axis_deg)
 
 
 def turn_cutout(
     source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
 ) -> Cutout:
-    """Turn `source` by `angle_deg` about (x_px, y_px), which stays where it is.
+    """Turn `source` by `angle_deg` about (x_px, y_px), which stays in place.
 
     With `mirror_axis_deg` it is first mirrored about the line of that direction through the same
-    point. Both are one resampling (Lanczos, four lobes), trimmed to what is not transparent. By 0
-    the source comes back as it is; so it does at any angle that takes pixels to pixels.
+    point. Both are one resampling (Lanczos, four lobes), trimmed to the visible pixels. A turn by
+    0, or by any angle that maps pixels to pixels, is exact.
     """
     angle_deg %= 360
     if angle_deg == 0 and mirror_axis_deg is None:
@@ -55,7 +55,7 @@ def _transform_cutout(source: Cutout, pivot: Floats, linear: Floats) -> Cutout:
     low = np.floor(there.min(0)).astype(int) - _REACH
     high = np.ceil(there.max(0)).astype(int) + _REACH
     back = linear.T  # rigid: the inverse
-    offset = pivot - origin + back @ (low - pivot)  # of the source under the canvas's first pixel
+    offset = pivot - origin + back @ (low - pivot)  # in the source, under the canvas's first pixel
     matrix = np.column_stack([back, offset])
     width, height = (high - low + 1).tolist()
     canvas = cv2.warpAffine(
@@ -69,7 +69,7 @@ def _transform_cutout(source: Cutout, pivot: Floats, linear: Floats) -> Cutout:
 def _limit_colours(canvas: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Limit the canvas to 0 ≤ colour ≤ alpha ≤ 255, which the filter overshoots.
 
-    Where alpha exceeds 255 the colour is lowered with it: else edges would shine.
+    Where alpha exceeds 255, the colour is lowered with it; otherwise edges would shine.
     """
     alpha = canvas[..., -1:]
     level = canvas * (255 / np.maximum(alpha, 255))

@@ -1,13 +1,13 @@
-"""The live animals: what trackers have said of each, where it is and has been.
+"""The live animals: what trackers report of each, where it is and where it was.
 
-All of it follows from the messages and from when they arrived; no clock is looked at. So a session
-that is planned again from its log is the same.
+All of it follows from the messages and their arrival times; no clock is read. So a session that is
+planned again from its log is the same.
 
-A tracker's clock has any zero. Its time and the session's differ by how long a message is under
-way, which is sometimes a little, and sometimes 50 ms more. So the least of the last differences
-counts: it is that of a message that was not held up. A tracker's times order and space what it
-says, and the present difference places all of it in the session's time. Differences are forgotten
-after some seconds, as a tracker's clock may run a little faster or slower than the session's.
+A tracker's clock has any zero. Its time and the session's differ by the delay of a message, which
+is sometimes small, and sometimes 50 ms more. So the smallest of the last differences counts: it is
+that of a message without extra delay. A tracker's times order and space its messages, and the
+present difference places them in the session's time. Differences are forgotten after some seconds,
+as a tracker's clock may run a little faster or slower than the session's.
 """
 
 import math
@@ -24,39 +24,38 @@ from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, calibration, parse_
 Verdict = Literal[
     "taken", "outside", "clock", "malformed", "late", "rival", "crowd", "unwanted"
 ]  # fmt: skip
-"""What became of what a tracker said.
+"""The verdict on a tracker's message.
 
 taken; outside: taken, and moved into the tank; clock: taken, though the tracker's clock jumped;
-malformed: no message; late: not later than the last; rival: of another tracker, while the first one
-is heard; crowd: of more animals than can be known; unwanted: the protocol has no animals.
-"""
+malformed: no message; late: not later than the last; rival: of another tracker, while the first
+one is active; crowd: of more animals than allowed; unwanted: the protocol has no animals."""
 _TAKEN = ("taken", "outside", "clock")
 
-_JUMP_S = 1.0  # a message that is so much earlier or later than others is of another clock
-_BINS, _BIN_S = 5, 1.0  # the least difference is that of the last so many parts, each so long
-_SAMPLES = 8000  # of an animal's past
-_SPACE_S = MOST_DELAY_S / _SAMPLES  # between two of them, on the average: 133 a second
-_ALIKE_S = 1e-6  # times that are so near are the same
+_JUMP_S = 1.0  # a message earlier or later than others by more is of another clock
+_BINS, _BIN_S = 5, 1.0  # number and duration of the bins of the smallest difference
+_SAMPLES = 8000  # samples of an animal's past
+_SPACE_S = MOST_DELAY_S / _SAMPLES  # mean time between two samples: 133 a second
+_ALIKE_S = 1e-6  # times that are nearer are the same
 _TURN = 0.25  # body lengths that an animal goes before its heading is taken from its way
 _SPEED_S = 0.2  # an animal's speed is that of the last so many seconds
 
 
 class Heard(NamedTuple):
-    """What became of a sighting. id: of the animal; None: it was no message."""
+    """The verdict on a sighting. id: of the animal; None: it was no message."""
 
     verdict: Verdict
     id: str | None = None
 
     @property
     def is_present(self) -> bool:
-        """Whether the animal is there now."""
+        """Return whether the animal is present now."""
         return self.verdict in _TAKEN
 
 
 class Animal(NamedTuple):
-    """Where an animal is, px. heading_rad: as the tracker says, or of its way; None: not known yet.
+    """Where an animal is, px. heading_rad: from the tracker, or from its motion; None: unknown.
 
-    speed: px/s, of the last moments; heard_s: when it was heard of last.
+    speed: px/s, of the last moments; heard_s: time of its last message.
     """
 
     id: str
@@ -68,7 +67,7 @@ class Animal(NamedTuple):
 
 
 class LiveAnimals:
-    """All live animals. FinloopError if the tracker's calibration does not hold.
+    """All live animals. FinloopError if the tracker's calibration is invalid.
 
     settings: None where the protocol has no animals; mm_per_px: mm of the real world per px of the
     tank's picture, if known.
@@ -83,11 +82,11 @@ class LiveAnimals:
 
     @property
     def gap_s(self) -> float:
-        """An animal that was not heard of for so long is lost."""
+        """Return the time without messages after which an animal is lost."""
         return 0.0 if self._settings is None else self._settings.gap_s
 
     def hear(self, text: str | bytes | None, source: str, arrived_s: float) -> list[Heard]:
-        """Take a message. source: who says it; arrived_s: when, s of the session."""
+        """Take a message. source: its sender; arrived_s: its arrival, s of the session."""
         if self.calibration is None:
             return [Heard("unwanted")]
         sightings = parse_sightings(text)
@@ -108,10 +107,10 @@ class LiveAnimals:
         return [one for one in self.recent_animals(now_s) if now_s - one.heard_s <= self.gap_s]
 
     def past(self, id: str, time_s: float) -> tuple[float, float] | None:
-        """Where an animal was at a time, between two places that were heard of.
+        """Return where an animal was at a time, interpolated between two sightings.
 
-        None before the first of them, more than 60 s before the last one, and where it was lost.
-        After the last one it is there, until it is lost.
+        None before the first sighting, more than 60 s before the last one, and where the animal was
+        lost. After the last one it is there, until it is lost.
         """
         track = self._tracks.get(id)
         return None if track is None else track.past(time_s, self.gap_s)
@@ -134,7 +133,7 @@ class LiveAnimals:
         return Heard("clock" if jumped else "outside" if outside else "taken", name)
 
     def _room(self, now_s: float) -> bool:
-        """Whether one more animal can be known; the one lost longest makes room."""
+        """Return whether one more animal fits; the one lost longest makes room."""
         if len(self._tracks) < MOST_AT_ONCE:
             return True
         name, oldest = min(self._tracks.items(), key=lambda one: (one[1].heard_s, one[0]))
@@ -146,8 +145,8 @@ class LiveAnimals:
     def _place_in_tank(self, one: Sighting) -> tuple[float, float, float | None, bool]:
         """Return x, y, heading_rad in the tank, and whether the place had to be moved there.
 
-        An animal may be nearer to a wall than a fish, whose middle keeps its distance. So only what
-        is outside the picture, or a body length away from any place of a fish, is moved.
+        An animal may be nearer to a wall than the middle of a fish can. So only what is outside the
+        picture, or a body length away from any place of a fish, is moved.
         """
         assert self.calibration is not None
         x, y = self.calibration.place(one.x, one.y)
@@ -162,7 +161,7 @@ class LiveAnimals:
 
 
 class _AnimalTrack:
-    """What was heard of an animal."""
+    """The sightings of an animal."""
 
     def __init__(self, source: str, length_px: float) -> None:
         self.source, self.heard_s = source, -math.inf
@@ -173,14 +172,14 @@ class _AnimalTrack:
         self._bins: deque[tuple[int, float]] = deque(maxlen=_BINS)  # least differences
         self._offset = 0.0  # the session's time less the tracker's
         self._t = -math.inf  # the last of the tracker's times
-        self._back = 0.0  # since when its way is without a break, the tracker's time
+        self._back = 0.0  # beginning of its unbroken track, the tracker's time
         self._refused: float | None = None  # a time of a clock that may have been put back
-        self._anchor = (0.0, 0.0)  # where the heading was taken from its way last
+        self._anchor = (0.0, 0.0)  # where its motion last gave the heading
 
     def keep_time(self, t: float, arrived_s: float, source: str) -> bool | None:
-        """Compare the clocks; whether the tracker's jumped. None: the time is not later.
+        """Compare the clocks; return whether the tracker's jumped, None if the time is not later.
 
-        The clock of another tracker is another one, too; what was heard before is kept.
+        Another tracker has another clock; earlier sightings are kept.
         """
         difference = arrived_s - t
         away = difference - self._offset
@@ -191,7 +190,7 @@ class _AnimalTrack:
         behind = known and t < self._t and away > _JUMP_S
         again = behind and self._refused is not None and t > self._refused
         if known and not other and t <= self._t and not again:
-            self._refused = t if behind else self._refused  # one alone is a straggler
+            self._refused = t if behind else self._refused  # a single one is only late
             return None
         jumped, self._refused = ahead or again, None
         if other or jumped or not known:
@@ -208,7 +207,7 @@ class _AnimalTrack:
     def add(
         self, t: float, place: Aim, heading: float | None, arrived_s: float, back: bool
     ) -> None:  # fmt: skip
-        """A place at a time of the tracker's. back: whether the animal was lost before."""
+        """Add a place at a tracker's time. back: whether the animal was lost before."""
         if back:
             self.heading, self._anchor, self._back = None, place, t
         x, y = place[0] - self._anchor[0], place[1] - self._anchor[1]
@@ -221,7 +220,7 @@ class _AnimalTrack:
         self.speed = self._past.speed(t - _SPEED_S, self._back)
 
     def past(self, time_s: float, gap_s: float) -> Aim | None:
-        """See `Animals.past`."""
+        """Return a place, as `LiveAnimals.past` does."""
         if time_s > self._offset + self._t:
             return self.place if time_s - self.heard_s <= gap_s else None
         return self._past.interpolate(time_s - self._offset, gap_s)
@@ -239,7 +238,7 @@ class _Past:
         return self._rows[self._first : self._end]
 
     def add(self, t: float, place: Aim) -> None:
-        """A place, later than all; where places come too close together, in stead of the last."""
+        """Add a place, later than all; replace the last one where they come too close together."""
         own = self._valid_rows
         if len(own) > 1 and t - own[-2, 0] < 2 * _SPACE_S:
             self._end -= 1
@@ -251,7 +250,7 @@ class _Past:
         self._first = max(self._first, self._end - _SAMPLES)
 
     def shift(self, by_s: float, before: float) -> None:
-        """Go on by another clock, which is so much ahead; keep what was before a time of that."""
+        """Go on by another clock, `by_s` ahead; keep what was before a time of that."""
         own = self._valid_rows
         own[:, 0] += by_s
         self._end = self._first + int(np.searchsorted(own[:, 0], before))
@@ -274,9 +273,9 @@ class _Past:
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
     def speed(self, since: float, whole: float) -> float:
-        """Px/s from the first place since a time to the last; from the last but one at least.
+        """Return px/s from the first place since a time (at most the last but one) to the last.
 
-        whole: since when the way is without a break. 0 where there is no other place.
+        whole: beginning of the unbroken track. 0 where there is no other place.
         """
         own = self._valid_rows
         first, least = np.searchsorted(own[:, 0], [since - _ALIKE_S, whole]).tolist()

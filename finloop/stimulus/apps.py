@@ -1,4 +1,4 @@
-"""The applications of a stimulus: of a session, of a replay, of a calibration."""
+"""The web applications of a stimulus: a session, a replay, a calibration."""
 
 import asyncio
 import contextlib
@@ -21,7 +21,10 @@ Tasks = list[Coroutine[Any, Any, None]]
 def session_app(
     door: Door, room: SessionHub, inputs: Callable[[], Tasks], fail: Callable[[Any], None]
 ) -> Starlette:
-    """Of a session. inputs: what brings trackers' messages; fail: called with a task's error."""
+    """Return the application of a session.
+
+    inputs: tasks that receive trackers' messages; fail: called with a task's error.
+    """
     session = room.session
     sockets = {
         "/experimenter": (lambda one: attend_desk(session, one), MOST_PAGES, False),
@@ -35,7 +38,7 @@ def session_app(
 def replay_app(
     door: Door, room: Replay, ends: Callable[[], None], fail: Callable[[Any], None]
 ) -> Starlette:
-    """Of a replay, on one display. ends: called when all has been drawn."""
+    """Return the application of a replay, on one display. ends: called when all has been drawn."""
 
     async def until_all_is_drawn() -> None:
         await room.ended.wait()
@@ -48,13 +51,13 @@ def replay_app(
 
 
 def calibration_app(door: Door, room: CalibrationHub, fail: Callable[[Any], None]) -> Starlette:
-    """Of a calibration, of one display."""
+    """Return the application of a calibration, for one display."""
     sockets = {"/display": (lambda one: attend(room, one), 1, False)}
     return app(door, {"/": display_page()}, sockets, list, fail)
 
 
 async def beat(session: Session, every_s: float = 0.5) -> None:
-    """Keep the log, again and again, until cancelled: no more than so much can be lost."""
+    """Write the log to disk every `every_s` until cancelled, so that a crash loses little."""
     with contextlib.suppress(asyncio.CancelledError):
         while True:
             await asyncio.sleep(every_s)

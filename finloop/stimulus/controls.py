@@ -1,8 +1,9 @@
-"""Controls from a motion: backwards, slower or faster, still, fading in and out.
+"""Controls made from a motion: backwards, slower or faster, still, fading in and out.
 
 Motions are arrays (ticks, fish, F) of states as the display draws them (DRAWN). All functions are
 pure. Between two ticks the rules are those of the display's page: places, sizes, alpha and posture
-go linearly, headings the shorter way; pictures, their mixture and the look are the nearer tick's.
+are interpolated linearly, headings the shorter way; pictures, their mixture and the look are the
+nearer tick's.
 """
 
 import math
@@ -15,11 +16,11 @@ from finloop.stimulus.drawn import ALPHA, HEADING, LOOK, PICTURE, States
 from finloop.stimulus.parts import Change
 
 _STEPS = slice(PICTURE, LOOK + 1)
-"""Pictures, their mixture, their sides and the look: there is nothing between two of them."""
+"""Pictures, their mixture, their sides and the look, which are not interpolated."""
 
 
 def planned_ticks(change: Change | None, ticks: int) -> int:
-    """How many ticks of a motion must be known, so that it lasts `ticks`, changed."""
+    """Return how many ticks of a motion are needed so that it lasts `ticks` after its change."""
     if change is None:
         return ticks
     return 1 if change.still else math.ceil((ticks - 1) * change.speed - 1e-9) + 1
@@ -28,8 +29,8 @@ def planned_ticks(change: Change | None, ticks: int) -> int:
 def apply_change(states: States, change: Change | None, ticks: int | None = None) -> States:
     """Apply a condition's change to a motion, for at most `ticks` ticks; None: for all.
 
-    Of a motion that is longer than needed the first part is taken, backwards, too. One that is
-    still has as many ticks as before.
+    Only the needed first part of a motion is taken, also backwards. A still motion keeps its number
+    of ticks.
     """
     if ticks is not None:
         states = states[: planned_ticks(change, ticks)]
@@ -43,7 +44,7 @@ def apply_change(states: States, change: Change | None, ticks: int | None = None
 
 
 def faster(states: States, speed: float) -> States:
-    """So many times as fast, from the first tick on."""
+    """Return the motion at `speed` times its playback rate, from the first tick on."""
     count = math.floor((len(states) - 1) / speed + 1e-9) + 1
     return interpolate_states(states, speed * np.arange(count, dtype=float))
 
@@ -60,13 +61,13 @@ def interpolate_states(states: States, at: Floats) -> States:
     step[..., HEADING] = (step[..., HEADING] + np.pi) % (2 * np.pi) - np.pi
     made = (before + share * step).astype(np.float32)
     made[..., _STEPS] = nearer[..., _STEPS]
-    # A fish that is not there at one of the two ticks has no place to come from, or to go to.
+    # A fish that is absent at one of the two ticks has no place to come from, or to go to.
     comes = (before[..., PICTURE] < 0) != (after[..., PICTURE] < 0)
     return np.where(comes[..., None], nearer, made)
 
 
 def ramp(count: int, ticks: int) -> NDArray[np.float32]:
-    """Shares (count,) of alpha: from 0 up to 1 in `ticks`, and down to 0 at the end."""
+    """Return shares (count,) of alpha: from 0 up to 1 in `ticks`, and down to 0 at the end."""
     if ticks <= 0:
         return np.ones(count, np.float32)
     end = np.arange(count)
@@ -74,14 +75,14 @@ def ramp(count: int, ticks: int) -> NDArray[np.float32]:
 
 
 def fade_states(states: States, ticks: int) -> States:
-    """Fade the states in over so many ticks, and out at the end."""
+    """Fade the states in over `ticks` ticks, and out at the end."""
     made = states.copy()
     made[..., ALPHA] *= ramp(len(states), ticks)[:, None]
     return made
 
 
 def with_look(states: States, look: int) -> States:
-    """Drawn by a look, by its number."""
+    """Return the states drawn with a look, by its number."""
     made = states.copy()
     made[..., LOOK] = look
     return made

@@ -1,7 +1,7 @@
 """The motion of one trial: planned beforehand, or tick by tick where fish react to live animals.
 
 The same scene, condition, seed and messages, in the same order and with the same times, give the
-same states: nothing here looks at a clock.
+same states: nothing here reads a clock.
 """
 
 from collections.abc import Iterable, Sequence
@@ -31,7 +31,7 @@ from finloop.stimulus.rules import Aim, TankGeometry, aim
 
 States = NDArray[np.float32]
 
-_REHEARSED = 200  # ticks
+_REHEARSED = 200  # ticks of the rehearsal
 MODE = "matching"
 
 
@@ -48,43 +48,43 @@ class TrialContext:
 
     @property
     def world(self) -> World:
-        """What all fish swim in."""
+        """Return what all fish swim in."""
         return self.player.world
 
     @property
     def rate_hz(self) -> float:
-        """Ticks of a second."""
+        """Return the ticks of a second."""
         return self.world.motion.rate_hz
 
     @property
     def length_px(self) -> float:
-        """The length of a fish."""
+        """Return the length of a fish."""
         return self.world.motion.body_length_px
 
     @property
     def width(self) -> int:
-        """Numbers of a state of a fish."""
+        """Return the number of values of a fish's state."""
         return len(FIELDS) + self.posture
 
     @property
     def posture(self) -> int:
-        """Numbers of a posture."""
+        """Return the number of values of a posture."""
         return int(self.bodies.poses.shapes.mean.size)
 
     @cached_property
     def tank(self) -> TankGeometry:
-        """The tank, as rules know it."""
+        """Return the tank as rules need it."""
         height, width = self.world.tank.arena.shape
         return TankGeometry(width, height, self.length_px, self.world.tank.into)
 
     def ticks(self, seconds: float) -> int:
-        """So many ticks, at least one."""
+        """Return a time in ticks, at least one."""
         return max(1, round(seconds * self.rate_hz))
 
 
 @dataclass(frozen=True)
 class Cue:
-    """How a trial is to be shown. look: number of its look; fade_s: coming and going of the fish.
+    """How a trial is shown. look: number of its look; fade_s: fading in and out of the fish.
 
     condition: what is shown; fish: how many.
     """
@@ -100,14 +100,14 @@ class Cue:
 
 
 def tank_of(scene: TrialContext, cue: Cue, seed: int) -> LiveTank:
-    """The live tank of a trial, at its first tick.
+    """Return the live tank of a trial, at its first tick.
 
-    FinloopError where there is no room for so many fish.
+    FinloopError where there is no room for all fish.
     """
     tank = LiveTank({MODE: scene.player}, MODE, cue.fish, seed)
     if len(tank.fish) < cue.fish:
         raise FinloopError(
-            f"the tank has room for {len(tank.fish)} fish, and the protocol wants {cue.fish}",
+            f"the tank has room for {len(tank.fish)} fish, and the protocol shows {cue.fish}",
             "fish that can swim clear of each other",
             "take fewer (fish), or draw them smaller (animate.fish_scale)",
         )
@@ -115,7 +115,7 @@ def tank_of(scene: TrialContext, cue: Cue, seed: int) -> LiveTank:
 
 
 def rehearse(scene: TrialContext) -> None:
-    """Send a fish to and fro, so that what is compiled or kept at first use costs no trial time."""
+    """Send a fish to and fro, so that compiling and caching at first use cost no trial time."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
         tank.advance()
@@ -126,7 +126,7 @@ def rehearse(scene: TrialContext) -> None:
 
 
 def states_of(tank: LiveTank, scene: TrialContext) -> States:
-    """The states (fish, F) at the present tick."""
+    """Return the states (fish, F) at the present tick."""
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_of(rows, scene.bodies)
 
@@ -134,7 +134,7 @@ def states_of(tank: LiveTank, scene: TrialContext) -> States:
 def plan_motion(scene: TrialContext, cue: Cue, seed: int) -> States:
     """Plan the states (ticks, fish, F) of a motion known beforehand, with its change.
 
-    That is before its look and its fading. FinloopError if a path cannot be swum.
+    The look and the fading come later. FinloopError if fish cannot follow a path.
     """
     condition, tank = cue.condition, tank_of(scene, cue, seed)
     motion, goals = condition.motion, Goals()
@@ -158,7 +158,7 @@ def plan_motion(scene: TrialContext, cue: Cue, seed: int) -> States:
 def repeat_motion(scene: TrialContext, cue: Cue, motion: States) -> States:
     """Repeat the motion (ticks, fish, F) of another trial, with the condition's change.
 
-    One that was broken off stays as it ended.
+    A motion that was cut short keeps its last state to the end.
     """
     ticks = scene.ticks(cue.condition.seconds)
     states = apply_change(motion, cue.condition.change, ticks)
@@ -167,7 +167,7 @@ def repeat_motion(scene: TrialContext, cue: Cue, motion: States) -> States:
 
 
 def whole_motion(scene: TrialContext, plan: Protocol, order: Sequence[Trial]) -> States:
-    """All trials one after the other, with their pauses, (ticks, fish, F), for a page that plays.
+    """Return all trials with their pauses, (ticks, fish, F), for a page that plays by itself.
 
     FinloopError if a motion is not known beforehand.
     """
@@ -194,26 +194,26 @@ def whole_motion(scene: TrialContext, plan: Protocol, order: Sequence[Trial]) ->
 
 
 def cue_of(plan: Protocol, trial: Trial) -> Cue:
-    """How a trial of a protocol is to be shown."""
+    """Return how a trial of a protocol is shown."""
     condition = plan.conditions[trial.condition]
     return Cue(condition, plan.fish, plan.looks.index(condition.look), plan.fade_s)
 
 
 def route_of(scene: TrialContext, path: Path) -> Route:
-    """A path from a file, laid out in the tank; its times are left out."""
-    line, waters = load_line(path, TANK), scene.world
-    return lay(line._replace(time_s=None), waters.tank, waters.motion, scene.mm_per_px).route
+    """Return the route of a path from a file, laid out in the tank; its times are left out."""
+    line, world = load_line(path, TANK), scene.world
+    return lay(line._replace(time_s=None), world.tank, world.motion, scene.mm_per_px).route
 
 
 class Goals:
-    """Places that each fish is sent to, one after the other: shares of the tank."""
+    """Places that each fish is sent to in turn: shares of the tank."""
 
     def __init__(self, places: tuple[tuple[float, ...], ...] = ()) -> None:
         self._places = places
         self._at: dict[int, int] = {}
 
     def send(self, tank: LiveTank, which: Iterable[int]) -> None:
-        """Send some fish to their next places; who has been at the last wanders."""
+        """Send some fish to their next places; after the last one a fish wanders."""
         height, width = tank.world.tank.arena.shape
         for number in which:
             at = self._at.get(number, -1) + 1
@@ -223,7 +223,7 @@ class Goals:
                 tank.send(number, x * (width - 1), y * (height - 1))
 
     def next(self, tank: LiveTank) -> None:
-        """Send whoever has come to its place."""
+        """Send on the fish that have reached their places."""
         if self._places:
             at = range(len(tank.fish))
             self.send(tank, [n for n in at if tank.fish[n].reached and n in self._at])
@@ -241,10 +241,10 @@ class Reaction:
         fade = round(cue.fade_s * scene.rate_hz)
         self._ramp = ramp(scene.ticks(cue.condition.seconds), fade)
         self.states: list[States] = []
-        self.keeps = True  # all states, for a trial that shows them again; else the last ones
+        self.keeps = True  # keeps all states, for a trial that repeats them; else the last ones
 
     def tick(self, now_s: float) -> States:
-        """The states (fish, F) of the next tick, planned at a time of the session."""
+        """Return the states (fish, F) of the next tick, planned at a time of the session."""
         if self.states:
             self._ask(now_s)
             self._tank.advance()
@@ -254,7 +254,7 @@ class Reaction:
         return self.states[-1]
 
     def react(self, now_s: float) -> States | None:
-        """The states of the last tick, planned anew; None if nothing is to be done otherwise."""
+        """Return the states of the last tick, planned again; None if nothing changes."""
         if not self.states:
             return None
         numbers = self._ask(now_s)
@@ -266,7 +266,7 @@ class Reaction:
         return self.states[-1]
 
     def _ask(self, now_s: float) -> list[int]:
-        """Send the fish where the rule wants them; those that are sent elsewhere than before."""
+        """Send the fish where the rule wants them; return those with a new target."""
         sent = []
         for number, fish in enumerate(self._tank.fish):
             row = fish.row_at(self._tank.tick)
@@ -285,7 +285,7 @@ class Reaction:
     def _is_new(
         self, number: int, fish: LiveFish, wish: Aim | None, own: tuple[float, ...]
     ) -> bool:
-        """Whether a fish is to be sent: its aim has moved, or it has swum on from where it was."""
+        """Return whether to send a fish: its aim has moved, or it has left its place."""
         old = self._aims[number]
         if wish is None or old is None:
             return wish is not old

@@ -1,4 +1,4 @@
-"""The experimenter's desk: what the page is told ten times a second, and what it may ask for."""
+"""The experimenter's desk: the status that its page gets ten times a second, and its requests."""
 
 import asyncio
 import contextlib
@@ -20,13 +20,13 @@ _EVERY_S = 0.1
 
 
 class Button(Message):
-    """Start, stop after this trial, abort now, leave this trial out."""
+    """Start, stop after this trial, abort now, or skip this trial."""
 
     do: Literal["start", "stop", "abort", "skip"]
 
 
 class Note(Message):
-    """Words for the log."""
+    """A text for the log."""
 
     do: Literal["note"]
     text: Annotated[str, Field(min_length=1, max_length=2000)]
@@ -45,7 +45,7 @@ _ASKED: TypeAdapter[Any] = TypeAdapter(
 
 
 def ask(session: Session, text: str | None) -> bool:
-    """Do what the page asks for; whether it was a message."""
+    """Carry out a request of the page; return whether it was a message."""
     try:
         asked = _ASKED.validate_json(text or "")
     except (ValidationError, UnicodeError):
@@ -64,7 +64,7 @@ def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
     """Return what the page shows of a session; `whole` adds what never changes."""
     numbers, now = session.numbers, session.clock.read_time()
     waits = session.plan.start_key or session.plan.start_message
-    told: dict[str, Any] = {
+    status: dict[str, Any] = {
         "phase": session.phase, "now": round(now, 2), "trial": session.at,
         "left_s": session.left_s(now), "done": session.done, "start": waits or "auto",
         "display": session.display, "displays": session.displays, "stopping": session.stopping,
@@ -81,7 +81,7 @@ def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
         "messages": list(session.messages),
     }  # fmt: skip
     if whole:
-        told |= {
+        status |= {
             "demands": list(demands(session.plan)),
             "calibrated": session.plan.display.calibrated, "gap_s": session.animals.gap_s,
             "mm_per_px": session.scene.mm_per_px, "protocol": session.plan.name,
@@ -90,7 +90,7 @@ def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
             "trials": [[one.number, one.block, one.repeat, one.condition, one.seconds]
                        for one in session.trials],
         }  # fmt: skip
-    return told
+    return status
 
 
 def _fish(session: Session) -> list[list[float]]:
@@ -116,7 +116,7 @@ def _animals(session: Session, now: float) -> list[list[Any]]:
 
 
 async def attend(session: Session, connection: WebSocket) -> None:
-    """An experimenter's page, until it goes."""
+    """Serve an experimenter's page until it disconnects."""
     tells = asyncio.create_task(_tell(session, connection))
     try:
         while True:

@@ -1,7 +1,7 @@
-"""A display that is known: how large its pixels are, what its levels shine, where its picture goes.
+"""A calibrated display: the size of its pixels, its brightness curve, the place of its picture.
 
-Stored as JSON, one file per display. The display's page makes it (its calibration panel) and draws
-by it. Shares of the screen are 0 … 1, x right, y down; px are the display's own.
+It is stored as JSON, one file per display. The display's page makes it (its calibration panel) and
+draws by it. Shares of the screen are 0 … 1, x right, y down; px are the display's own.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from finloop.io.atomic import save_bytes
 
 VERSION = 1
 _LARGEST = 1_000_000  # bytes of a file
-_FLATTEST = 0.02  # share of the screen that a corner of the picture area spans at least
+_FLATTEST = 0.02  # smallest share of the screen that a corner of the picture area spans
 _DO = "calibrate the display once more (key C on its page), or correct the file"
 
 Level = Annotated[float, Field(ge=0, le=255, allow_inf_nan=False)]
@@ -39,12 +39,12 @@ class Square(_StrictModel):
 
 
 class DisplayCalibration(_StrictModel):
-    """A display, calibrated.
+    """A calibrated display.
 
     px_per_mm: None = not measured. ratio: device px per CSS px. background: the film's empty tank,
     or one colour. gamma: what is sent (R, G, B) for each wanted level 0 … 255; None = the same.
     corners: where the picture's corners top left, top right, bottom right, bottom left go, shares
-    of the screen; None = where they are. scale: screen px per px of the tank; None = from px_per_mm
+    of the screen; None = unchanged. scale: screen px per px of the tank; None = from px_per_mm
     where the tank's px are known in mm, else as large as fits. refresh_hz: as measured.
     """
 
@@ -71,13 +71,13 @@ class DisplayCalibration(_StrictModel):
 
 
 def _turn(corners: tuple[Place, ...], number: int) -> float:
-    """The area, shares of the screen, that the two sides at a corner span; > 0 = clockwise."""
+    """Return the area, shares of the screen, that two sides at a corner span; > 0 = clockwise."""
     (ax, ay), (bx, by), (cx, cy) = (corners[(number + k) % 4] for k in (-1, 0, 1))
     return (bx - ax) * (cy - by) - (by - ay) * (cx - bx)
 
 
 def load_display(path: Path) -> DisplayCalibration:
-    """Read a display. FinloopError if there is none, or it is broken, or of another version."""
+    """Read a display. FinloopError if the file is missing, broken, or of another version."""
     try:
         with path.open("rb") as file:
             content = file.read(_LARGEST + 1)
@@ -113,5 +113,5 @@ def _display_error(path: Path, error: ValidationError | UnicodeError) -> Finloop
 
 
 def save_display(path: Path, display: DisplayCalibration) -> None:
-    """Write a display, whole or not at all. FinloopError if the disk is full."""
+    """Write a display, completely or not at all. FinloopError if the disk is full."""
     save_bytes(path, (display.model_dump_json(indent=1) + "\n").encode())

@@ -1,6 +1,6 @@
 """DRAWN: the state of a fish as the display's page draws it, one array of numbers.
 
-The page's drawing is a function of these numbers and of the pictures alone. The first are `FIELDS`,
+The page's drawing depends on these numbers and the pictures alone. The first numbers are `FIELDS`,
 the posture follows (`finloop.puppet.pose`). x, y: px of the tank's picture, y down; heading:
 radians, anticlockwise as seen; size: px. picture, partner: rows of the film, -1 = none; weight: the
 partner's share; mirrored: 1 where the film's left is drawn as right. look: the number of a look;
@@ -28,10 +28,10 @@ States = NDArray[np.float32]
 
 
 def drawn_of(rows: Sequence[Any], bodies: Bodies) -> States:
-    """The states (fish, F) of rows of an edit list, or of the live tank, that are all of one tick.
+    """Return the states (fish, F) of rows of an edit list, or of the live tank, all of one tick.
 
-    Of a picture that is drawn as filmed the posture is the film's own, and of two that are mixed it
-    is mixed, too: so both have the shape of the fish that is seen.
+    For a picture that is drawn as filmed the posture is the film's own; for two that are mixed it
+    is mixed, too. So both have the shape of the visible fish.
     """
     body = _bodies(rows, bodies, "", [row.source for row in rows])
     mixed = np.array([row.weight > 0 for row in rows], bool)
@@ -60,7 +60,7 @@ def drawn_of(rows: Sequence[Any], bodies: Bodies) -> States:
 def _bodies(
     rows: Sequence[Any], bodies: Bodies, side: str, numbers: list[int], of: Any = True
 ) -> Body:
-    """The bodies of the pictures of all rows, or of their partners where `of` says so."""
+    """Return the bodies of the pictures of all rows, or of their partners where `of` is true."""
     which = np.broadcast_to(of, len(rows))
     at = [side if mixed else "" for mixed in which]
 

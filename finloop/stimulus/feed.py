@@ -1,4 +1,4 @@
-"""What a display page is sent: the empty tank, pictures of the film, and the states of all ticks.
+"""The messages to a display page: the empty tank, film pictures, and the states of all ticks.
 
 A message is 4 bytes, the length of a JSON text, little end first; the text; a payload.
 
@@ -6,11 +6,11 @@ A message is 4 bytes, the length of a JSON text, little end first; the text; a p
 - picture: a picture of the film, for a slot of the page's memory; payload: its posture, its pixels.
 - rows: the states of a tick, DRAWN (`finloop.stimulus.drawn`). `cut`: those sent for that tick and
   later ones are void; the page goes on from what it shows to this state.
-- clear: no fish is shown any more. frame: states that are drawn as they are, for a replay.
+- clear: shows no fish from now on. frame: states to draw unchanged, for a replay.
 - say: a text in front of the display. pong: the answer to a ping, for the clocks.
 
-Of a film of hours there are more pictures than the page can hold. Slots are used again, that first
-which has not been needed for longest.
+A film of hours has more pictures than the page can hold. The slot that has not been needed for
+longest is used again first.
 """
 
 import json
@@ -27,7 +27,7 @@ from finloop.stimulus.pictures import PagePicture
 MEMORY = 256 * 2**20  # bytes of all slots
 FEWEST, MOST = 256, 1024  # slots; WebGL 2 promises 256
 EARLY_S = 0.5
-"""How long before they are due ticks are sent, where they are known."""
+"""How long before they are due known ticks are sent."""
 
 
 class TankCanvas(NamedTuple):
@@ -39,13 +39,13 @@ class TankCanvas(NamedTuple):
 
     @property
     def channels(self) -> int:
-        """Of the floor; a picture has one more."""
+        """Return the channels of the floor; a picture has one more."""
         return 1 if self.floor.ndim == 2 else 3
 
     def slots(self, fish: int, rate_hz: float) -> int:
-        """As many as memory allows, and at least as are needed at a time.
+        """Return the number of slots: as many as memory allows, but at least those in use.
 
-        Two pictures a fish and tick, of those that travel before they are displayed and just after.
+        In use are two pictures a fish and tick, from sending until just after display.
         """
         one = self.slot_width * self.slot_height * 4
         needed = round(2 * fish * (EARLY_S * rate_hz + 2))
@@ -53,15 +53,15 @@ class TankCanvas(NamedTuple):
 
 
 def message(kind: str, payload: bytes = b"", **facts: Any) -> bytes:
-    """A message to the page."""
+    """Return a message to the page."""
     text = json.dumps({"kind": kind, **facts}, separators=(",", ":")).encode()
     return len(text).to_bytes(4, "little") + text + payload
 
 
 class Feed:
-    """Messages, and which pictures the page has.
+    """Makes the messages to a page, and keeps track of its pictures.
 
-    facts: of `hello`; picture: a picture of the film by its number.
+    facts: of `hello`; picture: returns a picture of the film by its number.
     """
 
     def __init__(
@@ -74,9 +74,10 @@ class Feed:
         self._last: dict[int, bytes] = {}  # rows by tick, of the last ticks
 
     def begin(self) -> list[bytes]:
-        """All that a page needs that has just come.
+        """Return all messages that a new page needs.
 
-        One picture at least: with the first one it gets ready to draw, which takes a while.
+        They include at least one picture: with the first one the page prepares to draw, which takes
+        a while.
         """
         if not self._slots:
             self._slots[0] = 0
@@ -92,7 +93,7 @@ class Feed:
     def rows(
         self, seq: int, tick: int, due_s: float, states: NDArray[np.float32], cut: bool = False
     ) -> list[bytes]:
-        """The states (fish, F) of a tick, and the pictures that the page lacks for them."""
+        """Return the states (fish, F) of a tick, after the pictures that the page still lacks."""
         made = self.pictures(states)
         rows = message("rows", states.tobytes(), seq=seq, tick=tick, due=due_s, cut=cut)
         self._last = {old: sent for old, sent in self._last.items() if tick - 64 < old < tick}
@@ -100,16 +101,16 @@ class Feed:
         return [*made, rows]
 
     def frame(self, number: int, states: NDArray[np.float32]) -> list[bytes]:
-        """A frame that was shown before, and the pictures that the page lacks for it."""
+        """Return a frame that was shown before, after the pictures that the page lacks for it."""
         return [*self.pictures(states), message("frame", states.tobytes(), number=number)]
 
     def clear(self) -> bytes:
-        """No fish any more."""
+        """Return the message that shows no fish."""
         self._last = {}
         return message("clear")
 
     def pictures(self, states: NDArray[np.float32]) -> list[bytes]:
-        """The pictures of states (…, F) that the page lacks."""
+        """Return the pictures of states (…, F) that the page lacks."""
         made = []
         for number in np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist():
             if number < 0:

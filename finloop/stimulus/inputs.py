@@ -1,11 +1,11 @@
-"""What trackers say by UDP and OSC, as the JSON texts of `finloop.stimulus.tracker`.
+"""Messages of trackers by UDP and OSC, turned into the JSON texts of `finloop.stimulus.tracker`.
 
 UDP: a datagram is one text. OSC: the address /finloop/animal with t, id, x, y and maybe heading, or
 with one text; several messages may come as a bundle. An OSC float has 32 bits, too few for seconds
 since 1970: send t as a double, or count from the tracker's start.
 
 Other machines must show the token: in the JSON (of a list, in its first sighting), or as the first
-argument of OSC. Whatever does not hold is handed on as None, so that it is counted and no more.
+argument of OSC. An invalid message becomes None, which is only counted.
 """
 
 import asyncio
@@ -19,14 +19,14 @@ from pythonosc.osc_message import OscMessage, ParseError
 
 from finloop.stimulus.tracker import LONGEST, MOST_AT_ONCE
 
-ADDRESS = b"/finloop/animal\0"  # 16 bytes: OSC wants a multiple of 4
+ADDRESS = b"/finloop/animal\0"  # 16 bytes: OSC requires a multiple of 4
 _FIELDS = ("t", "id", "x", "y", "heading")
 _TAGS = frozenset(b"ifdhs")  # types of arguments; the library logs others that it does not know
 _BUNDLE = b"#bundle\0"
 _HEAD = len(_BUNDLE) + 8  # bytes of a bundle before its parts: the mark, a time
 
 Hear = Callable[[str | None, str], None]
-"""Takes a text, None if there is none that holds, and who says it."""
+"""Takes a text, None if it is invalid, and its sender."""
 
 
 def guard_input(hear: Hear, fail: Callable[[BaseException], None]) -> Hear:
@@ -61,8 +61,6 @@ async def _open(
 
 
 class _Datagrams(asyncio.DatagramProtocol):
-    """Hands on the texts of each datagram."""
-
     def __init__(
         self, texts: Callable[[bytes], list[str | None]], name: str, hear: Hear
     ) -> None:  # fmt: skip
@@ -75,7 +73,7 @@ class _Datagrams(asyncio.DatagramProtocol):
 
 
 def json_of(content: bytes | str, token: str | None) -> str | None:
-    """The text of a datagram, without its token; None where it is none or the token is wrong."""
+    """Return the text of a datagram, without its token; None if it or the token is invalid."""
     if len(content) > LONGEST:
         return None
     try:
@@ -93,13 +91,13 @@ def json_of(content: bytes | str, token: str | None) -> str | None:
 
 
 def _same(claim: Any, token: str) -> bool:
-    """Whether a claim is the token; that takes as long whatever it is."""
+    """Return whether a claim is the token, in constant time."""
     text = claim if isinstance(claim, str) else ""
     return hmac.compare_digest(text.encode(), token.encode())
 
 
 def osc_of(content: bytes, token: str | None) -> list[str | None]:
-    """The texts of an OSC packet, one a message; [None] where it is none that holds."""
+    """Return the texts of an OSC packet, one a message; [None] if it is invalid."""
     parts = [content] if not content.startswith(_BUNDLE) else list(_parts(content))
     if len(content) > LONGEST or not 0 < len(parts) <= MOST_AT_ONCE:
         return [None]
@@ -107,9 +105,9 @@ def osc_of(content: bytes, token: str | None) -> list[str | None]:
 
 
 def _parts(bundle: bytes) -> Iterator[bytes]:
-    """The parts of a bundle: before each is its length.
+    """Yield the parts of a bundle, each preceded by its length.
 
-    The library would log each part that it does not know, and go down into bundles of bundles.
+    The library would log each part that it does not know, and descend into bundles of bundles.
     """
     at = _HEAD
     while at < len(bundle):
@@ -119,7 +117,6 @@ def _parts(bundle: bytes) -> Iterator[bytes]:
 
 
 def _text(part: bytes, token: str | None) -> str | None:
-    """The text of an OSC message; None if it is none that holds."""
     tags = part[len(ADDRESS) : part.find(b"\0", len(ADDRESS))]
     if not part.startswith(ADDRESS) or tags[:1] != b"," or not set(tags[1:]) <= _TAGS:
         return None

@@ -1,4 +1,4 @@
-"""What a protocol will show, in words and tables, before anything is shown."""
+"""A listing of what a protocol will show, in words and tables."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,25 +9,25 @@ from finloop.stimulus.protocol import Protocol
 _ORDERS = {"given": "in the order given", "shuffled": "shuffled", "blocks": "in blocks"}
 _KEYS = {" ": "space bar", "Enter": "enter key"}
 _TEXT = ("condition", "motion", "look", "change")
-"""Columns of words, which begin at the left."""
+"""Columns of words, aligned to the left."""
 
 
 def listing(protocol: Protocol, order: tuple[Trial, ...]) -> str:
-    """All trials, what each condition is, how long it takes, and what is demanded."""
+    """Return all trials, each condition, the duration, and the requirements."""
     seconds = sum(trial.seconds for trial in order) + protocol.pause_s * (len(order) - 1)
     waits = "" if protocol.start == "auto" else " and the waits for a start"
     return "\n".join([
         f"{protocol.name}: {len(order)} trials, {_ORDERS[protocol.order]}; seed {protocol.seed}",
         f"{protocol.fish} fish, animated by mode matching",
         f"takes {_clock(seconds)}{waits}",
-        "", *(f"demanded: {what}" for what in demands(protocol)),
+        "", *(f"required: {what}" for what in demands(protocol)),
         "", *_conditions(protocol), *_twins(protocol),
         "", *_trials(protocol, order),
     ])  # fmt: skip
 
 
 def demands(protocol: Protocol) -> Iterator[str]:
-    """What must be there before a start, and what is sent out."""
+    """Yield what must be ready before a start, and what is sent out."""
     display, animals = protocol.display, protocol.animals
     yield "a calibrated display" if display.calibrated else "any display, calibrated or not"
     if display.fish_mm is not None:
@@ -55,7 +55,6 @@ def _conditions(protocol: Protocol) -> Iterator[str]:
 
 
 def _twins(protocol: Protocol) -> Iterator[str]:
-    """Conditions that show the very same motion."""
     groups: dict[str, list[str]] = {}
     for name, condition in protocol.conditions.items():
         if condition.motion.kind not in ("rule", "again"):
@@ -66,7 +65,6 @@ def _twins(protocol: Protocol) -> Iterator[str]:
 
 
 def _trials(protocol: Protocol, order: tuple[Trial, ...]) -> Iterator[str]:
-    """When each begins, too: at the earliest, where a start is waited for."""
     begin, rows = 0.0, []
     for trial in order:
         of = source(protocol, order, trial)
@@ -90,7 +88,7 @@ def _motion(motion: Motion) -> str:
         case "again":
             return f"that of {motion.again} again"
         case "company":
-            return "in company"
+            return "in a group"
         case "wander":
             return "wanders"
     assert motion.rule is not None
@@ -116,7 +114,7 @@ def _change(change: Change | None) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Words to the left, numbers to the right."""
+    """Yield the rows: words to the left, numbers to the right."""
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     for row in (head, *rows):
         cells = [
@@ -127,7 +125,6 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def _clock(seconds: float) -> str:
-    """Hours, minutes and seconds."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}"

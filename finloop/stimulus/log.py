@@ -1,17 +1,17 @@
 """The log of a session: every displayed frame, every fish in it, every tick, input and event.
 
-One table, a row an entry; `kind` says what it is of:
+One table, a row an entry; `kind` is its kind:
 
 - frame: a displayed frame. number, time_s: when the browser showed it, intended_s, drawn_s, seq: of
-  the last rows of ticks that it knew, dropped: frames missed before it, digest: of its pixels.
+  the last rows of ticks that it had, dropped: frames missed before it, digest: of its pixels.
 - fish: a fish in the frame `number`: fish, and the state that it was drawn from.
-- tick: the ticks as planned. number, time_s: when, intended_s: when wanted, seq, digest: of the
-  planned states. One that was planned anew, as an animal had moved, is there once more.
-- input: what came from a tracker. time_s: when it arrived, source, text: all of it, verdict.
+- tick: the ticks as planned. number, time_s: when planned, intended_s: when due, seq, digest: of
+  the planned states. A tick that was planned again, as an animal had moved, has another row.
+- input: a message of a tracker. time_s: its arrival, source, text: all of it, verdict.
 - trial: the beginning or end of a trial; text: which, as JSON.
 - event: anything else; text: what, as JSON.
 
-Entries are kept in a journal at least every half second, and made a Parquet file at the end.
+Entries are written to a journal at least every half second, and made a Parquet file at the end.
 """
 
 import hashlib
@@ -31,9 +31,9 @@ from finloop.stimulus.drawn import FIELDS
 from finloop.stimulus.tracker import LONGEST
 
 FORMAT = 1
-"""Of the log; another one cannot be read by this version."""
+"""Version of the log; this program reads no other."""
 
-FRAME_FIELDS = 8  # of a record of a displayed frame, float64
+FRAME_FIELDS = 8  # values of a record of a displayed frame, float64
 SESSION = Schema(
     Column("kind", "string", "1"),
     Column("time_s", "float64", "s"),
@@ -49,11 +49,11 @@ SESSION = Schema(
     Column("posture", "float32", "1", nullable=True, length=ANY),
     *columns("string", "1", "source", "text", "verdict", nullable=True),
 )
-_MOST_TEXT = LONGEST  # characters that are kept of an input: all of what can be taken
+_MOST_TEXT = LONGEST  # characters that are kept of an input: all of a valid one
 
 
 class Log:
-    """Takes entries, and keeps them in a journal. Entries may come from any thread."""
+    """Collects entries, and writes them to a journal. Entries may come from any thread."""
 
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
         self._journal = Journal(path, SESSION, json.dumps(header))
@@ -63,25 +63,25 @@ class Log:
         self.trial: int | None = None
 
     def entry(self, kind: str, time_s: float, **values: Any) -> None:
-        """One more entry, of a tick, an input, a trial or an event."""
+        """Add an entry of a tick, an input, a trial or an event."""
         with self._lock:
             self._entries.append({"kind": kind, "time_s": time_s, "trial": self.trial, **values})
 
     def event(self, time_s: float, what: str, **facts: Any) -> None:
-        """Something happened."""
+        """Add an event."""
         self.entry("event", time_s, text=json.dumps({"what": what, **facts}))
 
     def input(self, time_s: float, source: str, text: str, verdict: str) -> None:
-        """Something came from a tracker."""
+        """Add a message of a tracker."""
         self.entry("input", time_s, source=source, text=text[:_MOST_TEXT], verdict=verdict)
 
     def frame(self, facts: NDArray[np.float64], drawn: NDArray[np.float32]) -> None:
-        """A displayed frame: FRAME_FIELDS numbers, and its fish (fish, F)."""
+        """Add a displayed frame: FRAME_FIELDS numbers, and its fish (fish, F)."""
         with self._lock:
             self._frames.append((-1 if self.trial is None else self.trial, facts, drawn))
 
     def keep(self) -> None:
-        """Put all entries on the disk; for a thread, for a disk may be slow."""
+        """Write all entries to the disk; call it in a thread, as a disk may be slow."""
         with self._keeping:
             with self._lock:
                 entries, self._entries = self._entries, []
@@ -96,7 +96,7 @@ class Log:
                 self._journal.keep(parts)
 
     def close(self) -> None:
-        """Keep all, and end the journal."""
+        """Write all entries, and end the journal."""
         self.keep()
         self._journal.close()
 
@@ -126,7 +126,6 @@ class Log:
         )]  # fmt: skip
 
     def _batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
-        """Rows of one kind, null where nothing is given."""
         schema, given = self._journal.schema, {"kind": [kind] * rows, **values}
         return pa.RecordBatch.from_arrays(
             [_array(given.get(field.name), field.type, rows) for field in schema], schema=schema
@@ -148,7 +147,7 @@ def _array(values: Any, kind: pa.DataType, rows: int) -> pa.Array:
 
 
 def frames_of(message: bytes, width: int) -> list[tuple[Floats, NDArray[np.float32]]]:
-    """The records of displayed frames in a message of the page, of `width` numbers a fish.
+    """Return the records of displayed frames in a page's message, of `width` numbers a fish.
 
     ValueError where it is no such message.
     """
@@ -168,6 +167,6 @@ def frames_of(message: bytes, width: int) -> list[tuple[Floats, NDArray[np.float
 
 
 def digest_of(states: NDArray[np.float32]) -> int:
-    """A digest of states of fish, 62 bits."""
+    """Return a digest of states of fish, 62 bits."""
     whole = hashlib.blake2b(np.ascontiguousarray(states, "<f4").tobytes(), digest_size=8)
     return int.from_bytes(whole.digest(), "little") >> 2

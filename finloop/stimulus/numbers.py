@@ -1,11 +1,11 @@
-"""What the experimenter sees of a session's speed while it runs."""
+"""Speed figures of a running session for the experimenter."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
-_RECENT = 512  # of each
+_RECENT = 512  # values kept of each
 
 
 @dataclass
@@ -13,7 +13,7 @@ class Numbers:
     """The last latencies and errors, ms, and counts.
 
     planned, drawn: from an input to the planned reaction, and to the frame that shows it; ticks:
-    how much later ticks were planned than wanted; heard: positions by verdict.
+    how much later ticks were planned than due; heard: messages of trackers by verdict.
     """
 
     planned: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
@@ -27,7 +27,7 @@ class Numbers:
 
 
 def percentiles(values: deque[float]) -> tuple[float, float]:
-    """Median and 99th percentile; NaN of none."""
+    """Return median and 99th percentile; NaN if there are no values."""
     if not values:
         return float("nan"), float("nan")
     median, most = np.percentile(np.array(values), [50, 99])

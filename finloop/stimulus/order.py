@@ -1,13 +1,13 @@
-"""The order of the trials: by the protocol's seed, and the same on any machine.
+"""The order of the trials: from the protocol's seed, and the same on any machine.
 
-Every permitted order is equally likely. An order is permitted if each condition that shows the
-motion of another one again comes after a trial of that one; in blocks, if each block holds every
+Every permitted order is equally likely. An order is permitted if each condition that repeats the
+motion of another one comes after a trial of that one; in blocks, if each block holds every
 condition once, and none comes twice in a row (where there is more than one).
 
-Nothing is drawn in vain. What must come before what is a forest: trials of one condition in their
-order, and the first one of a yoked condition after the first of its source. Of a forest with n
-nodes there are n! / ∏ s orders, s: the sizes of all its subtrees (Knuth, TAOCP 3, 5.1.4, ex. 20).
-So the next trial is one of those that wait for none, each with a chance of the size of its subtree.
+No draw is rejected. The precedences form a forest: trials of one condition in their order, and the
+first one of a yoked condition after the first of its source. A forest with n nodes has n! / ∏ s
+orders, s: the sizes of all its subtrees (Knuth, TAOCP 3, 5.1.4, ex. 20). So the next trial is one
+of those that wait for none, each with a probability in proportion to the size of its subtree.
 """
 
 from collections.abc import Iterator
@@ -19,14 +19,14 @@ from finloop.stimulus.parts import Trigger
 from finloop.stimulus.protocol import Protocol, motion_seed
 
 Node = tuple[str, int]
-"""A condition, and its repeat from 0."""
+"""A condition, and the number of its repeat from 0."""
 _WORD = 2**64
 
 
 class Trial(NamedTuple):
     """A trial: its number from 1, block and repeat (of its condition) from 1.
 
-    seconds: how long; seed: of its motion.
+    seconds: its duration; seed: of its motion.
     """
 
     number: int
@@ -38,7 +38,7 @@ class Trial(NamedTuple):
 
 
 def trials(protocol: Protocol) -> tuple[Trial, ...]:
-    """All trials in their order."""
+    """Return all trials in their order."""
     names, draws = list(protocol.conditions), _Draws(protocol.seed)
     if protocol.order == "given":
         order = names * protocol.repeats
@@ -56,14 +56,14 @@ def trials(protocol: Protocol) -> tuple[Trial, ...]:
 
 
 def source(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
-    """The trial whose motion a trial shows again, if none is skipped."""
+    """Return the trial whose motion a trial repeats, if none is skipped."""
     again = protocol.conditions[trial.condition].motion.again
     before = reversed(order[: trial.number - 1])
     return next((one for one in before if one.condition == again), None)
 
 
 def trigger_text(trigger: Trigger, trial: Trial) -> str:
-    """The text of a trigger, for a trial."""
+    """Return the text of a trigger, for a trial."""
     return trigger.text.format(
         trial=trial.number, condition=trial.condition, block=trial.block, repeat=trial.repeat,
         at=trigger.at,
@@ -71,13 +71,13 @@ def trigger_text(trigger: Trigger, trial: Trial) -> str:
 
 
 class _Draws:
-    """Whole numbers by a seed. PCG64's bits are the same in every version of NumPy."""
+    """Draws whole numbers from a seed. PCG64's bits are the same in every version of NumPy."""
 
     def __init__(self, seed: int) -> None:
         self._bits = PCG64(seed)
 
     def below(self, most: int) -> int:
-        """One of 0..most - 1, all equally likely."""
+        """Draw one of 0..most - 1, all equally likely."""
         while (bits := int(self._bits.random_raw())) >= _WORD - _WORD % most:
             pass
         return bits % most
@@ -117,7 +117,7 @@ def _draw_order(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
 
 
 def _blocks(protocol: Protocol, draws: _Draws) -> Iterator[str]:
-    """Block after block; only in the first one a yoked condition must wait for its source."""
+    """Yield block after block; only in the first one a yoked condition must wait for its source."""
     block = [name for name, _ in _draw_order(_predecessors(protocol, 1), draws)]
     yield from block
     for _ in range(protocol.repeats - 1):

@@ -1,7 +1,7 @@
 """The pages that show a stimulus, each one HTML text with all that it needs.
 
-A page has exactly one script and one style, of the files in `page/`, so that a browser may be told
-to run nothing else.
+A page has exactly one script and one style, from the files in `page/`, so that its policy can
+forbid the browser to run anything else.
 """
 
 import base64
@@ -23,24 +23,24 @@ from finloop.stimulus.drawn import PARTNER, PICTURE, POSTURE, States
 from finloop.stimulus.pictures import PagePicture, typical
 
 DRAWING = ("strip.js", "shaders.js", "view.js", "draw.js", "motion.js")
-"""What draws and moves the fish, on either page."""
+"""The scripts that draw and move the fish, on both pages."""
 _FILES = Path(__file__).with_name("page")
 _PLAIN: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": None}
 
 
 def script(*names: str) -> str:
-    """The scripts of these names as one."""
+    """Return the scripts of these names as one."""
     return '"use strict";\n' + "\n".join(_read(name) for name in names)
 
 
 def display_page() -> str:
-    """The page in front of the animals: it takes what it shows from the server of a session."""
+    """Return the page in front of the animals, which gets its content from the session's server."""
     code = script(*DRAWING, "levels.js", "panel.js", "display.js")
     return _read("display.html").replace("/*script*/", code)
 
 
 def experimenter_page() -> str:
-    """The page of the experimenter."""
+    """Return the page of the experimenter."""
     return _read("experimenter.html")
 
 
@@ -48,7 +48,7 @@ def alone_page(
     title: str, rate: float, floor: Picture, pictures: Mapping[int, PagePicture], motion: States,
     looks: Sequence[dict[str, Any]] = (_PLAIN,), loops: bool = True,
 ) -> str:  # fmt: skip
-    """A page that plays a motion (ticks, fish, F) by itself, again and again unless told otherwise.
+    """Return a page that plays a motion (ticks, fish, F) by itself, for ever if `loops`.
 
     rate: ticks/s; floor: the empty tank; pictures: all that the motion names, by number. It needs
     no server and no network. FinloopError if a picture or all ticks are missing.
@@ -70,7 +70,6 @@ def _read(name: str) -> str:
 
 
 def _digest(tag: str, page: str) -> str:
-    """What a policy names the page's only script, or style, by."""
     (text,) = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
@@ -85,7 +84,7 @@ def _refuse(pictures: Mapping[int, PagePicture], motion: States) -> None:
     if missing := [number for number in named if number >= 0 and number not in pictures]:
         raise FinloopError(
             f"{len(missing)} pictures are missing, {missing[0]} first",
-            "every picture that the motion names", "give these pictures as well",
+            "every picture that the motion names", "give these pictures, too",
         )  # fmt: skip
 
 

@@ -15,9 +15,9 @@ from finloop.stimulus.rules import RuleSpec
 from finloop.stimulus.tracker import TrackerSettings
 
 KEYS = {"space": " ", "enter": "Enter"}
-"""Names of keys, and what the browser calls them."""
+"""Names of keys, and their names in the browser."""
 TRIGGER_WORDS = ("trial", "condition", "block", "repeat", "at")
-"""What a trigger's text may name in braces."""
+"""Names that a trigger's text may contain in braces."""
 
 
 def _printable(text: str) -> str:
@@ -27,7 +27,6 @@ def _printable(text: str) -> str:
 
 
 def _receiver(to: str) -> str:
-    """`socket`, or udp://host:port."""
     udp = re.fullmatch(r"udp://[A-Za-z0-9.-]+:([0-9]{1,5})", to)
     if to != "socket" and not (udp and 0 < int(udp[1]) < 65_536):
         raise ValueError("should be socket, or udp://host:port")
@@ -35,7 +34,7 @@ def _receiver(to: str) -> str:
 
 
 def _key(name: str) -> str:
-    """A key as the browser calls it; one that is called so already stays."""
+    """Return the browser's name of a key; a name of the browser stays."""
     key = KEYS.get(name, name)
     if key not in KEYS.values() and (len(key) != 1 or not key.isprintable()):
         raise ValueError(f"should be {', '.join(KEYS)}, or one character")
@@ -43,7 +42,6 @@ def _key(name: str) -> str:
 
 
 def _template(text: str) -> str:
-    """Text with words of `TRIGGER_WORDS` in braces, and no other braces."""
     try:
         parts = list(Formatter().parse(text))
     except ValueError:
@@ -62,7 +60,7 @@ Level = Annotated[int, Field(ge=0, le=255)]
 
 
 class Part(BaseModel):
-    """A part of a protocol: of the types and with the fields that are named, and no others."""
+    """A part of a protocol, with exactly the named fields and types."""
 
     model_config = ConfigDict(
         strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
@@ -78,16 +76,16 @@ class Motion(Part):
     goals: Annotated[tuple[Place, ...], Field(min_length=1, max_length=500)] | None = None
     """Goals one after the other, then the fish wander: 1..500 places as `goal` has them."""
     path: File | None = None
-    """Along a path: a file .csv, .parquet or .svg; its place is told from the protocol's folder.
-    Places are shares of the tank unless the columns name a unit."""
+    """Along a path: a file .csv, .parquet or .svg, relative to the protocol's folder. Places are
+    shares of the tank unless the columns name a unit."""
     rule: RuleSpec | None = None
     """By a rule towards a live animal; the motion is known only as it is shown."""
     company: Literal[True] | None = None
-    """In company of the other fish on the display, as the film's fish are: true."""
+    """In a group with the other fish on the display, as the film's fish are: true."""
     wander: Literal[True] | None = None
-    """Wherever: true."""
+    """Wander: true."""
     again: Name | None = None
-    """The very motion that the latest trial of another condition showed: its name (yoked)."""
+    """The very motion of the latest trial of another condition: its name (yoked)."""
     _folder: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
@@ -102,17 +100,17 @@ class Motion(Part):
 
     @property
     def file(self) -> Path:
-        """The file of a path."""
+        """Return the file of a path."""
         return self._folder / (self.path or "")
 
     @property
     def kind(self) -> str:
-        """Which of the fields is given."""
+        """Return which of the fields is given."""
         return next(name for name in Motion.model_fields if getattr(self, name) is not None)
 
     @property
     def text(self) -> str:
-        """Its own text, the same for motions that are the same."""
+        """Return its own text, the same for motions that are the same."""
         values = self.model_dump(mode="json", exclude_defaults=True)
         return json.dumps(values, sort_keys=True, separators=(",", ":"))
 
@@ -125,7 +123,7 @@ class Look(Part):
     contrast: Annotated[float, Field(ge=0, le=4)] = 1.0
     """0..4 times that of the film; 0 is the background."""
     size: Annotated[float, Field(ge=0.1, le=10)] = 1.0
-    """0.1..10 times as long; the way stays as it is."""
+    """0.1..10 times as long; the path stays the same."""
     colour: tuple[Level, Level, Level] | None = None
     """Red, green, blue (0..255) of a dot or a silhouette; null: the darkest of the fish."""
 
@@ -137,12 +135,12 @@ class Look(Part):
 
     @property
     def message(self) -> dict[str, Any]:
-        """As the display's page has it: as, contrast, size, colour."""
+        """Return the look for the display's page: as, contrast, size, colour."""
         return self.model_dump(mode="json", by_alias=True)
 
 
 class Change(Part):
-    """What is changed of a motion that is known before it is shown."""
+    """A change of a motion that is known before it is shown."""
 
     speed: Annotated[float, Field(ge=0.1, le=8)] = 1.0
     """0.1..8 times as fast."""
@@ -162,37 +160,37 @@ class Condition(Part):
     """What is shown in a trial."""
 
     seconds: Annotated[float, Field(ge=0.1, le=86_400)]
-    """How long a trial lasts, s, 0.1..86400, fades included. A motion of twice the speed is shown
-    as long, and gets twice as far."""
+    """Duration of a trial, s, 0.1..86400, fades included. A motion at twice the speed is shown as
+    long, and gets twice as far."""
     motion: Motion
     """What the fish do."""
     look: Look = Look()
-    """How they are drawn."""
+    """How the fish are drawn."""
     change: Change | None = None
-    """What is changed of the motion; null: nothing."""
+    """The change of the motion; null: none."""
 
 
 class Display(Part):
-    """What is demanded of the display."""
+    """Requirements of the display."""
 
     fish_mm: Annotated[float, Field(gt=0, le=10_000)] | None = None
-    """Length of a fish on the display, mm, above 0; null: as the display's calibration has it."""
+    """Length of a fish on the display, mm, above 0; null: from the display's calibration."""
     calibrated: bool = True
-    """Whether nothing is shown on a display that is not calibrated."""
+    """Whether the display must be calibrated."""
 
 
 class Animals(TrackerSettings):
-    """Live animals that a tracker tells of: its unit, its y axis, points, and when one is lost."""
+    """Live animals reported by a tracker: its unit, y axis, points, and when an animal is lost."""
 
     gap_s: Annotated[float, Field(gt=0, le=60)] = 0.5
-    """An animal not heard of for so long, s, above 0..60, is lost."""
+    """An animal without messages for this time, s, above 0..60, is lost."""
 
 
 class Start(Part):
-    """What starts a trial, where it does not start by itself: a key, or a message."""
+    """What starts a trial that does not start by itself: a key, or a message."""
 
     key: Annotated[str, AfterValidator(_key)] | None = None
-    """A key that is pressed before the display: space, enter, or one character."""
+    """A key that is pressed at the display: space, enter, or one character."""
     message: Name | None = None
     """The name of a message of the network, {"do":"trigger","name":…}: up to 80 characters."""
 
@@ -207,8 +205,8 @@ class Trigger(Part):
     """A message that is sent when a trial starts or ends."""
 
     at: Literal["start", "end"]
-    """When."""
+    """When it is sent."""
     to: Annotated[str, AfterValidator(_receiver)]
-    """udp://host:port, or socket: all that are connected to the WebSocket of the animals."""
+    """udp://host:port, or socket: all programs connected to the WebSocket of the animals."""
     text: Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_template)]
     """1..1000 characters; {trial}, {condition}, {block}, {repeat} and {at} are filled in."""

@@ -1,4 +1,4 @@
-"""Pictures of the film for the display's page: pixels, and how the animal lies in them."""
+"""Pictures of the film for the display's page: pixels, and where the animal is in them."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -12,13 +12,13 @@ from finloop.edit.schema import FRAME
 from finloop.render.gallery import Gallery
 from finloop.stimulus.drawn import PARTNER, PICTURE, States
 
-_SAMPLE = 100  # pictures that a typical one is taken of
+_SAMPLE = 100  # pictures from which a typical one is made
 _LIGHT = np.array([0.2126, 0.7152, 0.0722])  # of red, green, blue (ITU-R BT.709)
-_SMALLER = 0.75  # drawn smaller than that, a picture is shrunk beforehand: else it would flicker
+_SMALLER = 0.75  # below this drawn size a picture is shrunk beforehand: else it would flicker
 
 
 class PagePicture(NamedTuple):
-    """A picture (h, w, 2 or 4) uint8, premultiplied; line: the animal in it, in its own px.
+    """A picture (h, w, 2 or 4) uint8, premultiplied, and the animal in it, in its own px.
 
     line: x, y of the mass centre, heading in radians, size; posture: of the animal.
     """
@@ -29,10 +29,10 @@ class PagePicture(NamedTuple):
 
 
 def typical(pictures: Iterable[PagePicture]) -> dict[str, Any]:
-    """What dots and silhouettes have of all fish alike, so that they neither pulse nor flicker.
+    """Return medians of pictures that dots and silhouettes share, so that they do not flicker.
 
     area: of a fish, as a share of its squared size; dark: red, green, blue of its darkest
-    twentieth; medians of the pictures.
+    twentieth.
     """
     areas, colours = [], []
     for one in pictures:
@@ -56,14 +56,14 @@ class PagePictures:
 
     @property
     def largest(self) -> tuple[int, int]:
-        """Height and width, px, that no picture exceeds."""
+        """Return the height and width, px, that no picture exceeds."""
         index = self._gallery.shelves[FRAME].store.index
         sides = [index["height_px"].max(), index["width_px"].max()]
         height, width = (int(np.ceil(side * self._shrink)) + 1 for side in sides)
         return height, width
 
     def typical(self) -> dict[str, Any]:
-        """`typical` of pictures from all over the film."""
+        """Return `typical` of pictures from all over the film."""
         count = len(self._gallery.shelves[FRAME].centres_px)
         return typical(self(number) for number in range(0, count, max(1, count // _SAMPLE)))
 
@@ -73,7 +73,7 @@ class PagePictures:
         return {number: self(number) for number in named if number >= 0}
 
     def __call__(self, number: int) -> PagePicture:
-        """A picture. FinloopError if its file is damaged."""
+        """Return a picture. FinloopError if its file is damaged."""
         shelf, bodies = self._gallery.shelves[FRAME], self._gallery.bodies
         assert bodies is not None
         cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
@@ -88,7 +88,7 @@ class PagePictures:
 def shrunk(
     pixels: NDArray[np.uint8], share: float
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
-    """A picture made smaller, each new pixel the mean of those it covers; by how much, x and y."""
+    """Return a smaller picture, each pixel a mean of those it covers, and its scale in x, y."""
     if share >= 1:
         return pixels, (1.0, 1.0)
     height, width = pixels.shape[:2]

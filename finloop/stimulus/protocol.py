@@ -4,9 +4,9 @@ It is a YAML file that `load_protocol` reads; examples/protocol.yaml is one. Eve
 unit and range here. Types are strict, unknown keys are refused, and all problems of a file are
 reported at once, each with its line.
 
-Conditions of the same motion show the very same motion: the seed of a trial's motion depends on the
-protocol's seed, the motion's own text and the number of the repeat alone. So a control differs from
-its stimulus in its look or its change, and in nothing else.
+Conditions with the same motion show the very same motion: the seed of a trial's motion depends only
+on the protocol's seed, the motion's own text and the number of the repeat. So a control differs
+from its stimulus in its look or its change, and in nothing else.
 """
 
 import hashlib
@@ -39,9 +39,9 @@ MOST_FISH = 64
 MOST_TRIALS = 10_000
 MOST_BYTES = 1_000_000
 MOST_FISH_SECONDS = 100_000
-"""Of a motion that is planned before it is shown, so that it fits into memory."""
+"""The longest motion that is planned before it is shown, so that it fits into memory."""
 LINES = (".csv", ".parquet", ".svg")
-"""Files that a path is read from."""
+"""Kinds of files that hold a path."""
 Problem = tuple[Place, str]
 """A place, and what is wrong there."""
 _MODELS: dict[str | int, type[BaseModel]] = {
@@ -57,22 +57,22 @@ _WORDS = {
     "model_attributes_type": "should be keys with values",
     "tuple_type": "should be a list",
 }
-"""Complaints of pydantic in words of a protocol."""
+"""Complaints of pydantic in the words of a protocol."""
 
 
 class Protocol(Part):
     """All that is shown, and in which order. Made by `load_protocol` or `protocol_of`."""
 
     version: Literal[1]
-    """Of this format: 1."""
+    """Version of this format: 1."""
     name: Name
-    """Of the protocol: up to 80 characters."""
+    """Name of the protocol: up to 80 characters."""
     seed: Annotated[int, Field(ge=0, lt=2**53)]
-    """Of the order and of all motions: 0..2^53 - 1."""
+    """Seed of the order and of all motions: 0..2^53 - 1."""
     fish: Annotated[int, Field(ge=1, le=MOST_FISH)] = 1
     """How many fish are shown: 1..64."""
     display: Display = Display()
-    """What is demanded of the display."""
+    """Requirements of the display."""
     animals: Animals | None = None
     """Live animals; null: there are none, and no rule towards one."""
     pause_s: Annotated[float, Field(ge=0, le=86_400)] = 0.0
@@ -80,7 +80,7 @@ class Protocol(Part):
     repeats: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 1
     """How often each condition is shown: 1..10000."""
     order: Literal["given", "shuffled", "blocks"] = "given"
-    """Of the trials: as listed, again and again; all shuffled; or in blocks, each with every
+    """Order of the trials: as listed, again and again; all shuffled; or in blocks, each with every
     condition once, shuffled, and none twice in a row."""
     start: Annotated[
         Annotated[Literal["auto"], Tag("auto")] | Annotated[Start, Tag("wait")],
@@ -88,7 +88,7 @@ class Protocol(Part):
     ] = "auto"
     """What starts each trial: auto, after the pause; {key: space}; or {message: its name}."""
     fade_s: Annotated[float, Field(ge=0, le=60)] = 0.0
-    """The fish fade in and out for so long, s, 0..60, at both ends of a trial."""
+    """Time for which the fish fade in and out at both ends of a trial, s, 0..60."""
     triggers: Annotated[tuple[Trigger, ...], Field(max_length=20)] = ()
     """Messages that are sent, 0..20."""
     conditions: Annotated[dict[Name, Condition], Field(min_length=1, max_length=200)]
@@ -96,22 +96,22 @@ class Protocol(Part):
 
     @property
     def start_key(self) -> str | None:
-        """The key that starts a trial, as the browser calls it."""
+        """Return the key that starts a trial, by its name in the browser."""
         return None if self.start == "auto" else self.start.key
 
     @property
     def start_message(self) -> str | None:
-        """The name of the message that starts a trial."""
+        """Return the name of the message that starts a trial."""
         return None if self.start == "auto" else self.start.message
 
     @property
     def keys(self) -> list[str]:
-        """The keys that mean something before the display, as the browser calls them."""
+        """Return the keys with a meaning at the display, by their names in the browser."""
         return [self.start_key] if self.start_key else []
 
     @property
     def looks(self) -> list[Look]:
-        """All looks, each once; the display's page has their messages."""
+        """Return all looks, each once; the display's page has their messages."""
         looks: list[Look] = []
         for condition in self.conditions.values():
             looks += [condition.look] * (condition.look not in looks)
@@ -119,14 +119,14 @@ class Protocol(Part):
 
 
 def motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
-    """The seed (53 bits) of a trial's motion: by the protocol's seed, the motion and the repeat."""
+    """Return the seed (53 bits) of a trial's motion: from protocol seed, motion and repeat."""
     motion = protocol.conditions[condition].motion.text
     text = json.dumps([protocol.seed, motion, repeat])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()) >> (256 - 53)
 
 
 def load_protocol(path: Path) -> Protocol:
-    """The protocol in a file; FinloopError lists all that is wrong with it, line by line."""
+    """Return the protocol in a file; FinloopError lists all that is wrong, line by line."""
     text = _read(path)
     if text.values is None:
         raise _refusal(str(path), text.problems)
@@ -139,9 +139,9 @@ def load_protocol(path: Path) -> Protocol:
 
 
 def protocol_of(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
-    """The protocol of values, as a file would hold them; FinloopError lists all that is wrong.
+    """Return the protocol of values, as in a file; FinloopError lists all that is wrong.
 
-    folder: where its paths begin.
+    folder: where its relative paths begin.
     """
     protocol, problems = _check_values(values, folder)
     if protocol is None or problems:
@@ -183,7 +183,7 @@ def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Prob
         protocol = _parse_protocol(values)
     except ValidationError as error:
         problems = [_problem(dict(detail)) for detail in error.errors(include_url=False)]
-    # The parts that are sound are searched for contradictions, whatever is wrong elsewhere.
+    # The valid parts are checked for contradictions, whatever is wrong elsewhere.
     sound = protocol or _sound(values, [place for place, _ in problems])
     if sound is not None:
         for condition in sound.conditions.values():
@@ -197,7 +197,7 @@ def _parse_protocol(values: Any) -> Protocol:
 
 
 def _sound(values: Any, places: list[Place]) -> Protocol | None:
-    """A protocol without what is wrong at some places; None where nothing is left."""
+    """Return a protocol without what is wrong at some places; None where nothing is left."""
     if not isinstance(values, dict) or not isinstance(values.get("conditions"), dict):
         return None
     wrong = {place[0] for place in places if place}
@@ -214,11 +214,11 @@ def _sound(values: Any, places: list[Place]) -> Protocol | None:
 
 
 _GONE: dict[Place, str] = {("mode",): "leave it out: the stimulus is always of mode matching"}
-"""Keys that protocols had, and what to do about them."""
+"""Removed keys of protocols, and what to do about them."""
 
 
 def _problem(detail: dict[str, Any]) -> Problem:
-    """A complaint of pydantic in plain words, with its place."""
+    """Return a complaint of pydantic in plain words, with its place."""
     place: Place = tuple(step for step in detail["loc"] if step != "[key]")
     if place[:1] == ("start",):
         place = place[:1] + place[2:]  # without the name of the alternative
@@ -234,13 +234,12 @@ def _problem(detail: dict[str, Any]) -> Problem:
     said = _WORDS.get(detail["type"], said)
     came = json.dumps(detail["input"], ensure_ascii=False)
     came = came if len(came) <= 60 else came[:57] + "..."
-    # A complaint about a group of keys says itself what came.
+    # A complaint about a group of keys itself names the value.
     of_keys = detail["type"] == "missing" or (detail["type"] == "value_error" and came[:1] == "{")
     return place, said if of_keys else f"{said}, got {came}"
 
 
 def _model(place: Place) -> type[BaseModel]:
-    """The model that a key belongs to."""
     if place[0] == "conditions" and len(place) == 3:
         return Condition
     around = [step for step in place[:-1] if step in _MODELS]
@@ -253,11 +252,11 @@ def _format_problem(place: Place, what: str) -> str:
 
 
 def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
-    """What is allowed by itself, and not together. names: of all conditions, sound or not."""
+    """Yield what is allowed alone, but not together. names: of all conditions, valid or not."""
     if len(names) * protocol.repeats > MOST_TRIALS:
         yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
     if protocol.display.fish_mm is not None and not protocol.display.calibrated:
-        yield ("display", "fish_mm"), "wants a display that is calibrated (calibrated: true)"
+        yield ("display", "fish_mm"), "requires a calibrated display (calibrated: true)"
     if protocol.animals is not None:
         try:
             calibration(protocol.animals, 1.0)  # whether the film has a scale is not known yet
@@ -266,7 +265,7 @@ def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
     for name, condition in protocol.conditions.items():
         place = ("conditions", name)
         if 2 * protocol.fade_s > condition.seconds:
-            yield (*place, "seconds"), f"should be two fades of {protocol.fade_s:g} s at least"
+            yield (*place, "seconds"), f"should be at least two fades of {protocol.fade_s:g} s"
         for at, what in _motion_problems(protocol, condition):
             yield (*place, *at), what
         if condition.motion.again is not None:
@@ -279,9 +278,9 @@ def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Probl
     motion, change = condition.motion, condition.change or Change()
     if motion.rule is not None:
         if protocol.animals is None:
-            yield ("motion", "rule"), "wants live animals; describe them under animals"
+            yield ("motion", "rule"), "requires live animals; describe them under animals"
         if condition.change is not None:
-            yield ("change",), "wants a motion that is known beforehand; a rule's is not"
+            yield ("change",), "requires a motion that is known beforehand; a rule's is not"
     elif not change.still and (
         protocol.fish * condition.seconds * change.speed > MOST_FISH_SECONDS
     ):
@@ -293,7 +292,7 @@ def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Probl
             ),
         )
     if motion.company and protocol.fish < 2:
-        yield ("motion", "company"), "wants two fish at least; there is one"
+        yield ("motion", "company"), "requires at least two fish; there is one"
     if motion.path is not None:
         if motion.file.suffix.lower() not in LINES:
             yield ("motion", "path"), f"should be a file {', '.join(LINES)}, got {motion.path}"
@@ -332,7 +331,6 @@ def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterato
 
 
 def _chain(protocol: Protocol, name: str) -> list[str]:
-    """The conditions whose motions a condition shows again, up to the first one met twice."""
     chain: list[str] = []
     while (one := protocol.conditions.get(name)) and (again := one.motion.again):
         if again in chain:

@@ -1,6 +1,6 @@
-"""A recorded track in place of a live animal: what a tracker would say of it, and when.
+"""A recorded track in place of a live animal: the messages of a tracker, and their times.
 
-It is for rehearsals, and may be spoiled as a network and a tracker do it.
+It is for rehearsals, and can have the faults of a network and a tracker.
 """
 
 import json
@@ -21,11 +21,11 @@ NAME = "recorded"
 
 
 class Spoiled(NamedTuple):
-    """What goes wrong on the way.
+    """Faults of the connection.
 
-    loss: share of the messages that never arrive, 0..1; jitter_s: the others are late by up to so
-    much, and may overtake each other; gap_s: the tracker says nothing for so long, after every
-    `every_s` of the track; seed: of chance.
+    loss: share of the messages that never arrive, 0..1; jitter_s: the largest delay of the others,
+    which may overtake each other; gap_s: silence of the tracker after every `every_s` of the track;
+    seed: of the random choices.
     """
 
     loss: float = 0.0
@@ -39,11 +39,11 @@ def messages(
     line: Line, rate_hz: float | None, tank: TankGeometry, spoiled: Spoiled | None = None,
     calibration: Calibration = PX, mm_per_px: float | None = None,
 ) -> Iterator[tuple[float, str]]:  # fmt: skip
-    """When each message arrives, s from the beginning of the track, and its text; in their order.
+    """Yield when each message arrives, s from the beginning of the track, and its text; in order.
 
-    line: with times; the track is taken from it so many times a second, or at its own times.
-    calibration: of the tracker that is spoken for. FinloopError if the line has no times, or is in
-    mm and the film's scale is not known.
+    line: with times; the track is sampled at `rate_hz`, or at its own times. calibration: of the
+    imitated tracker. FinloopError if the line has no times, or is in mm and the film's scale is not
+    known.
     """
     time_s, way = _sample_track(line, rate_hz, _px_of(line, tank, mm_per_px))
     spoiled = spoiled or Spoiled()
@@ -58,7 +58,7 @@ def messages(
 
 
 def _text(t: float, place: Floats, calibration: Calibration) -> str:
-    """A message. place: x, y, heading_deg in the tank; the heading is NaN where there is none."""
+    """Return a message. place: x, y, heading_deg in the tank; the heading may be NaN."""
     x, y, heading = place.tolist()
     to_x, to_y, to_heading = calibration.back(x, y, math.radians(heading))
     facts = {"t": t, "id": NAME, "x": to_x, "y": to_y, "heading": to_heading}
@@ -66,7 +66,6 @@ def _text(t: float, place: Floats, calibration: Calibration) -> str:
 
 
 def _px_of(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
-    """Px of one unit of a line, along x and along y."""
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1
     if line.unit != MM:

@@ -1,4 +1,4 @@
-"""A session shown again from its file: every frame as it was drawn, every tick as planned."""
+"""Replay of a session from its file: every frame as it was drawn, every tick as planned."""
 
 import json
 from collections.abc import Iterator
@@ -41,11 +41,11 @@ class Record:
 
     @property
     def file(self) -> pq.ParquetFile:
-        """The file, opened anew."""
+        """Return the file, opened again."""
         return pq.ParquetFile(self.path)
 
     def rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
-        """All rows of some kinds, in the order of the log."""
+        """Yield all rows of some kinds, in the order of the log."""
         names = [name for name in SESSION.names if name not in (*FIELDS, "posture")]
         for part in self.file.iter_batches(columns=names):
             kept = part.filter(pc.is_in(part["kind"], pa.array(kinds)))
@@ -53,7 +53,7 @@ class Record:
 
 
 def open_record(path: Path) -> Record:
-    """A session's file. FinloopError if it is none, cut off, or of another version."""
+    """Return a session's file. FinloopError if it is none, cut off, or of another version."""
     try:
         file = pq.ParquetFile(path)
     except (OSError, pa.ArrowException) as error:
@@ -85,7 +85,7 @@ class Frame(NamedTuple):
 
 
 def frames_of(record: Record) -> Iterator[Frame]:
-    """Every frame that was displayed."""
+    """Yield every frame that was displayed."""
     columns = ["kind", "time_s", "number", "digest", "fish", *FIELDS, "posture"]
     heads: list[tuple[int, float, int]] = []
     fish: dict[int, list[NDArray[np.float32]]] = {}
@@ -102,7 +102,7 @@ def frames_of(record: Record) -> Iterator[Frame]:
 
 
 def _fish(part: pa.RecordBatch) -> Iterator[tuple[int, NDArray[np.float32]]]:
-    """The states (F,) of fish in a part of the table, with the numbers of their frames."""
+    """Yield the states (F,) of fish in a part of the table, with the numbers of their frames."""
     rows = part.filter(pc.equal(part["kind"], "fish"))
     if not rows.num_rows:
         return
@@ -119,14 +119,14 @@ def _make_frame(number: int, shown: float, digest: int, fish: dict[int, Any]) ->
 
 
 class Planned(NamedTuple):
-    """What planning a session once more gave: ticks that were planned, and those that differ."""
+    """The result of planning a session again: planned ticks, and those that differ."""
 
     ticks: int
     different: int
 
 
 def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> Planned:
-    """Plan a session once more, from the log of what came in, and compare every tick.
+    """Plan a session again, from the logged inputs, and compare every tick.
 
     scene: of the same film and parameters; plan: the protocol in the session's header.
     """
@@ -137,15 +137,13 @@ def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> Planned:
 
 
 class _Again:
-    """Takes the log's rows one after the other, and plans as the session did."""
-
     def __init__(self, scene: TrialContext, plan: Protocol) -> None:
         self.ticks = self.different = 0
         self._scene, self._plan = scene, plan
         self._animals = LiveAnimals(plan.animals, scene.tank, scene.mm_per_px)
         self._reaction: Reaction | None = None
         self._motions: dict[str, States] = {}
-        self._states: States | None = None  # of a motion that is known beforehand
+        self._states: States | None = None  # states of a motion that is known beforehand
         self._anew: States | None = None
         self._condition = ""
 

@@ -1,7 +1,7 @@
-"""Rules towards a live animal: where a fish swims to, as the animal is now or was.
+"""Rules towards a live animal: where a fish swims to, given where the animal is or was.
 
-A rule is a pure function of the fish, what is known of the animals, and the time. Lengths are in
-body lengths of the fish, so a rule means the same in any film.
+A rule is a pure function of the fish, the known animals, and the time. Lengths are in body lengths
+of the fish, so a rule means the same in any film.
 """
 
 import math
@@ -24,9 +24,9 @@ _FIELDS = {
     "delay_s": ("copy",),
     "axis": ("mirror",),
 }
-_REACH = 1.5  # times the distance that is kept from an animal: so far ahead a way out is looked at
+_REACH = 1.5  # times the distance from an animal: length of the ways of escape that are compared
 _TURNS = [sign * math.radians(step) for step in range(0, 121, 15) for sign in (1, -1)]
-"""Ways of escape that are compared: so far from straight away, either way round."""
+"""Ways of escape that are compared: angles from straight away, either way round."""
 _TURN = (
     0.05  # what a turn by half a circle costs, as a share of the animal's distance: settles ties
 )
@@ -42,11 +42,11 @@ class RuleSpec(BaseModel):
     )  # fmt: skip
 
     rule: Literal["approach", "keep distance", "follow", "lead", "avoid", "copy", "mirror"]
-    """approach: to the animal; keep distance: so far from it, on the line from it to the fish;
-    follow: so far behind it; lead: so far ahead of it; avoid: away while it is nearer than that;
-    copy: to where it was some time ago; mirror: to its mirror image."""
+    """approach: to the animal; keep distance: at `distance` from it, on the line from it to the
+    fish; follow: `distance` behind it; lead: `distance` ahead of it; avoid: away while it is
+    nearer than that; copy: to where it was some time ago; mirror: to its mirror image."""
     animal: Annotated[str, Field(min_length=1, max_length=40)] = NEAREST
-    """The id of an animal as the tracker says it, or nearest: the one nearest to the fish."""
+    """The tracker's id of an animal, or nearest: the one nearest to the fish."""
     distance: Annotated[float, Field(gt=0, le=100)] = 1.0
     """Body lengths, above 0..100; of keep distance, follow, lead and avoid."""
     delay_s: Annotated[float, Field(ge=0, le=MOST_DELAY_S)] = 1.0
@@ -59,7 +59,7 @@ class RuleSpec(BaseModel):
 
     @model_validator(mode="after")
     def _refuse_unused_values(self) -> "RuleSpec":
-        """Refuse a value that the rule has no use for: it would be thought to do something."""
+        """Refuse a value that the rule does not use: the user would expect an effect."""
         for name, rules in _FIELDS.items():
             given = getattr(self, name) != RuleSpec.model_fields[name].default
             if given and self.rule not in rules:
@@ -68,8 +68,9 @@ class RuleSpec(BaseModel):
 
 
 class TankGeometry(NamedTuple):
-    """The tank as rules know it, px. length_px: of a fish; into: the place nearest to another one
-    where the centre of a fish can be.
+    """The tank as rules need it, px. length_px: of a fish.
+
+    into: returns the nearest place where the centre of a fish can be.
     """
 
     width: float
@@ -79,43 +80,43 @@ class TankGeometry(NamedTuple):
 
 
 class Present(Protocol):
-    """An animal that is there."""
+    """An animal that is present."""
 
     @property
     def id(self) -> str:
-        """Its name."""
+        """Return its name."""
         ...
 
     @property
     def x(self) -> float:
-        """Its place, px."""
+        """Return its place, px."""
         ...
 
     @property
     def y(self) -> float:
-        """Its place, px."""
+        """Return its place, px."""
         ...
 
     @property
     def heading_rad(self) -> float | None:
-        """Its heading; None while it is unknown."""
+        """Return its heading; None while it is unknown."""
         ...
 
 
 class Known(Protocol):
-    """What is known of animals: `finloop.stimulus.animals.LiveAnimals`, or that of a test."""
+    """The known animals: `finloop.stimulus.animals.LiveAnimals`, or a test's."""
 
     def present_animals(self, now_s: float) -> Sequence[Present]:
         """Return the animals that are present at a time."""
         ...
 
     def past(self, id: str, time_s: float) -> tuple[float, float] | None:
-        """Where one was at a time; None: unknown."""
+        """Return where an animal was at a time; None: unknown."""
         ...
 
 
 def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: TankGeometry) -> Aim | None:
-    """The place that a fish swims to; None: it wanders, as no animal is there, or far enough away.
+    """Return the place that a fish swims to; None: it wanders, without an animal or far from it.
 
     own: x, y, heading_rad of the fish; now_s: the session's time.
     """
@@ -144,7 +145,7 @@ def mirror_place(place: Aim, axis: str, tank: TankGeometry) -> Aim:
 
 
 def _animal(name: str, own: Own, animals: Sequence[Present]) -> Present | None:
-    """The animal of that name, or the nearest one; of those as near, the first by its id."""
+    """Return the animal of that name, or the nearest one; of equally near ones the first by id."""
     some = [one for one in animals if name in (NEAREST, one.id)]
     return min(
         some, key=lambda one: (math.hypot(one.x - own[0], one.y - own[1]), one.id), default=None
@@ -152,7 +153,7 @@ def _animal(name: str, own: Own, animals: Sequence[Present]) -> Present | None:
 
 
 def _beside(rule: str, own: Own, animal: Present) -> Way:
-    """The way from an animal to the place of keep distance, follow or lead.
+    """Return the direction from an animal to the place of keep distance, follow or lead.
 
     The heading of an animal that has not moved yet is unknown: the fish keeps its distance then.
     """
@@ -174,11 +175,11 @@ def _point_along(start: Aim, way: Way, far: float) -> Aim:
 
 
 def _escape(own: Own, animal: Aim, distance_px: float, tank: TankGeometry) -> Aim | None:
-    """Where the fish gets away to; None while the animal is farther than that.
+    """Return where the fish escapes to; None while the animal is farther than `distance_px`.
 
-    Of several ways out, brought into the tank, the one is best that gets farthest from the animal
-    and has most water ahead. In open water that is straight away from the animal. Before a wall it
-    is along the wall, and in a corner it is out of it.
+    Of several ways out, moved into the tank, the best one gets farthest from the animal and has
+    most water ahead. In open water that is straight away from the animal, before a wall along the
+    wall, and in a corner out of it.
     """
     if math.dist(own[:2], animal) >= distance_px:
         return None
@@ -188,7 +189,7 @@ def _escape(own: Own, animal: Aim, distance_px: float, tank: TankGeometry) -> Ai
 def _ways_out(
     own: Own, animal: Aim, reach_px: float, tank: TankGeometry
 ) -> Iterator[tuple[float, Aim]]:
-    """Places in the tank to flee to, and before each how good it is, px."""
+    """Yield places in the tank to flee to, each preceded by its score, px."""
     away, far = _direction_to_fish(animal, own), math.dist(own[:2], animal)
     for angle in _TURNS:
         cos, sin = math.cos(angle), math.sin(angle)

@@ -2,10 +2,10 @@
 
 - `/` and WebSocket `/experimenter`: the experimenter's page (its messages: `desk`).
 - `/show` and WebSocket `/display`: the display's page (its messages: `feed`).
-- WebSocket `/animals`: what trackers say; triggers go out there, too.
+- WebSocket `/animals`: messages of trackers; triggers are sent there, too.
 
-Who may come in `finloop.live.door` says. Whatever is sent here, memory stays as it is: a page that
-takes nothing for some seconds is let go, and comes back by itself.
+`finloop.live.door` decides who may connect. No client can make memory grow: a page that takes
+nothing for some seconds is disconnected, and reconnects by itself.
 """
 
 import asyncio
@@ -29,7 +29,7 @@ from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.feed import Feed, message
 
 MOST_PAGES, MOST_TRACKERS = 8, 64
-_WAITING = 4096  # messages that wait for a page; then it is let go
+_WAITING = 4096  # messages that wait for a page before it is disconnected
 _SWITCH_S = 0.0005  # after which a thread that writes the log gives way
 
 
@@ -38,7 +38,7 @@ Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
 
 
 class Ready(Message):
-    """A display is there. width, height: px of its window; ratio: device px per CSS px."""
+    """A display has connected. width, height: px of its window; ratio: device px per CSS px."""
 
     do: Literal["ready"]
     width: Pixels
@@ -49,14 +49,14 @@ class Ready(Message):
 
 
 class Ping(Message):
-    """For the clocks. sent: ms of the page's clock."""
+    """A request for the session's time. sent: ms of the page's clock."""
 
     do: Literal["ping"]
     sent: Number
 
 
 class DisplayKeyPress(Message):
-    """A key was pressed before the display."""
+    """A key was pressed at the display."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
@@ -89,14 +89,14 @@ class Screen:
         self.waiting: asyncio.Queue[bytes | str] = asyncio.Queue(_WAITING)
 
     def send(self, content: bytes | str) -> bool:
-        """Let it travel; whether there is room for it."""
+        """Queue a message; return whether there is room for it."""
         with contextlib.suppress(asyncio.QueueFull):
             self.waiting.put_nowait(content)
             return True
         return False
 
     async def deliver(self) -> None:
-        """Send, one after the other, until it has gone."""
+        """Send the queued messages until the page disconnects."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
             while True:
                 content = await self.waiting.get()
@@ -107,7 +107,7 @@ class Screen:
 
 
 class DisplayHub:
-    """What the display pages say goes here; the session, or a replay, overrides what it needs.
+    """Takes the messages of display pages; the session, or a replay, overrides what it needs.
 
     The page that came first is the display; records of others' frames are not taken.
     """
@@ -119,9 +119,9 @@ class DisplayHub:
         self._beside: set[asyncio.Task[None]] = set()
 
     def beside(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do something without waiting for it."""
+        """Run a task without waiting for it."""
         task = asyncio.ensure_future(work)
-        self._beside.add(task)  # else it might be thrown away
+        self._beside.add(task)  # else it might be garbage-collected
         task.add_done_callback(self._beside.discard)
 
     def session_time(self) -> float:
@@ -129,7 +129,7 @@ class DisplayHub:
         return time.perf_counter()
 
     def send(self, content: bytes) -> None:
-        """To all display pages; one that is stuck is let go."""
+        """Send a message to all display pages; disconnect those that are stuck."""
         for screen in [one for one in self.screens if one.ready]:
             if not screen.send(content):
                 self.screens.remove(screen)
@@ -153,13 +153,13 @@ class DisplayHub:
                 self.set_hidden(wish.on)
 
     def came(self, ready: Ready) -> None:
-        """A display is there."""
+        """Handle a display that has connected."""
 
     def handle_disconnect(self) -> None:
         """Handle a display that has disconnected."""
 
     def key(self, key: str) -> None:
-        """A key was pressed."""
+        """Handle a key press."""
 
     def store_calibration(self, display: DisplayCalibration) -> None:
         """Store a calibration of the display."""
@@ -168,14 +168,14 @@ class DisplayHub:
         """Note that a page is hidden, or visible again."""
 
     def frames(self, content: bytes) -> None:
-        """Records of displayed frames."""
+        """Take records of displayed frames."""
 
     def bad(self) -> None:
-        """A message that was none."""
+        """Count an invalid message."""
 
 
 async def attend(stage: DisplayHub, connection: WebSocket) -> None:
-    """A display page, until it goes."""
+    """Serve a display page until it disconnects."""
     screen = Screen(connection)
     stage.screens.append(screen)
     delivers = asyncio.create_task(screen.deliver())
@@ -231,11 +231,11 @@ def app(
     door: Door, pages: dict[str, str], sockets: dict[str, tuple[Handler, int, bool]],
     tasks: Callable[[], list[Coroutine[Any, Any, None]]], fail: Callable[[Any], None],
 ) -> Starlette:  # fmt: skip
-    """The application.
+    """Return the application.
 
-    pages: HTML by path; sockets: by path who attends a WebSocket, how many there may be, and
-    whether programs that are no pages may open one; tasks: what runs beside; fail: is called with
-    the error that ended one of them.
+    pages: HTML by path; sockets: by path the handler of a WebSocket, the largest number of
+    connections, and whether programs that are no pages may open one; tasks: what runs beside; fail:
+    called with the error that ended one of them.
     """
     open_now = dict.fromkeys(sockets, 0)
 
@@ -269,7 +269,7 @@ def app(
     @contextlib.asynccontextmanager
     async def lives(_: Starlette) -> AsyncIterator[None]:
         gc.collect()
-        gc.freeze()  # what is there already is not looked through again, which takes time
+        gc.freeze()  # present objects are not scanned again, which takes time
         switches = sys.getswitchinterval()
         sys.setswitchinterval(_SWITCH_S)
         running = [asyncio.create_task(one) for one in tasks()]

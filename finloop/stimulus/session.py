@@ -1,8 +1,8 @@
-"""A session: trial after trial on the clock, with what comes in and goes out, all of it logged.
+"""A session: trial after trial on the clock, with all its inputs and outputs logged.
 
 A tick of a motion that is known beforehand is sent half a second early, so that nothing can make it
 late. Where fish react to live animals, a tick is planned shortly before it is due; when an animal
-moves, the last tick is planned anew at once, and the page goes on from what it shows.
+moves, the last tick is planned again at once, and the page goes on from what it shows.
 """
 
 import asyncio
@@ -31,8 +31,8 @@ from finloop.stimulus.protocol import Protocol as Plan
 from finloop.stimulus.trigger import trigger_of
 
 _AHEAD_S, _AHEAD = 0.008, 0.25  # s, ticks, that ticks are planned before the page needs them
-_FIRST_S = 0.3  # from the beginning of a trial to its first tick: its pictures travel
-_JUMP_S = 0.5  # of the wall clock against the session's
+_FIRST_S = 0.3  # from the beginning of a trial to its first tick: time to send its pictures
+_JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
 
 
 class Clock(Protocol):
@@ -43,7 +43,7 @@ class Clock(Protocol):
         ...
 
     async def until(self, time_s: float) -> None:
-        """Wait till then; return at once if that is past."""
+        """Wait until a time; return at once if it is past."""
         ...
 
 
@@ -63,19 +63,19 @@ class Session:
         self.phase = "ready"  # waiting, planning, running, pause, done
         self.at = -1  # the trial's index
         self.done: dict[int, str] = {}
-        self.patient = True  # whether it waits for keys and messages
+        self.patient = True  # whether trials wait for keys and messages
         self.displays = 0
-        self.display: dict[str, Any] | None = None  # what is known of it
+        self.display: dict[str, Any] | None = None  # facts about it
         self.name = self.link = ""  # of the session's file, and the address of the display's page
         self.messages: deque[str] = deque(maxlen=50)
         self.shown: States | None = None  # what was displayed last
-        self._motions: dict[str, States] = {}  # that the latest trial of a condition showed
+        self._motions: dict[str, States] = {}  # of the latest trial of each condition
         self._reaction: Reaction | None = None
         self._seq, self._due, self._tick = 0, 0.0, -1
         self._waits: dict[int, tuple[float, float]] = {}  # by seq: an input, and when it counts
-        self._ends: float | None = None  # of the trial
+        self._ends: float | None = None  # when the trial ends
         self._first = self._frame = 0  # numbers of a page's first frame, and of the last one
-        self._intended = 0.0  # when that was to be shown
+        self._intended = 0.0  # when that frame was due
         self._wanted = {one.motion.again for one in plan.conditions.values()}  # motions to be kept
         self._begun = asyncio.Event()
         self._permit = asyncio.Event()
@@ -83,46 +83,49 @@ class Session:
         self._wall: float | None = None
 
     def attach(self, send: Callable[[bytes], None], out: Callable[[str, str], str | None]) -> None:
-        """send: to all display pages; out: a trigger, to where and what; what went wrong."""
+        """Connect the outputs. send: a message to all display pages; out: a trigger to a receiver.
+
+        `out` takes receiver and text, and returns what went wrong.
+        """
         self._send, self._out = send, out
 
     # --- the experimenter, keys, triggers
 
     def start(self) -> None:
-        """Begin, or begin the trial that waits."""
+        """Begin the session, or the trial that waits."""
         self._begun.set()
         self._permit.set()
 
     def stop(self) -> None:
-        """End after this trial."""
+        """End the session after this trial."""
         self.stopping = True
         self._note("stop")
         self.start()
 
     def abort(self) -> None:
-        """End now."""
+        """End the session now."""
         self.stopping = self._abort = True
         self._note("abort")
         self.start()
 
     def skip(self) -> None:
-        """Leave out the rest of this trial."""
+        """Skip the rest of this trial."""
         self._skip = True
         self._note("skip")
         self._permit.set()
 
     def note(self, text: str) -> None:
-        """The experimenter's words, for the log."""
+        """Log a text of the experimenter."""
         self._note("note", text=text)
 
     def key(self, key: str) -> None:
-        """A key was pressed before a display, or by the experimenter."""
+        """Handle a key press at a display, or by the experimenter."""
         self._note("key", key=key)
         if self.phase == "waiting" and key == self.plan.start_key:
             self._permit.set()
 
     def trouble(self, what: str, **facts: Any) -> None:
-        """Something that the experimenter should know, and the log."""
+        """Report a problem to the experimenter, and log it."""
         self._note(what, **facts)
         words = ", ".join(f"{name} {value}" for name, value in facts.items())
         self.messages.append(
@@ -135,7 +138,7 @@ class Session:
     # --- live animals
 
     def hear(self, text: str | bytes | None, source: str) -> None:
-        """A message of a tracker: fish react before this returns."""
+        """Take a message of a tracker; fish react before this returns."""
         arrived = self.clock.read_time()
         name = trigger_of(text)
         if name is not None:
@@ -160,7 +163,7 @@ class Session:
     # --- display
 
     def frames(self, message: bytes) -> None:
-        """Records of displayed frames, of a page."""
+        """Take records of displayed frames from a page."""
         try:
             frames = frames_of(message, self.scene.width)
         except ValueError:
@@ -183,13 +186,13 @@ class Session:
                     del self._waits[waiting]
 
     def display_came(self, facts: dict[str, Any]) -> None:
-        """A display is there. A page counts its frames from 0; in the log they go on."""
+        """Handle a display that has connected. A page counts its frames from 0; the log goes on."""
         self._first = (self._frame // 2 + 1) * 2 if self._frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
         self._note("display", **facts)
 
     def display_left(self) -> None:
-        """A display has gone."""
+        """Handle a display that has disconnected."""
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
@@ -202,7 +205,7 @@ class Session:
         self.trouble("the display's page is hidden" if on else "the display's page is seen again")
 
     def left_s(self, now: float) -> float | None:
-        """How long the trial still lasts, s; None where none runs."""
+        """Return how long the trial still lasts, s; None where none runs."""
         return None if self._ends is None else round(max(0.0, self._ends - now), 1)
 
     def look(self, wall_s: float) -> None:
@@ -215,10 +218,10 @@ class Session:
     # --- trials
 
     async def run(self) -> None:
-        """All trials, from `start` on."""
+        """Run all trials, from `start` on."""
         await self._begun.wait()
         self._note("begin", wall=datetime.now().astimezone().isoformat())
-        gc.freeze()  # what is there already is not looked through again after each trial
+        gc.freeze()  # present objects are not scanned again after each trial
         try:
             for number, trial in enumerate(self.trials):
                 if self.stopping:
@@ -233,7 +236,6 @@ class Session:
         self._note("end", wall=datetime.now().astimezone().isoformat())
 
     async def _try(self, trial: Trial) -> None:
-        """One trial, from its planning on."""
         self._skip, self.phase = False, "planning"
         source = await self._prepare(trial)
         await self._permission()
@@ -245,10 +247,9 @@ class Session:
         self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
         await asyncio.to_thread(self.log.keep)
         self.phase = "pause"
-        gc.collect()  # the fish of the last trial know each other: they go now, not in the next
+        gc.collect()  # the fish of the last trial refer to each other: free them now
 
     async def _prepare(self, trial: Trial) -> States | None:
-        """The motion of a trial, if it can be known before it begins."""
         cue = cue_of(self.plan, trial)
         motion = cue.condition.motion
         if motion.rule is not None:
@@ -269,7 +270,6 @@ class Session:
         return shown
 
     async def _permission(self) -> None:
-        """Wait for the key or message that begins the trial, if one is wanted."""
         if self.plan.start == "auto" or not self.patient or self._abort or self._skip:
             return
         self.phase = "waiting"
@@ -292,7 +292,6 @@ class Session:
                     self.trouble("a trigger was not sent", to=trigger.to, reason=wrong)
 
     async def _show(self, trial: Trial, source: States | None) -> str:
-        """Show a trial; how it ended."""
         self.phase, rate = "running", self.scene.rate_hz
         begin = self.clock.read_time() + _FIRST_S
         ticks = self.scene.ticks(self.plan.conditions[trial.condition].seconds)
@@ -327,17 +326,16 @@ class Session:
         return "abort" if self._abort else "skip" if self._skip else "end"
 
     def _early_s(self, known: bool) -> float:
-        """How long before it is due a tick is planned, or sent where it is known."""
-        tick_s = 1 / self.scene.rate_hz  # the page goes there from the tick before
+        """Return how long before it is due a tick is planned, or sent where it is known."""
+        tick_s = 1 / self.scene.rate_hz  # the page interpolates from the tick before
         return EARLY_S if known else tick_s + min(_AHEAD_S, _AHEAD * tick_s)
 
     async def _wait(self, time_s: float) -> None:
-        """Wait, but no longer than till someone ends it."""
+        """Wait until a time, or until the trial or session is ended."""
         while not (self._abort or self._skip) and self.clock.read_time() < time_s:
             await self.clock.until(min(time_s, self.clock.read_time() + 0.1))
 
     def _emit(self, tick: int, due: float, states: States, now: float, cut: bool = False) -> None:
-        """Send a tick that is planned now, and log it."""
         self._seq += 1
         for message in self.feed.rows(self._seq, tick, due, states, cut):
             self._send(message)

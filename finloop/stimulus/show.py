@@ -18,11 +18,11 @@ from finloop.stimulus.replay import Frame
 from finloop.stimulus.serve import DisplayHub, Ready
 from finloop.stimulus.session import Session
 
-_AHEAD = 8  # frames of a replay that travel before the page has drawn them
+_AHEAD = 8  # frames of a replay that are sent before the page has drawn them
 
 
 class RealClock:
-    """Seconds since it was made. A wait ends at its time to a tenth of a millisecond."""
+    """Seconds since its creation. A wait ends within a tenth of a millisecond of its time."""
 
     def __init__(self) -> None:
         self._zero = time.perf_counter()
@@ -32,14 +32,14 @@ class RealClock:
         return time.perf_counter() - self._zero
 
     async def until(self, time_s: float) -> None:
-        """Wait till then."""
+        """Wait until a time."""
         while (left := time_s - self.read_time()) > 0:
-            # The loop's own timer may be a millisecond late: the rest is waited for step by step.
+            # The loop's own timer may be a millisecond late: wait for the rest step by step.
             await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
 
 
 class SessionHub(DisplayHub):
-    """A session before its displays. store: where calibrations go."""
+    """Connects a session with its displays. store: where calibrations go."""
 
     def __init__(self, session: Session, name: str, store: Path) -> None:
         super().__init__()
@@ -51,7 +51,7 @@ class SessionHub(DisplayHub):
         return self.session.clock.read_time()
 
     def came(self, ready: Ready) -> None:
-        """A display is there."""
+        """Handle a display that has connected."""
         known = self.feed.facts.get("display")
         facts = {
             "name": self._name, **ready.model_dump(exclude={"do"}), "calibrated": bool(known),
@@ -64,7 +64,7 @@ class SessionHub(DisplayHub):
         self.session.display_left()
 
     def key(self, key: str) -> None:
-        """A key was pressed."""
+        """Handle a key press."""
         self.session.key(key)
 
     def store_calibration(self, display: DisplayCalibration) -> None:
@@ -81,15 +81,15 @@ class SessionHub(DisplayHub):
         self.session.set_hidden(on)
 
     def frames(self, content: bytes) -> None:
-        """Records of displayed frames."""
+        """Take records of displayed frames."""
         self.session.frames(content)
 
     def bad(self) -> None:
-        """A message that was none."""
+        """Count an invalid message."""
         self.session.numbers.bad += 1
 
     async def track(self, connection: WebSocket) -> None:
-        """A tracker at the WebSocket /animals, until it goes."""
+        """Serve a tracker at the WebSocket /animals until it disconnects."""
         client = connection.client
         source = f"ws://{client.host}:{client.port}" if client else "ws"
         self._listeners.add(connection)
@@ -99,12 +99,12 @@ class SessionHub(DisplayHub):
                 if content["type"] == "websocket.disconnect":
                     break
                 self.session.hear(content.get("text") or content.get("bytes"), source)
-                await asyncio.sleep(0)  # one that floods waits for the others
+                await asyncio.sleep(0)  # a tracker that floods waits for the others
         finally:
             self._listeners.discard(connection)
 
     def tell(self, text: str) -> None:
-        """A trigger to all that are connected to /animals."""
+        """Send a trigger to all programs connected to /animals."""
         for connection in self._listeners:
             self.beside(_say(connection, text))
 
@@ -115,7 +115,7 @@ async def _say(connection: WebSocket, text: str) -> None:
 
 
 class CalibrationHub(DisplayHub):
-    """A display that is calibrated, with no session. done: is called when it is stored."""
+    """Calibrates a display without a session. done: called when the calibration is stored."""
 
     def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
         super().__init__()
@@ -129,9 +129,9 @@ class CalibrationHub(DisplayHub):
 
 
 class Replay(DisplayHub):
-    """A session shown again. quick: as fast as the page draws, not at the pace of the session.
+    """Replays a session. quick: as fast as the page draws, not at the rate of the session.
 
-    different: numbers of frames whose pixels were others than in the session, where it knows them.
+    different: numbers of frames whose pixels differ from the session's, where these are known.
     """
 
     def __init__(self, feed: Feed, frames: Iterator[Frame], quick: bool) -> None:
@@ -144,11 +144,11 @@ class Replay(DisplayHub):
         self.ended = asyncio.Event()
 
     def came(self, ready: Ready) -> None:
-        """A display is there: it begins."""
+        """Handle a display that has connected: the replay begins."""
         self._there.set()
 
     def frames(self, content: bytes) -> None:
-        """Frames that were drawn again."""
+        """Take records of frames that were drawn again."""
         try:
             width = POSTURE + self.feed.facts["posture"]
             for facts, states in frames_of(content, width):
@@ -168,7 +168,7 @@ class Replay(DisplayHub):
             self.different.append(number)
 
     async def run(self) -> None:
-        """All frames, from when a display is there."""
+        """Send all frames, once a display has connected."""
         await self._there.wait()
         async for frame in self._pace_frames():
             while len(self._wanted) >= _AHEAD and self._quick:
@@ -196,7 +196,7 @@ class Replay(DisplayHub):
 
 
 def again_and_again(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
-    """Messages of a recorded track for ever: their times go on, a second after the last one."""
+    """Yield the messages of a recorded track for ever; a round begins a second after the last."""
     begin = 0.0
     while messages:
         for due, text in messages:
@@ -206,9 +206,9 @@ def again_and_again(messages: list[tuple[float, str]]) -> Iterator[tuple[float, 
 
 
 class Dry:
-    """A clock on which nothing lasts: a wait ends at once, and it is the time waited for.
+    """A clock without real time: a wait ends at once, and the time is the one waited for.
 
-    messages: what trackers say, with its times; hear: takes them, each at its time.
+    messages: of trackers, with their times; hear: takes them, each at its time.
     """
 
     def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:
@@ -221,7 +221,7 @@ class Dry:
         return self._now
 
     async def until(self, time_s: float) -> None:
-        """It is then."""
+        """Set the clock to a time, after the messages due until then."""
         while self._next is not None and self._next[0] <= time_s:
             due, text = self._next
             self._next = next(self._messages, None)

@@ -1,4 +1,4 @@
-"""What happened in a session, in a page of plain text: what a paper has to report."""
+"""A summary of a session in plain text: what a paper has to report."""
 
 import hashlib
 import json
@@ -17,7 +17,7 @@ from finloop.stimulus.replay import Record
 
 
 def table_of(record: Record) -> pd.DataFrame:
-    """All rows of a session in the order of the log, but those of fish."""
+    """Return all rows of a session in the order of the log, except those of fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
     parts = [
         part.filter(pc.not_equal(part["kind"], "fish"))
@@ -27,7 +27,7 @@ def table_of(record: Record) -> pd.DataFrame:
 
 
 def tick_errors_ms(table: pd.DataFrame) -> Floats:
-    """How much later (n,) each tick of the clock was planned than wanted; without those anew."""
+    """Return how much later (n,) each tick was planned than due, without those planned again."""
     starts = _texts(table[table["kind"] == "trial"])
     early = {one["number"]: one["early_s"] for one in starts if one["what"] == "start"}
     ticks = table[(table["kind"] == "tick") & table["verdict"].isna()]
@@ -38,7 +38,7 @@ def tick_errors_ms(table: pd.DataFrame) -> Floats:
 
 
 def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
-    """From an input to the tick that was planned anew for it, and to the first frame showing it."""
+    """Return the times from an input to the tick planned again, and to the first frame of it."""
     heard = table["time_s"].where(table["kind"] == "input").ffill()
     anew = (table["kind"] == "tick") & (table["verdict"] == "anew")
     arrived = heard[anew].to_numpy(float)
@@ -55,7 +55,7 @@ def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
 
 
 def summary(record: Record, recovered: bool = False) -> str:
-    """The summary of a session, Markdown; recovered: from a journal that had been left."""
+    """Return the Markdown summary of a session; recovered: from the journal of a broken session."""
     table, header = table_of(record), record.header
     parts = {
         "Trials": _trials(table),

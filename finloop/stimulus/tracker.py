@@ -1,4 +1,4 @@
-"""What a tracker says, strictly parsed, and where in the tank that is.
+"""The messages of a tracker, strictly parsed, and their places in the tank.
 
 A message is JSON: one sighting of an animal, or a list of them,
 
@@ -6,7 +6,7 @@ A message is JSON: one sighting of an animal, or a list of them,
 
 t: seconds of the tracker's own clock, from any zero; id: a whole number or a short name; x, y: in
 the tracker's unit; heading: degrees, anticlockwise as seen in the tracker's picture, 0 = along x;
-it may be left out. A `token` is allowed; inputs that other machines reach demand one.
+it may be left out. A `token` is allowed; inputs that other machines reach require one.
 """
 
 import math
@@ -21,11 +21,11 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 
 MOST_AT_ONCE = 64
-"""Sightings in a message, at most; as many animals are known at once."""
+"""The most sightings in a message, and the most animals at once."""
 LONGEST = 16_000  # bytes of a message
-MOST_PAIRS = 16  # of a calibration
+MOST_PAIRS = 16  # pairs of points of a calibration
 _HORIZON = 1e-9  # least weight of a place
-_FLAT = 1e-3  # points count as on one line whose triangle is smaller, as a share of their extent²
+_FLAT = 1e-3  # points whose triangle is smaller, as a share of their extent², are on one line
 
 Time = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
@@ -35,7 +35,7 @@ Name = Annotated[str, StringConstraints(pattern=r"^[\w.: -]{1,40}$")]
 
 
 class Strict(BaseModel):
-    """Of the types and with the fields that are named, and no others."""
+    """A model with exactly the named fields and types."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
@@ -73,37 +73,37 @@ Pair2 = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]  # a list,
 
 
 class Pair(Strict):
-    """The same point twice: as the tracker says it, and in px of the tank's picture."""
+    """The same point twice: in the tracker's unit, and in px of the tank's picture."""
 
     tracker: Pair2
-    """x, y as the tracker says it."""
+    """x, y in the tracker's unit."""
     tank: Pair2
     """x, y in px of the tank's picture."""
 
 
 class TrackerSettings(Strict):
-    """How a tracker's places are meant."""
+    """What a tracker's places mean."""
 
     unit: Literal["px", "mm"] = "px"
-    """Of the tracker's places, where no points are given: px of the tank's picture, or mm of the
-    real world; the origin is the upper left of the tank's picture."""
+    """Unit of the tracker's places, where no points are given: px of the tank's picture, or mm of
+    the real world; the origin is the upper left of the tank's picture."""
     y_axis: Literal["down", "up"] = "down"
-    """Whether y grows downwards in the tracker's picture, as px do, or upwards; upwards wants
+    """Whether y grows downwards in the tracker's picture, as px do, or upwards; upwards requires
     points."""
     points: Annotated[tuple[Pair, ...], Field(strict=False, max_length=MOST_PAIRS)] = ()
     """Pairs {tracker: [x, y], tank: [x, y]}: none; or 2 (turned, scaled, moved), 3 (and sheared or
-    mirrored), or 4..16 (seen aslant)."""
+    mirrored), or 4..16 (seen at an angle)."""
 
 
 Row3 = tuple[float, float, float]
 
 
 class Calibration(NamedTuple):
-    """The tracker's places in px of the tank's picture.
+    """Maps the tracker's places to px of the tank's picture.
 
     matrix (3, 3): homogeneous, positive weights where the tank is; up: whether the tracker's y
-    grows upwards; error_px: how far the tracker's points lie from those of the tank, root of the
-    mean square.
+    grows upwards; error_px: root mean square distance of the tracker's points from those of the
+    tank.
     """
 
     matrix: tuple[Row3, Row3, Row3]
@@ -111,27 +111,26 @@ class Calibration(NamedTuple):
     error_px: float = 0.0
 
     def place(self, x: float, y: float) -> tuple[float, float]:
-        """A place in px. One behind the horizon of an aslant view is very far away."""
+        """Return a place in px. One behind the horizon of an oblique view is very far away."""
         to_x, to_y, w = self._homogeneous_place(x, y)
         w = max(w, _HORIZON)
         return to_x / w, to_y / w
 
     def heading_rad(self, x: float, y: float, heading_deg: float) -> float:
-        """A heading at a place, as it is in the tank's picture."""
+        """Return a heading at a place, in the tank's picture."""
         angle = math.radians(heading_deg)
         along, down = math.cos(angle), math.sin(angle) * (1 if self.up else -1)
         right, below = self._map_direction(x, y, along, down)
         return math.atan2(-below, right)
 
     def back(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
-        """x, y and heading in degrees, as the tracker says a place of the tank."""
+        """Return x, y and heading in degrees of a place of the tank, in the tracker's unit."""
         own = Calibration(_rows(np.linalg.inv(np.array(self.matrix))))
         x, y = own.place(x_px, y_px)
         along, down = own._map_direction(x_px, y_px, math.cos(heading_rad), -math.sin(heading_rad))
         return x, y, math.degrees(math.atan2(down if self.up else -down, along))
 
     def _homogeneous_place(self, x: float, y: float) -> Row3:
-        """Return the homogeneous coordinates of a place in the tank."""
         (a, b, c), (d, e, f), (g, h, i) = self.matrix
         return a * x + b * y + c, d * x + e * y + f, g * x + h * y + i
 
@@ -144,13 +143,13 @@ class Calibration(NamedTuple):
 
 
 PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
-"""Of a tracker that says px of the tank's picture."""
+"""The calibration of a tracker that sends px of the tank's picture."""
 
 
 def calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
-    """The calibration of a tracker. FinloopError lists all that is wrong with it.
+    """Return the calibration of a tracker. FinloopError lists all that is wrong with it.
 
-    mm_per_px: mm of the real world per px of the tank's picture, as the display has it too.
+    mm_per_px: mm of the real world per px of the tank's picture, which the display also uses.
     """
     problems = _problems(settings, mm_per_px)
     fit = _fit(settings) if settings.points and not problems else None
@@ -160,7 +159,7 @@ def calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibrati
         problems.append("no view of the tank shows these points: some are in the wrong order")
     if problems:
         raise FinloopError(
-            "the tracker's calibration does not hold:\n    " + "\n    ".join(problems),
+            "the tracker's calibration is invalid:\n    " + "\n    ".join(problems),
             "a unit; and no points, or 2 pairs that lie apart, 3 not on one line, or 4 and more of "
             "which 4 are such that no 3 lie on one line",
             "correct the pairs {tracker: [x, y], tank: [x, y]}; take corners of the tank",
@@ -170,17 +169,16 @@ def calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibrati
 
 
 def _problems(settings: TrackerSettings, mm_per_px: float | None) -> list[str]:
-    """What is wrong, in words."""
     count, problems = len(settings.points), []
     if count == 0:
         if settings.unit == "mm" and mm_per_px is None:
             problems.append(
-                "the tracker says mm, and neither the film's scale nor points are given"
+                "the tracker sends mm, but neither the film's scale nor points are given"
             )
         if settings.y_axis == "up":
-            problems.append("y grows upwards, and no points say from where")
+            problems.append("y grows upwards, but no points define its origin")
     elif count == 1:
-        problems.append("one pair of points alone")
+        problems.append("there is only one pair of points")
     else:
         for side in ("tracker", "tank"):
             points = np.array([getattr(pair, side) for pair in settings.points])
@@ -191,7 +189,7 @@ def _problems(settings: TrackerSettings, mm_per_px: float | None) -> list[str]:
 
 
 def _apart(points: Floats) -> bool:
-    """Whether points (n, 2) settle a view: see what `calibration` wants."""
+    """Return whether points (n, 2) determine a view: see what `calibration` requires."""
     least = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
 
     def flat(three: tuple[Floats, ...]) -> bool:
@@ -205,9 +203,9 @@ def _apart(points: Floats) -> bool:
 
 
 def _fit(settings: TrackerSettings) -> Calibration | None:
-    """The calibration that lays points upon each other; None: there is none.
+    """Return the calibration that fits the points; None: there is none.
 
-    Two points cannot tell a mirror image, so y is turned over first where it grows upwards.
+    Two points cannot show a mirror image, so y is turned over first where it grows upwards.
     """
     kinds: dict[int, Any] = {2: SimilarityTransform, 3: AffineTransform}
     tracker, tank = (

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 
 from finloop.live.message import Message
 
-LONGEST = 1000  # bytes of a trigger that comes in
+LONGEST = 1000  # bytes of an incoming trigger
 
 
 class _Trigger(Message):
@@ -21,7 +21,7 @@ class _Trigger(Message):
 
 
 def trigger_of(text: str | bytes | None) -> str | None:
-    """The name in a message {"do": "trigger", "name": …}; None if it is none."""
+    """Return the name in a message {"do": "trigger", "name": …}; None if it is none."""
     if text is None or len(text) > LONGEST:
         return None
     try:
@@ -31,7 +31,7 @@ def trigger_of(text: str | bytes | None) -> str | None:
 
 
 class Outlet:
-    """Sends triggers, by UDP, or to all that are connected (`say`)."""
+    """Sends triggers, by UDP, or to all connected programs (`say`)."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
@@ -39,7 +39,7 @@ class Outlet:
         self._socket.setblocking(False)
 
     def send(self, to: str, text: str) -> str | None:
-        """Send a text to udp://host:port, or `socket`; what went wrong, if anything did."""
+        """Send a text to udp://host:port, or `socket`; return what went wrong, if anything."""
         if to == "socket":
             self._say(text)
             return None
@@ -51,5 +51,5 @@ class Outlet:
         return None
 
     def close(self) -> None:
-        """End it."""
+        """Close the socket."""
         self._socket.close()

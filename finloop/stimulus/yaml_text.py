@@ -1,9 +1,9 @@
-"""YAML as people write it: its values, and every problem with the line it is on.
+"""YAML as people write it: its values, and every problem with its line.
 
-Scalars are read as YAML 1.2 and JSON have them: `no`, `on`, `1:30` and `2026-01-01` are text, and
-`010` is no number. PyYAML reads YAML 1.1, where they are false, true, 90, a date and 8. Keys are
-text, whatever they look like. A key that stands twice, a tag, a merge (`<<`), and anchors that
-would grow to very many values are problems.
+Scalars are read as in YAML 1.2 and JSON: `no`, `on`, `1:30` and `2026-01-01` are text, and `010` is
+no number. PyYAML reads YAML 1.1, where they are false, true, 90, a date and 8. Keys are always
+text. A repeated key, a tag, a merge (`<<`), and anchors that would grow to very many values are
+problems.
 """
 
 import re
@@ -19,11 +19,11 @@ _BOOL = re.compile(r"true|false", re.IGNORECASE)
 _WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]{0,400})")
 _REAL = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?")
 Place = tuple[str | int, ...]
-"""Where something stands: keys and numbers of entries, from the outside in."""
+"""Where something is: keys and numbers of entries, from the outside in."""
 
 
 class Text(NamedTuple):
-    """What a text holds. values: None where it cannot be read at all.
+    """The content of a text. values: None where it cannot be read at all.
 
     lines: of each key and entry, from 1; problems: all that is wrong, with the line.
     """
@@ -33,7 +33,7 @@ class Text(NamedTuple):
     problems: list[str]
 
     def line(self, place: Place) -> int:
-        """The line of a place, or of the nearest around it that there is."""
+        """Return the line of a place, or of the nearest enclosing one."""
         while place and place not in self.lines:
             place = place[:-1]
         return self.lines.get(place, 1)
@@ -44,7 +44,7 @@ class _TooMuch(Exception):
 
 
 def read_yaml(text: str) -> Text:
-    """The values of a text."""
+    """Return the values of a text."""
     reader = _Reader()
     try:
         root = yaml.compose(text, yaml.BaseLoader)
@@ -56,7 +56,7 @@ def read_yaml(text: str) -> Text:
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         said = ", ".join(filter(None, (error.context, error.problem)))
         return Text(None, {}, [f"{place}no YAML: {said}"])
-    except yaml.YAMLError as error:  # a character that no text has
+    except yaml.YAMLError as error:  # a character that is not allowed
         return Text(None, {}, [f"no YAML: {' '.join(str(error).split())}"])
     except _TooMuch as error:
         return Text(None, {}, [str(error)])
@@ -65,15 +65,12 @@ def read_yaml(text: str) -> Text:
 
 
 class _Reader:
-    """Makes values of YAML's nodes."""
-
     def __init__(self) -> None:
         self.lines: dict[Place, int] = {}
         self.problems: list[str] = []
         self._left = _MOST_VALUES
 
     def value(self, node: Node, place: Place) -> Any:
-        """The value of a node at a place."""
         line = node.start_mark.line + 1
         self.lines.setdefault(place, line)
         self._left -= 1
@@ -99,9 +96,7 @@ class _Reader:
                 self.problems.append(f"line {line}: << (a merge) is not known here")
             elif key.value in values:
                 first = self.lines[*place, key.value]
-                self.problems.append(
-                    f"line {line}: {key.value} stands twice, first in line {first}"
-                )
+                self.problems.append(f"line {line}: {key.value} is repeated, first in line {first}")
             else:
                 self.lines[*place, key.value] = line
                 values[key.value] = self.value(one, (*place, key.value))
@@ -109,7 +104,6 @@ class _Reader:
 
 
 def _scalar(text: str) -> Any:
-    """The value of a scalar without quotes."""
     if _NULL.fullmatch(text):
         return None
     if _BOOL.fullmatch(text):

@@ -5,9 +5,9 @@ of a slender fish, with a dorsal, an anal and a forked tail fin, as a share of t
 the same for every tick.
 
 Points of the surface are a grid (RINGS, AROUND) from head to tail and once around, from below over
-the left, above and the right to below again; its first and last column are the same line, so that
-a skin can be sewn there. A point's place along the backbone is a cubic spline through the film's
-points, linear in them: one matrix product makes any number of fish.
+the left, above and the right to below again; its first and last column are the same line, the seam
+of a skin. A point's place along the backbone is a cubic spline through the film's points, linear in
+them: one matrix product makes any number of fish.
 """
 
 from dataclasses import dataclass
@@ -53,18 +53,18 @@ class Loft:
 
 @lru_cache
 def loft(points: int) -> Loft:
-    """The loft of backbones of so many points, equally spaced from head to tail."""
+    """Return the loft of backbones of `points` points, equally spaced from head to tail."""
     half = np.radians(_HALF_DEG)
     return hang(_rings(), np.concatenate([half[::-1], -half[1:]]), points)
 
 
 def _rings() -> Floats:
-    """Where on the skin the rings are, 0-1 from head to tail: close together at either end."""
+    """Return where the rings are on the skin, 0-1 from head to tail: dense at both ends."""
     return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
 
 
 def hang(ring: Floats, angle: Floats, points: int) -> Loft:
-    """A grid of rings and angles hung on a backbone of so many points."""
+    """Return a loft of rings and angles on a backbone of `points` points."""
     s, angle = np.meshgrid(ring, angle, indexing="ij")
     back = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)
     s = s - _FORK * back**2 * np.sin(angle) ** 2  # the tips of the tail stay, its middle does not
@@ -74,19 +74,19 @@ def hang(ring: Floats, angle: Floats, points: int) -> Loft:
 
 
 def typical_width(half_width: Floats, backbone: Floats) -> Floats:
-    """The animal's half width (p,) in body lengths: the median over its pictures."""
+    """Return the animal's half width (p,) in body lengths: the median over its pictures."""
     return np.median(half_width / lengths(backbone)[:, None], axis=0)
 
 
 def lengths(backbone: Floats) -> Floats:
-    """Arc lengths (n,) of backbones (n, p, 2)."""
+    """Return the arc lengths (n,) of backbones (n, p, 2)."""
     return np.linalg.norm(np.diff(backbone, axis=1), axis=-1).sum(-1)
 
 
 def surface(
     backbone: Floats, half_width: Floats, typical: Floats, length_px: float
 ) -> tuple[Floats, Floats]:
-    """Points and normals (n, RINGS, AROUND, 3) of n fish, z from the height of the backbone.
+    """Return points and normals (n, RINGS, AROUND, 3) of n fish, z from the height of the backbone.
 
     backbone, half_width: (n, p, 2) and (n, p), px; y up.
     typical: (p,) half widths in body lengths, see `typical_width`.
@@ -102,13 +102,13 @@ def surface(
 
 
 def limit_half_width(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
-    """Limit half widths (n, p) to a body's, near the typical ones: without fins."""
+    """Return half widths (n, p) kept near the typical ones of the body: without fins."""
     goal = typical * lengths(backbone)[:, None]
     return np.clip(half_width, (1 - _NEAR) * goal, (1 + _NEAR) * goal)
 
 
 def plan(grid: Loft, backbone: Floats, width: Floats) -> Floats:
-    """The points of a loft as seen from above, (n, *how.s.shape, 2) px."""
+    """Return the points of a loft as seen from above, (n, *grid.s.shape, 2) px."""
     shape = (len(backbone), *grid.s.shape, 2)
     line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (grid.place, grid.along))
     ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
@@ -118,14 +118,14 @@ def plan(grid: Loft, backbone: Floats, width: Floats) -> Floats:
 
 
 def _round_ends(width: Floats, s: Floats) -> Floats:
-    """Half widths (n, RINGS, AROUND): their squares are interpolated, so that ends are round."""
+    """Return half widths (n, RINGS, AROUND), interpolated as squares, so that ends are round."""
     along = np.linspace(0, 1, width.shape[1])
     squares = scipy.interpolate.PchipInterpolator(along, width**2, axis=1)(s.ravel())
     return np.sqrt(np.maximum(squares, 0)).reshape(-1, *s.shape)
 
 
 def _heights(grid: Loft, widest: float, length_px: float) -> tuple[Floats, Floats]:
-    """Half heights of the rings, and what the fins add above and below, (RINGS, AROUND) px."""
+    """Return half heights of rings and of the fins above and below, (RINGS, AROUND) px."""
     most = length_px * np.clip(_HIGHER * widest, _LEAST, _MOST)
 
     def curve(shape: dict[float, float]) -> Floats:
@@ -136,7 +136,7 @@ def _heights(grid: Loft, widest: float, length_px: float) -> tuple[Floats, Float
 
 
 def normals(points: Floats) -> Floats:
-    """Unit normals out of the surface; at the head, where a ring is a point, straight ahead."""
+    """Return unit normals out of the surface; at the head, where a ring is a point, ahead."""
     down = np.gradient(points, axis=1)
     ring = np.concatenate([points[:, :, -2:-1], points, points[:, :, 1:2]], axis=2)
     around = ring[:, :, 2:] - ring[:, :, :-2]
@@ -150,7 +150,7 @@ def normals(points: Floats) -> Floats:
 
 @lru_cache
 def triangles() -> NDArray[np.int32]:
-    """The surface's triangles (m, 3), anticlockwise as seen from outside."""
+    """Return the surface's triangles (m, 3), anticlockwise as seen from outside."""
     ring, column = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
     a = ring * AROUND + column
     b, c, d = a + 1, a + AROUND, a + AROUND + 1
@@ -159,7 +159,7 @@ def triangles() -> NDArray[np.int32]:
 
 @lru_cache
 def texture_places() -> NDArray[np.float32]:
-    """Where on the skin every point is, (RINGS · AROUND, 2) in 0-1: from head to tail, around."""
+    """Return texture coordinates (RINGS · AROUND, 2), 0-1: from head to tail, around."""
     angle = loft(4).angle[0]
     u, v = np.meshgrid(_rings(), (np.pi - angle) / (2 * np.pi), indexing="ij")
     return np.stack([u, v], -1).reshape(-1, 2).astype(np.float32)

@@ -44,12 +44,12 @@ class Room(NamedTuple):
 
     @property
     def middle(self) -> Floats:
-        """The middle of the water."""
+        """Return the middle of the water."""
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
 def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """The camera, one of CAMERAS, at every tick of a fish.
+    """Return the camera, one of CAMERAS, at every tick of a fish.
 
     head, heading: (ticks, 3) px and (ticks,) rad, where it is and where it looks, without jumps of
     2π; rate_hz: ticks per second.
@@ -72,7 +72,7 @@ def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float
 
 
 def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
-    """From outside, as near as possible with the whole tank in the picture."""
+    """Return a view from outside, as near as possible with the whole tank in the picture."""
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     ahead = -np.stack(
         [
@@ -99,7 +99,7 @@ def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
 
 
 def _follow(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """Behind the fish, a little above and to its side, smoother than it swims."""
+    """Return a view from behind, above and beside the fish, smoother than its path."""
     lazy = _LAZY_S * rate_hz
     way = scipy.ndimage.gaussian_filter1d(head, lazy / 3, axis=0, mode="nearest")
     turn = scipy.ndimage.gaussian_filter1d(heading, lazy, mode="nearest") + np.radians(28)
@@ -108,7 +108,7 @@ def _follow(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
 
 
 def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
-    """From the film's lower edge, going along with the fish."""
+    """Return a view from the film's lower edge that moves with the fish."""
     way = scipy.ndimage.gaussian_filter1d(head, _LAZY_S * rate_hz, axis=0, mode="nearest")
     away = np.array([0.7, -5.2, 0.0]) * room.length
     place = way + away
@@ -117,7 +117,7 @@ def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
 
 
 def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """A cycle of scenes, each passing smoothly into the next."""
+    """Return a cycle of scenes, each passing smoothly into the next."""
     time = np.arange(len(head)) / rate_hz
     scenes = {name: views(name, room, head, heading, rate_hz) for name, _ in _SCENES}
     ends = np.cumsum([length for _, length in _SCENES])

@@ -1,4 +1,4 @@
-"""Whether VTK can draw here: without a library to draw off-screen it would end the process."""
+"""Off-screen drawing of VTK, which without a suitable library would end the process."""
 
 import ctypes
 import os
@@ -14,10 +14,10 @@ _LIBRARIES = {  # by name: the window of VTK that needs it
 
 
 def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
-    """Make VTK draw off-screen, by the first of these libraries that there is.
+    """Make VTK draw off-screen, with the first of these libraries that is installed.
 
-    To be called before the first window. Elsewhere than on Linux VTK brings what it needs.
-    FinloopError if there is none of them.
+    Call it before the first window. On systems other than Linux VTK brings what it needs.
+    FinloopError if none is installed.
     """
     if not sys.platform.startswith("linux"):
         return

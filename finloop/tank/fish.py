@@ -1,4 +1,4 @@
-"""One fish of an edit list, tick after tick: its surface in the tank and the skin it wears."""
+"""One fish of an edit list, tick after tick: its surface in the tank, and its skin."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _BATCH = 16  # ticks whose surfaces are made at once: a sixth of the time of one
 
 @dataclass(frozen=True)
 class FishSurface:
-    """poses; place (ticks, 3): its mass centre in the tank; typical, length_px: of the animal."""
+    """The surface of a fish. place (ticks, 3): mass centre; typical, length_px: of the animal."""
 
     poses: TankPoses
     place: Floats
@@ -30,13 +30,12 @@ class FishSurface:
         return len(self.poses)
 
     def shape(self, batch: int) -> tuple[Floats, Floats]:
-        """Points and normals (ticks, rings, around, 3) of a batch, relative to the mass centre."""
+        """Return points and normals (ticks, rings, around, 3) of a batch, about the mass centre."""
         ticks, poses = slice(batch * _BATCH, (batch + 1) * _BATCH), self.poses
         return surface(poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px)
 
     @cached_property
     def _recent_shape(self) -> Callable[[int], tuple[Floats, Floats]]:
-        """`shape`, which remembers its last batch."""
         return lru_cache(1)(self.shape)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
@@ -46,13 +45,13 @@ class FishSurface:
         return points[k] + self.place[tick], normals[k], self.skin(tick)
 
     def skin(self, tick: int) -> Picture:
-        """The skin at a tick."""
+        """Return the skin at a tick."""
         first, second, weight = self.poses.first, self.poses.second, self.poses.weight[tick]
         flips = bool(first.mirrored[tick]), bool(second.mirrored[tick])
         return self.skins.blend(int(first.row[tick]), int(second.row[tick]), weight, flips)
 
     def points(self) -> NDArray[np.float32]:
-        """The surface at every tick, (ticks, rings · around, 3), relative to the mass centre."""
+        """Return the surface at every tick, (ticks, rings · around, 3), about the mass centre."""
         parts = [
             self.shape(batch)[0].astype(np.float32) for batch in range(-(-len(self) // _BATCH))
         ]
@@ -60,17 +59,17 @@ class FishSurface:
         return surfaces.reshape(len(surfaces), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
-        """The median of the skins at some ticks."""
+        """Return the median of the skins at some ticks."""
         ticks = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
         return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
 
     @property
     def head(self) -> Floats:
-        """(ticks, 3): the tip of the head in the tank."""
+        """Return the tip of the head in the tank, (ticks, 3)."""
         return self.place + np.pad(self.poses.backbone[:, 0], ((0, 0), (0, 1)))
 
     def find_bent_tick(self) -> int:
-        """Return a tick at which the fish is well bent: more than at nine of ten."""
+        """Return a tick at which the fish is more bent than at nine of ten ticks."""
         line = self.poses.backbone
         chord = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / lengths(line)
         return int(np.argsort(chord, kind="stable")[len(chord) // 10])

@@ -1,4 +1,4 @@
-"""glTF 2.0 in one binary file (.glb), from arrays: the parts that the scene of the tank needs.
+"""A writer of glTF 2.0 in one binary file (.glb), with the parts that the tank needs.
 
 Each array becomes an accessor of its own, in a buffer view of its own, aligned to four bytes.
 """
@@ -16,7 +16,7 @@ _LINEAR, _CLAMP = 9729, 33071
 
 
 class Glb:
-    """A document that grows: every `add_…` returns the index of the new item."""
+    """A growing glTF document: every `add_…` returns the index of the new item."""
 
     def __init__(self, generator: str) -> None:
         self._data = bytearray()
@@ -35,14 +35,14 @@ class Glb:
             names.append(extension)
 
     def show(self, nodes: list[int]) -> None:
-        """The scene that a reader shows."""
+        """Set the scene that a reader shows."""
         self._document["scene"] = self.add("scenes", {"nodes": nodes})
 
     def add_array(self, array: NDArray, *, indices: bool = False, vertices: bool = False) -> int:
-        """An accessor of an array (n,) or (n, 2 … 4): indices as uint16, all else as float32."""
+        """Add an accessor of an array (n,) or (n, 2 … 4): indices as uint16, else float32."""
         array = np.ascontiguousarray(array, np.uint16 if indices else np.float32)
         if not np.isfinite(array).all():
-            raise ValueError("numbers that are none cannot be written")
+            raise ValueError("NaN and infinity cannot be written")
         width = 1 if array.ndim == 1 else array.shape[1]
         view = {"target": _ELEMENT_BUFFER} if indices else {"target": _ARRAY_BUFFER}
         accessor = {
@@ -57,7 +57,7 @@ class Glb:
         return self.add("accessors", accessor)
 
     def add_texture(self, coded: bytes, mime: str) -> int:
-        """A texture of a PNG or JPEG file's bytes, smooth, not repeated."""
+        """Add a texture from the bytes of a PNG or JPEG file, smooth, not repeated."""
         sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
         image = self.add("images", {"bufferView": self._view(coded, {}), "mimeType": mime})
         return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})

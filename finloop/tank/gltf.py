@@ -1,8 +1,8 @@
-"""The tank as glTF, its fish swimming: floor, glass, water and shadow; one skin, shapes that mix.
+"""The tank as glTF with moving fish: floor, glass, water and shadow; one skin, morph targets.
 
-A glTF mesh may be mixed from a few shapes (morph targets). The shapes that the fish takes, seen
-from its own heading, are few: their mean and `MODES` principal components stand for all ticks, and
-an animation says how much of each there is, where the fish is and where it looks.
+A glTF mesh can be mixed from a few shapes (morph targets). From its own heading, a fish takes few
+shapes: their mean and `MODES` principal components stand for all ticks. An animation gives the
+weight of each, and the place and heading of the fish.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,9 +28,10 @@ _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
 
 
 class Shapes(NamedTuple):
-    """mean (v, 3) and modes (m, v, 3) px; weights (ticks, m): mean + weights · modes is the fish.
+    """Principal components of a fish's shapes: mean + weights · modes.
 
-    error_px: the greatest distance of a point from where it should be.
+    mean (v, 3) and modes (m, v, 3) in px; weights (ticks, m); error_px: the greatest distance of a
+    point from its place.
     """
 
     mean: Floats
@@ -40,7 +41,7 @@ class Shapes(NamedTuple):
 
 
 def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
-    """The principal components of a fish's shapes.
+    """Return the principal components of a fish's shapes.
 
     points (ticks, v, 3): relative to the mass centre, y up; heading (ticks,): rad.
     """
@@ -65,8 +66,9 @@ def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
 
 
 class Swum(NamedTuple):
-    """A fish that swims. place (ticks, 3): px of its mass centre in the tank; heading (ticks,):
-    rad, without jumps of 2π.
+    """A moving fish. place (ticks, 3): px of its mass centre in the tank; heading (ticks,): rad.
+
+    The heading has no jumps of 2π.
     """
 
     shape: Shapes
@@ -78,22 +80,22 @@ def tank_glb(
     room: Room,
     background: NDArray[np.uint8],
     skin: NDArray[np.uint8],
-    swum: Sequence[Swum],
+    swimmers: Sequence[Swum],
     rate_hz: float,
 ) -> bytes:
-    """The bytes of a .glb: a fish is one unit long, y is up, the tank's middle is the origin.
+    """Return the bytes of a .glb: a fish is one unit long, y is up, the origin the tank's middle.
 
     background: (H, W) or (H, W, 3), skin (a, l, 3), uint8, of every fish.
     """
     glb = Glb("finloop")
     glb.use("KHR_materials_unlit")
     material, dark = _skin(glb, skin), _plain(glb, "shadow", (0.02, 0.06, 0.08, 0.38))
-    shadows = [_shadow(glb, motion.shape, dark, number) for number, motion in enumerate(swum)]
-    fish = [_fish(glb, motion.shape, material, number) for number, motion in enumerate(swum)]
-    time = glb.add_array(np.arange(len(swum[0].heading)) / rate_hz)
+    shadows = [_shadow(glb, motion.shape, dark, number) for number, motion in enumerate(swimmers)]
+    fish = [_fish(glb, motion.shape, material, number) for number, motion in enumerate(swimmers)]
+    time = glb.add_array(np.arange(len(swimmers[0].heading)) / rate_hz)
     channels: list[dict] = []
     samplers: list[dict] = []
-    for motion, shadow, body in zip(swum, shadows, fish, strict=True):
+    for motion, shadow, body in zip(swimmers, shadows, fish, strict=True):
         lift = (0, 0, _LIFT * room.length)
         on_floor = motion.place - motion.place[:, 2:] * (SUN / SUN[2]) + lift
         for node, path, output in _tracks(glb, motion, {shadow: on_floor, body: motion.place}):
@@ -110,12 +112,11 @@ def tank_glb(
 
 
 def upright(place: Floats) -> list[float]:
-    """A place of the tank with y up and z towards the viewer, as glTF wants it."""
+    """Return a place of the tank with y up and z towards the viewer, as glTF requires."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 
 def _skin(glb: Glb, skin: NDArray[np.uint8]) -> int:
-    """The material of fish."""
     coded = cv2.imencode(".png", cv2.cvtColor(skin, cv2.COLOR_RGB2BGR))[1].tobytes()
     texture = {"index": glb.add_texture(coded, "image/png")}
     return glb.add("materials", {
@@ -153,7 +154,6 @@ def _name_of(what: str, number: int) -> str:
 
 
 def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
-    """A node whose mesh mixes shapes."""
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
         primitive["targets"] = targets
@@ -162,7 +162,7 @@ def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> in
 
 
 def _shadow(glb: Glb, shape: Shapes, material: int, number: int) -> int:
-    """What the body covers of the floor, one layer: a strip between its two sides."""
+    """Add what the body covers of the floor, one layer: a strip between its two sides."""
 
     def strip(points: Floats) -> Floats:
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
@@ -180,7 +180,7 @@ def _shadow(glb: Glb, shape: Shapes, material: int, number: int) -> int:
 
 
 def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None = None) -> int:
-    """A material without light, seen from both sides; see-through if its alpha is below 1."""
+    """Add an unlit material, visible from both sides; see-through if its alpha is below 1."""
     base: dict = {"baseColorFactor": list(colour), "metallicFactor": 0.0, "roughnessFactor": 1.0}
     if texture is not None:
         base["baseColorTexture"] = {"index": texture}
@@ -191,12 +191,12 @@ def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None =
     })  # fmt: skip
 
 
-def _tracks(glb: Glb, swum: Swum, nodes: Mapping[int, Floats]) -> Iterator[tuple[int, str, int]]:
-    """Of nodes that follow these places: node, property and values that it takes."""
-    zero, half = np.zeros_like(swum.heading), swum.heading / 2
+def _tracks(glb: Glb, motion: Swum, nodes: Mapping[int, Floats]) -> Iterator[tuple[int, str, int]]:
+    """Yield node, property and its values for nodes that follow these places."""
+    zero, half = np.zeros_like(motion.heading), motion.heading / 2
     tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}
-    if swum.shape.weights.shape[1]:
-        tracks["weights"] = glb.add_array(swum.shape.weights.ravel())
+    if motion.shape.weights.shape[1]:
+        tracks["weights"] = glb.add_array(motion.shape.weights.ravel())
     for node, place in nodes.items():
         yield node, "translation", glb.add_array(place)
         for path, values in tracks.items():
@@ -204,7 +204,7 @@ def _tracks(glb: Glb, swum: Swum, nodes: Mapping[int, Floats]) -> Iterator[tuple
 
 
 def _still(glb: Glb, room: Room, background: NDArray[np.uint8]) -> list[int]:
-    """Floor, edges, water and glass, in the order in which they are to be drawn."""
+    """Add floor, edges, water and glass, in their drawing order."""
     left, top = -0.5, 0.5
     right, bottom, high = left + room.width, top - room.height, room.depth
     base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])

@@ -1,7 +1,7 @@
-"""Light in the tank: ripples of the water, what they throw on the floor, and the fish's shadow.
+"""Light in the tank: ripples of the water, their light on the floor, and the fish's shadow.
 
 The sun stands still; all that moves is a sum of waves of fixed frequencies, so that the same tick
-is always lit the same.
+always has the same light.
 """
 
 import math
@@ -24,13 +24,13 @@ _WAVES = (  # direction rad, length in depths of the water, turns per second, ph
 _STEEP = 0.045  # slope of the steepest wave
 WATER = (0.80, 0.95, 1.0)  # red, green and blue that the water lets through
 _BRIGHTEST = 1.25  # of the floor, where light gathers
-_GATHERS = 0.17  # how much it does
+_GATHERS = 0.17  # how strongly light gathers
 _SHADE = 0.55  # how much a shadow takes away
 _CELL_PX = 10  # of the pattern of light
 
 
 def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, Floats, Floats]:
-    """Height (px) and slopes of the water at places of any shape."""
+    """Return height (px) and slopes of the water at places of any shape."""
     high, along_x, along_y = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     for angle, length, rate, phase in _WAVES:
         number = 2 * math.pi / (length * depth)  # plain floats: single precision stays single
@@ -45,9 +45,9 @@ def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, F
 
 
 class Floor:
-    """The floor of the tank as it is lit at a tick: (H, W) or (H, W, 3) uint8, as the background.
+    """The lit floor of the tank at a tick: (H, W) or (H, W, 3) uint8, as the background.
 
-    background: the film without fish; a larger one is made as small as `most_px`.
+    background: the film without fish; a larger one is shrunk to `most_px`.
     """
 
     def __init__(self, background: NDArray[np.uint8], room: Room, most_px: int = 960) -> None:
@@ -105,7 +105,7 @@ class Floor:
 
 
 class Surface:
-    """The water's surface as a grid (m, n) over the tank: its heights and what it looks like."""
+    """The water's surface as a grid (m, n) over the tank: heights and appearance."""
 
     def __init__(self, room: Room, cells: int = 44) -> None:
         across = max(8, round(cells * room.height / max(room.width, room.height)))

@@ -1,8 +1,8 @@
 """The tank as a scene of VTK, drawn off-screen in software: floor, glass, water and fish.
 
-Made to be quick without a graphics card: one window for all pictures, one light, no oversampling;
-what can be worked out at the corners of a mesh (water) or on a picture (light on the floor, the
-shadow) is, so that only fish are lit pixel by pixel.
+It is quick without a graphics card: one window for all pictures, one light, no oversampling. Water
+is computed at the corners of its mesh, light and shadow on a picture of the floor, so that only
+fish are lit pixel by pixel.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ Picture = NDArray[np.uint8]
 Worn = tuple[Floats, Floats, Picture]
 """Points in the tank and normals (rings, around, 3) of a fish, and its skin."""
 _SKY = {-1.0: "#06161d", -0.25: "#0d2a35", 0.0: "#41707f", 0.3: "#7fadb9", 1.0: "#a9cdd5"}
-_SKY_PX = 6.0  # of film widths: how far away it is; by the sine of the elevation, what is there
+_SKY_PX = 6.0  # film widths to the sky; by the sine of the elevation, its colours
 _GLASS, _EDGE = "#d5f0f5", "#e6fbff"
 _GLASS_ALPHA, _EDGE_ALPHA = 0.07, 0.75
 _COLOURS = "colours"
@@ -35,11 +35,10 @@ _RIM = 1.08  # the glass stands out of the water
 
 
 class TankScene:
-    """A window off screen that draws picture after picture; `close` it, or use a `with` block.
+    """An off-screen window that draws picture after picture; `close` it, or use a `with` block.
 
     background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px;
-    fish: how many.
-    `tank.display.choose_window` comes before.
+    fish: how many. Call `tank.display.choose_window` before.
     """
 
     def __init__(
@@ -72,9 +71,9 @@ class TankScene:
         self._plotter.close()
 
     def frame(self, fish: Sequence[Worn], views: Views, tick: int, time_s: float) -> Picture:
-        """The picture (height, width, 3) uint8 of the fish, as many as there are in the scene.
+        """Draw the picture (height, width, 3) uint8 of all fish of the scene.
 
-        The camera is that of views at the tick.
+        The camera is that of `views` at the tick.
         """
         self._look(views, tick)
         for (points, normals, skin), (mesh, picture) in zip(fish, self._fish, strict=True):
@@ -114,7 +113,7 @@ class TankScene:
             self._plotter.add_light(light)
 
     def _add_sky(self) -> None:
-        """A ball around everything; VTK's own gradient takes twice as long."""
+        """Add a ball around everything; VTK's own gradient takes twice as long."""
         ball = pv.Sphere(
             radius=_SKY_PX * self._room.width, center=self._room.middle.tolist(),
             theta_resolution=24, phi_resolution=33,

@@ -1,11 +1,11 @@
 """Parameters of `tank`: an edit list in three dimensions."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import Crf, Positive
+from finloop.base.settings import Positive
 from finloop.edit.modes import Shown
 
 
@@ -13,11 +13,12 @@ from finloop.edit.modes import Shown
 class TankSettings:
     """Which edit list is filmed in three dimensions, from where, and how large."""
 
-    mode: Shown  # the edit list
-    # of tank.mp4; tour: all of them, one after the other
+    mode: Shown
     camera: Literal["top", "side", "corner", "follow", "orbit", "tour"]
-    seconds: Positive  # s of the edit list, at most
-    width_px: Annotated[int, Field(ge=64, le=7680, multiple_of=2)]  # px, even, of the film
-    height_px: Annotated[int, Field(ge=64, le=4320, multiple_of=2)]  # px, even, of the film
-    depth: Annotated[float, Field(ge=0.5, le=20)]  # body lengths, of the water
-    crf: Crf  # quality of the film, H.264
+    seconds: Positive
+    width_px: Annotated[int, Field(ge=64, le=7680, multiple_of=2)]
+    height_px: Annotated[int, Field(ge=64, le=4320, multiple_of=2)]
+    water_depth_bl: Annotated[float, Field(ge=0.5, le=20)]
+
+    crf: ClassVar[int] = 23  # quality of the film, H.264; the default of x264
+    RENAMED: ClassVar = {"depth": "water_depth_bl"}

@@ -1,7 +1,7 @@
 """The skin of a fish: the pixels of its own cut-out, seen from above, wrapped around the body.
 
-A point of the body's side shows the pixel that lies over it. Below, where the film saw nothing, the
-same pixels are shown paler, as the bellies of most fish are.
+A point of the body's side shows the pixel that lies over it. Below, which the film does not show,
+it is the same pixels but paler, like the bellies of most fish.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ class Skins:
 
     film, typical: bodies, and the half widths of `tank.body.typical_width`.
     centres_px: (n, 2) the mass centres, px of the film, y down.
-    cutout: gives the cut-out of a row.
+    cutout: returns the cut-out of a row.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Skins:
         return skin
 
     def blend(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
-        """The skin (AROUND, LENGTHWISE, 3) at a tick; `flips`: whether either is mirrored."""
+        """Return the skin (AROUND, LENGTHWISE, 3) at a tick; `flips`: which are mirrored."""
         skin = self.skin(row)[:: -1 if flips[0] else 1]
         if weight > 0:
             skin = skin + np.float32(weight) * (self.skin(partner)[:: -1 if flips[1] else 1] - skin)
@@ -76,7 +76,7 @@ class Skins:
 
 
 def _colours(pixels: Picture) -> NDArray[np.float32]:
-    """Colours (h, w, c) without alpha; where it is too low to tell, those of the fish nearby."""
+    """Return colours (h, w, c) without alpha; where it is too low, those of the fish nearby."""
     pixel = pixels.astype(np.float32)
     near = cv2.GaussianBlur(pixel, (0, 0), 2.0)
     alpha = pixel[..., -1:]
@@ -86,7 +86,7 @@ def _colours(pixels: Picture) -> NDArray[np.float32]:
 
 
 def _eyes(along: NDArray[np.float64], around: NDArray[np.float64]) -> list[tuple[NDArray, float]]:
-    """How much of the iris and of the pupil every pixel of a skin shows, and their grey levels.
+    """Return how much of iris and pupil every pixel of a skin shows, and their grey levels.
 
     The film, from above, hardly shows the eyes, which are at the sides of the head.
     """

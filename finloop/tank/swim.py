@@ -3,7 +3,7 @@
 A picture of an edit list is a frame of the film or a sprite, and a sprite is a frame of the film,
 turned and perhaps mirrored. So every tick has one backbone of the film, or in a cross-fade two,
 which are mixed by their weight as the pictures are (`finloop.render.painter`). Where the edit list
-says a pose, the backbone is bent as that pose differs from the one filmed.
+has a pose, the backbone is bent by the difference between that pose and the filmed one.
 
 Coordinates of the tank are px of the film with y up (−y of the film) and z above the floor; angles
 anticlockwise as seen from above. A backbone runs from head to tail, relative to the mass centre.
@@ -26,9 +26,9 @@ Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
 
 
-_AHEAD_S = 4.1  # of the wander of heights, that each fish is ahead of the one before
+_AHEAD_S = 4.1  # between the height curves of successive fish
 USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
-"""The columns of a table of tracks that bodies are made of."""
+"""The columns of a table of tracks from which bodies are made."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class FilmBodies:
 
 
 class BodyPlacement(NamedTuple):
-    """The body of the film at every tick, how it is turned, and whether it is mirrored first.
+    """The filmed body of every tick (ticks,), its turn, and whether it is mirrored first.
 
-    Mirrored is about the line of direction `axis_deg` through the mass centre. All are (ticks,).
+    It is mirrored about the line of direction `axis_deg` through the mass centre.
     """
 
     row: Rows
@@ -77,7 +77,7 @@ class TankPoses:
 
 
 def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
-    """The film's backbones, head first, relative to the mass centre, y up.
+    """Return the film's backbones, head first, relative to the mass centre, y up.
 
     tracks: columns `USED`; features: head and heading of each of its rows.
     """
@@ -92,7 +92,7 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
 def poses(
     edit: pd.DataFrame, film: FilmBodies, sprites: pd.DataFrame, bodies: Bodies | None = None
 ) -> TankPoses:
-    """The fish at every tick of an edit list (schema EDIT).
+    """Return the fish at every tick of an edit list (schema EDIT).
 
     sprites: schema SPRITES, may be empty if the list has none; bodies: None if it has no poses.
     """
@@ -120,10 +120,10 @@ def poses(
 
 
 def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
-    """The backbone (p, 2) of a row of an edit list that says a pose.
+    """Return the backbone (p, 2) of a row of an edit list that has a pose.
 
-    Where the pose's backbone differs from that of the row's own posture, the film's differs, too,
-    at the same arc length.
+    The film's backbone is changed by the difference between the backbones of that pose and of the
+    row's own posture, at the same arc length.
     """
     body = bodies.edit_row_body(
         row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored
@@ -148,7 +148,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
 def _cast(
     edit: pd.DataFrame, prefix: str, number: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Every tick's picture as a body of the film; where there is none, any."""
+    """Return every tick's picture as a body of the film; where there is none, any."""
     source = edit[number].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
     scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
@@ -166,7 +166,7 @@ def _cast(
 
 
 def _bodies(film: FilmBodies, cast: BodyPlacement) -> tuple[Floats, Floats]:
-    """Backbones (ticks, p, 2) and half widths (ticks, p), mirrored, turned and scaled."""
+    """Return backbones (ticks, p, 2) and half widths (ticks, p), mirrored, turned and scaled."""
     line = film.backbone[cast.row]
     twice = 2 * np.radians(cast.axis_deg)
     mirror = _matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
@@ -182,9 +182,9 @@ def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 
 
 def heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
-    """How high above the floor a fish swims, px: the film does not tell, so it slowly wanders.
+    """Return how high above the floor a fish swims, px; invented, as the film does not show it.
 
-    fish: its number; each is so far ahead of the one before.
+    It changes slowly. fish: its number; each is `_AHEAD_S` ahead of the one before.
     """
     moment = time_s + _AHEAD_S * fish
     slow, slower = (np.sin(2 * np.pi * moment / period) for period in (7.3, 17.0))

@@ -16,8 +16,8 @@ from finloop.io.table import save_table
 from finloop.modes.matching import NO_SPRITES, MatchingAnimator, MatchingData, matching_animator
 from finloop.plan import path_measures
 from finloop.plan.load_paths import load_lines
+from finloop.plan.matching_settings import merge_settings
 from finloop.plan.plan import option_table
-from finloop.plan.settings import merge_settings
 from finloop.project import Project
 from stages.animation import animate
 

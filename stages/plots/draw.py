@@ -14,8 +14,8 @@ def draw_all(modules: Sequence[str]) -> None:
     warm_up(modules)
     with progress("plots", len(modules), "stages") as advance:
         try:
-            with Processes(THREADS).employ(run_module) as hand:
-                for task in [hand(module) for module in modules]:
+            with Processes(THREADS).submitter(run_module) as submit:
+                for task in [submit(module) for module in modules]:
                     task.result()
                     advance()
         except BrokenProcessPool as error:

@@ -25,8 +25,7 @@ class CarpFilm:
     seed: Seed
     colour: bool
 
-    light_drift: ClassVar[float] = 0.03  # largest change of the light, as a share: as a lamp's
-    shadow: ClassVar[float] = (
-        0.15  # share of the light that a shadow takes away, so paler than a fish
-    )
+    light_drift: ClassVar[float] = 0.03  # largest change of the light, as a share: that of lamps
+    # share of the light that a shadow takes away: less than a fish does, so that it is paler
+    shadow: ClassVar[float] = 0.15
     RENAMED: ClassVar = {"noise": "noise_grey", "fins": "fins_open_ratio"}

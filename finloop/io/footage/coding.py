@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 CHROMA_LEVELS = 12.0  # a pixel this far from the film's own tint is coloured
-CHROMA_FRACTION = 5e-4  # of the pixels: the least of a colour film; a goldfish is 3e-3 of 1 MP
+CHROMA_FRACTION = 5e-4  # least share of coloured pixels of a colour film; a goldfish: 3e-3 of 1 MP
 DEEP_PERCENTILES = (0.01, 99.99)  # black and white of a deep film: hot pixels lie outside
 # Y of the limited ("studio") range: 16 is black and 235 white (BT.601).
 FULL_FROM_LIMITED = np.clip(np.rint((np.arange(256) - 16) * (255 / 219)), 0, 255).astype(np.uint8)
@@ -27,7 +27,7 @@ class Turn:
 
     @property
     def rotation_deg(self) -> int:
-        """Rotation anticlockwise, after the mirroring; 0, 90, 180 or 270."""
+        """Return the rotation anticlockwise, after the mirroring; 0, 90, 180 or 270."""
         return round(np.degrees(np.arctan2(self.c, self.d))) % 360
 
     @property
@@ -36,7 +36,7 @@ class Turn:
         return self.a * self.d - self.b * self.c < 0
 
     def __call__(self, frame: np.ndarray) -> np.ndarray:
-        """The picture turned upright; no pixel is lost or changed."""
+        """Turn the picture upright; no pixel is lost or changed."""
         if not self.a:
             return np.ascontiguousarray(frame.swapaxes(0, 1)[:: self.b, :: self.c])
         return np.ascontiguousarray(frame[:: self.d, :: self.a])
@@ -46,7 +46,7 @@ UPRIGHT = Turn()
 
 
 def turn_of(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
-    """The orientation that a display matrix is nearest to, and whether it is exactly that one.
+    """Return the orientation nearest to a display matrix, and whether the matrix is exactly that.
 
     The matrix has nine numbers, row by row; x′ = a x + c y, y′ = b x + d y.
     """
@@ -63,9 +63,9 @@ def _sign(value: float) -> int:
 
 
 def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
-    """Share of the pixels whose colour differs clearly from their frame's own tint.
+    """Return the share of pixels whose colour differs clearly from their frame's own tint.
 
-    `frames` are RGB. An even tint, as of an infrared camera, is not colour.
+    `frames` are RGB. An even tint, as of an infrared camera, does not count as colour.
     """
     parts = []
     for frame in frames:
@@ -76,10 +76,10 @@ def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
 
 
 def deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
-    """The levels of a film of more than 8 bits that become 0 and 255.
+    """Return the levels of a film of more than 8 bits that become 0 and 255.
 
-    Robust percentiles over all pixels of the sampled `frames`: cameras rarely fill their 16 bits,
-    and a few hot pixels must not decide.
+    These are robust percentiles over all pixels of the sampled `frames`: cameras rarely fill their
+    16 bits, and a few hot pixels must not decide.
     """
     lows, highs = zip(*(np.percentile(f, DEEP_PERCENTILES) for f in frames), strict=True)
     low, high = float(min(lows)), float(max(highs))

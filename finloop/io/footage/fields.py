@@ -1,4 +1,4 @@
-"""Interlaced film made whole: FFmpeg's filter bwdif, one picture a frame."""
+"""Deinterlacing by FFmpeg's filter bwdif, one picture a frame."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -8,13 +8,13 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 Order = Literal["", "auto", "tff", "bff"]
-"""Which field is the earlier one: the upper (tff), the lower (bff), as the film says; "" = none."""
+"""Which field is earlier: upper (tff), lower (bff), as the film states (auto); "" = no fields."""
 
 
 def deinterlace(
     frames: Iterator[VideoFrame | None], stream: VideoStream, order: Order
 ) -> Iterator[VideoFrame | None]:
-    """Fill in the rows of the later field of each frame; None stays where it is damaged."""
+    """Fill in the rows of the later field of each frame; a damaged frame stays None."""
     graph = Graph()
     source = graph.add_buffer(template=stream)
     weave = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")
@@ -33,7 +33,7 @@ def deinterlace(
 
 
 def _ready(graph: Graph, stream: VideoStream) -> Iterator[VideoFrame]:
-    """What the filter has finished, in the stream's ticks; it is a frame behind."""
+    """Yield what the filter has finished, in the stream's ticks; it is a frame behind."""
     while True:
         try:
             frame = graph.pull()

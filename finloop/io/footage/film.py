@@ -1,4 +1,4 @@
-"""Films, by FFmpeg: what they hold, and their frames one after the other."""
+"""Films, read by FFmpeg: their facts, and their frames one after the other."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -36,11 +36,11 @@ from finloop.io.footage.source import (
 from finloop.io.footage.timing import frame_rate_of
 
 # A film that does not state its range of levels counts as limited (16 … 235), unless so many pixels
-# lie so far outside that black or white would be lost; a coder's ringing stays within.
+# lie so far outside that black or white would be lost. A coder's ringing stays within.
 OUTSIDE_LEVELS, OUTSIDE_FRACTION = (10, 241), 0.01
 SEEK_MARGIN_S = 1.0
 
-# What PyAV raises where a container cannot be followed further; the second if damage looks like the
+# What PyAV raises where a container cannot be read on; the second if damage looks like the
 # beginning of another stream.
 _BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
@@ -75,10 +75,10 @@ def _picture_streams(container: InputContainer) -> list[VideoStream]:
 
 
 def time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
-    """Time stamps of the frames, in seconds, ascending; and how many frames the file promises.
+    """Return the frames' time stamps [s], ascending, and the number of frames the file promises.
 
-    Nothing is decoded. A complete index is enough: its decoding times may be early by some
-    frames, but have the same gaps. Without an index all packets are read.
+    Nothing is decoded. A complete index suffices: its decoding times may be early by some frames,
+    but have the same gaps. Without an index all packets are read.
     """
     ticks: list[int] = []
     if 0 < stream.frames == len(stream.index_entries):
@@ -142,7 +142,7 @@ def survey(path: Path, stamps: np.ndarray) -> CodingSurvey:
 
 
 def _samples(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
-    """Decode some frames spread over a film; its first ones where it has no way to seek."""
+    """Decode some frames spread over a film; its first ones if it cannot be sought."""
     with open_stream(path) as (container, stream):
         yield from _good(decode_film(container, stream, Loss()), 1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
@@ -155,12 +155,11 @@ def _samples(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
 
 
 def _good(frames: Iterator[VideoFrame | None], count: int) -> Iterator[VideoFrame]:
-    """Give the first `count` frames that are not damaged."""
     return islice((frame for frame in frames if frame is not None), count)
 
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
-    """The facts of a film before it is read, and the times [s] of its frames, from 0."""
+    """Return the facts of a film before it is read, and its frames' times [s] from 0."""
     with open_stream(path) as (container, stream):
         stamps, promised = time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
@@ -223,7 +222,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
 def decode_film(
     container: InputContainer, stream: VideoStream, loss: Loss
 ) -> Iterator[VideoFrame | None]:
-    """Decode from the present position on; None stands for a damaged frame."""
+    """Decode from the present position on; yield None for a damaged frame."""
     packets = container.demux(stream)
     while True:
         try:
@@ -285,9 +284,9 @@ def film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
 def _seek(container: InputContainer, stream: VideoStream, footage: Footage) -> NDArray[np.float64]:
     """Go to shortly before the start of the range, if the container can seek.
 
-    Returns the time stamps of the film's frames in ticks, ascending, up to the end of the range: by
-    them a frame knows its number. None, if the film is decoded from its first frame on, whose
-    frames are counted; a renumbered film is.
+    Return the time stamps [ticks] of the film's frames, ascending, up to the end of the range: they
+    number the frames. Return None if the film is decoded and counted from its first frame, as a
+    renumbered film is.
     """
     target_s, none = footage.start_s - SEEK_MARGIN_S, np.empty(0)
     if footage.renumbered or target_s <= 0:
@@ -301,9 +300,9 @@ def _seek(container: InputContainer, stream: VideoStream, footage: Footage) -> N
 
 
 def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
-    """Time stamps [ticks] of the frames that are shown before `last`, ascending.
+    """Return the time stamps [ticks] of the frames that are shown before `last`, ascending.
 
-    Packets are read, not decoded: an index has decoding times alone.
+    Packets are read, not decoded: an index only has decoding times.
     """
     stamps = []
     with open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):

@@ -1,4 +1,4 @@
-"""A decoded frame of a film as an array of 8 bits, by the range and colours that it states."""
+"""A decoded frame as an array of 8 bits, by the range and colours that the film states."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ _LUMA_FIRST = ("yuv4", "yuvj4", "yuva4", "nv1", "nv2", "gray")  # formats whose 
 
 
 def display_matrix(frame: VideoFrame) -> np.ndarray:
-    """The nine numbers by which a player turns the picture upright; see `coding.turn_of`."""
+    """Return the nine numbers by which a player turns the picture upright; see `coding.turn_of`."""
     side: Any
     for side in frame.side_data:
         if side.type == SideDataType.DISPLAYMATRIX:
@@ -25,12 +25,12 @@ def display_matrix(frame: VideoFrame) -> np.ndarray:
 
 
 def is_yuv(frame: VideoFrame) -> bool:
-    """Whether the frame is coded as brightness and two colour differences."""
+    """Return whether the frame is coded as brightness and two colour differences."""
     return frame.format.name.startswith(("yuv", "nv", "uyvy", "yvyu", "p0"))
 
 
 def is_deep(frame: VideoFrame) -> bool:
-    """Whether a grey frame has more than 8 bits; how many of them are used is not stated."""
+    """Return whether a grey frame has more than 8 bits; it does not state how many are used."""
     return len(frame.format.components) == 1 and frame.format.components[0].bits > 8
 
 
@@ -39,7 +39,7 @@ def grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None
     if levels:
         return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
     name, bits = frame.format.name, frame.format.components[0].bits
-    if bits == 8 and name.startswith(_LUMA_FIRST):  # the general way takes twenty times as long
+    if bits == 8 and name.startswith(_LUMA_FIRST):  # the general conversion is 20 times slower
         full = full_range or name == "gray" or frame.color_range == ColorRange.JPEG
         return luma(frame) if full else cv2.LUT(luma(frame), FULL_FROM_LIMITED)
     return frame.to_ndarray(

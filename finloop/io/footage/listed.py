@@ -1,4 +1,4 @@
-"""The films that a path names: one, those of a folder, or those that a pattern fits."""
+"""The films that a path names: a film, those of a folder, or those that match a pattern."""
 
 import unicodedata
 from collections.abc import Iterable
@@ -14,15 +14,15 @@ FILMS = {
     ".avi", ".gif", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv",
     ".ts", ".webm", ".wmv",
 }  # fmt: skip
-"""Endings of films in a folder; a file that is named itself may have any ending."""
+"""Endings of films in a folder; a file that the path names may have any ending."""
 
 
 def list_films(path: str) -> list[Path]:
     """List the films at a path in natural order: 2 before 10.
 
-    A file is itself a film, and so is a folder of pictures. A folder of films, or of folders of
-    pictures, gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it fits. A path that
-    does not exist is returned as it is: opening it fails. FinloopError if a pattern fits nothing.
+    A file is a film, and so is a folder of pictures. A folder of films, or of folders of pictures,
+    gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it matches. A path that does not
+    exist is returned unchanged: opening it fails. FinloopError if a pattern matches nothing.
     """
     whole = Path(path).expanduser()
     if whole.is_dir():
@@ -32,15 +32,15 @@ def list_films(path: str) -> list[Path]:
     films = [Path(name) for name in iglob(str(whole), recursive=True)]  # noqa: PTH207 (absolute ones too)
     if not films:
         raise FinloopError(
-            came=f"the pattern {path} fits no file (looked from {Path.cwd()})",
+            came=f"the pattern {path} matches no file (searched from {Path.cwd()})",
             wanted=WANTED,
-            do="correct the pattern, or give it whole: /some/where/*.mp4",
+            do="correct the pattern, or make it absolute: /some/where/*.mp4",
         )
     return sorted(films, key=natural)
 
 
 def _in_folder(folder: Path) -> list[Path]:
-    """The films and folders of pictures in a folder; none where the pictures lie in it itself."""
+    """List the films and picture folders in a folder; none if it holds the pictures itself."""
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
     if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
@@ -54,17 +54,15 @@ def _holds_pictures(folder: Path) -> bool:
 
 
 def names(paths: Iterable[Path]) -> list[str]:
-    """A short name for each film, all different: its file's, and a number where that is taken.
+    """Return a short, unique name for each film: its file's name, numbered where that is taken.
 
-    Only letters, digits, `_` and `-`, so that it can be a folder and part of a metric's name.
+    Names have only letters, digits, `_` and `-`, so they can be folders and parts of metric names.
     """
     unique_names: list[str] = []
     for path in paths:
         stem = unicodedata.normalize("NFC", path.stem if path.suffix else path.name)
         name = "".join(c if c.isalnum() or c in "_-" else "-" for c in stem) or "film"
-        folded = {
-            earlier.casefold() for earlier in unique_names
-        }  # some file systems know no capitals
+        folded = {earlier.casefold() for earlier in unique_names}  # some file systems ignore case
         number = 2
         unique = name
         while unique.casefold() in folded:
@@ -74,7 +72,7 @@ def names(paths: Iterable[Path]) -> list[str]:
 
 
 class Stamp(NamedTuple):
-    """The stamp of a file: it changes with the file, and the file need not be read."""
+    """The stamp of a file: it changes with the file, without reading the file."""
 
     name: str
     size: int
@@ -82,14 +80,14 @@ class Stamp(NamedTuple):
 
 
 def stamps(path: Path) -> list[Stamp]:
-    """The stamps of a film's file, or of all pictures in its folder."""
+    """Return the stamps of a film's file, or of all pictures in its folder."""
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     files_with_stat = ((file.name, file.stat()) for file in files)
     return [Stamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in files_with_stat]
 
 
 def refuse_grown(path: Path, before: list[Stamp]) -> None:
-    """FinloopError where a film has changed since `before`, while it was read."""
+    """Raise FinloopError if a film has changed since its stamps `before` were taken."""
     if stamps(path) != before:
         raise FinloopError(
             came=f"{path} has changed while it was read",

@@ -46,7 +46,6 @@ class Album(NamedTuple):
 
 @contextmanager
 def _album(path: Path) -> Iterator[Album]:
-    """Open a folder or a stack."""
     if path.is_dir():
         files = _list_pictures(path)
         yield Album(len(files), lambda k: str(files[k]), lambda k: _load_picture(files[k]), THREADS)
@@ -67,13 +66,13 @@ def _album(path: Path) -> Iterator[Album]:
 def open_pictures(
     path: Path, rate: Fraction | None, colour: bool | None
 ) -> tuple[Footage, np.ndarray]:
-    """The facts of a folder or stack before it is read, and the times [s] of its frames."""
+    """Return the facts of a folder or stack before it is read, and the times [s] of its frames."""
     with _album(path) as album:
         if album.length < 2:
             raise too_few(path, album.length)
         if rate is None:
             raise FinloopError(
-                came=f"{path}: {album.length} pictures, which do not say how fast they were taken",
+                came=f"{path}: {album.length} pictures, which do not state how fast they were shot",
                 wanted="their frame rate",
                 do="give it: -S clip.frame_rate_hz=30.0",
             )
@@ -113,7 +112,7 @@ def _list_pictures(folder: Path) -> list[Path]:
         raise FinloopError(
             came=f"the folder {folder} holds no pictures",
             wanted=f"the frames of one film, all of one kind: {' '.join(sorted(SUFFIXES))}",
-            do="give that folder, or the film itself",
+            do="name that folder, or the film itself",
         )
     if len(kinds) > 1:
         raise FinloopError(
@@ -126,7 +125,7 @@ def _list_pictures(folder: Path) -> list[Path]:
 
 
 def natural(path: Path) -> list[tuple[int, str]]:
-    """Sort key in which frame2 comes before frame10."""
+    """Return a sort key in which frame2 comes before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts] + [
         (0, path.name)
@@ -134,14 +133,14 @@ def natural(path: Path) -> list[tuple[int, str]]:
 
 
 def _load_picture(path: Path) -> np.ndarray:
-    """Read one picture as it is stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
+    """Load a picture as stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
     data = np.fromfile(path, np.uint8)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
     picture = cv2.imdecode(data, flags) if data.size else None
     if picture is None:
         raise FinloopError(
             came=f"{path} cannot be read as a picture",
-            wanted="every file of the folder whole",
+            wanted="a folder whose files are all complete",
             do="copy it again, or move it away",
         )
     return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
@@ -155,7 +154,7 @@ def _page(stack: TiffFile, number: int) -> np.ndarray:
         raise FinloopError(
             came=f"{stack.filehandle.path}, page {number + 1}, cannot be read: {error}",
             wanted="a stack that is not compressed, or by deflate",
-            do="save it so, or as a folder of pictures",
+            do="save it in one of these ways, or as a folder of pictures",
         ) from error
     if picture.ndim == 3 and picture.shape[2] in (3, 4):
         return picture[..., :3]
@@ -169,7 +168,6 @@ def _page(stack: TiffFile, number: int) -> np.ndarray:
 
 
 def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | None) -> np.ndarray:
-    """Convert a picture as stored to uint8, grey or RGB."""
     if levels:
         picture = stretch_levels(picture, *levels)
     if colour and picture.ndim == 2:
@@ -190,7 +188,7 @@ def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
                 raise other_size(album.name(number), picture.shape[1::-1], size)
             if (picture.dtype == np.uint8) == (footage.levels is not None):
                 raise FinloopError(
-                    came=f"{album.name(number)} has {picture.dtype} levels, those before it others",
+                    came=f"{album.name(number)} has {picture.dtype} levels, unlike earlier ones",
                     wanted="pictures of one depth",
                     do="move it away, or convert all alike",
                 )
@@ -202,7 +200,7 @@ def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
 
 
 def _map_ahead(work: Callable[[S], T], items: Iterable[S], threads: int) -> Iterator[T]:
-    """Yield results of `work` in the order of `items`, computed in threads a few ahead."""
+    """Yield results of `work` in the order of `items`; threads compute a few in advance."""
     with ThreadPoolExecutor(threads) as pool:
         waiting: deque[Future[T]] = deque()
         for item in items:

@@ -13,8 +13,8 @@ from finloop.io.footage.coding import UPRIGHT, Turn
 from finloop.io.footage.fields import Order
 from finloop.io.video import VideoFacts
 
-SAMPLES = 12  # frames that are looked at to tell colour, depth and range
-SAMPLE_PIXELS = 5e5  # of a frame, at most
+SAMPLES = 12  # frames from which colour, depth and range are measured
+SAMPLE_PIXELS = 5e5  # pixels of a sample frame, at most
 WANTED = "a film that FFmpeg can read (mp4, avi, mov, mkv, webm, gif) or a folder of pictures"
 WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
 
@@ -26,19 +26,19 @@ NumberedFrames = Iterator[tuple[float, tuple[int, np.ndarray]]]
 
 @dataclass
 class Loss:
-    """Frames that the source promises and that cannot be read; counted while the film runs."""
+    """Counts of frames that the source promises and that cannot be read, as the film runs."""
 
     damaged: int = 0
     missing_at_end: int = 0
 
     @property
     def frames(self) -> int:
-        """Number of all lost frames."""
+        """Return the number of all lost frames."""
         return self.damaged + self.missing_at_end
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences about the loss, for a person."""
+        """Return sentences about the loss, for the user."""
         rest = "the clip holds what could be read"
         notes = []
         if self.damaged:
@@ -59,16 +59,16 @@ class Footage:
     # the rate that the user sets, else the constant rate nearest to the film's time stamps
     frame_rate: Fraction
     colour: bool  # whether `frames` gives RGB
-    frames_expected: int  # ticks of `frame_rate` in the range of time, as far as the file says
+    frames_expected: int  # ticks of `frame_rate` in the range of time, by the file's head
     reader: Callable[["Footage", Loss], NumberedFrames]  # streams the frames of the range
-    frames_in_source: int  # of the whole source, as far as the file says
+    frames_in_source: int  # frames of the whole source, by the file's head
     turn: Turn = UPRIGHT  # turns the coded picture upright
     # levels of a source of more than 8 bits that become 0 and 255; None for 8 bits
     levels: tuple[float, float] | None = None
     # width : height of a pixel as the file states it; pictures are not resampled
     pixel_aspect: Fraction = Fraction(1)
-    fields: Order = ""  # of a film that is to be deinterlaced
-    notes: tuple[str, ...] = ()  # sentences that a person should read
+    fields: Order = ""  # field order of a film that is to be deinterlaced
+    notes: tuple[str, ...] = ()  # sentences for the user
     # start_s, end_s: half-open range of time that `frames` gives
     start_s: float = 0.0
     end_s: float = math.inf
@@ -79,20 +79,19 @@ class Footage:
     last_s: float = 0.0  # time of the last frame that the file promises; 0 = the first frame
 
     def frames(self, loss: Loss) -> Frames:
-        """Stream the frames of the range, upright; loss and errors as for `numbered`."""
+        """Stream the frames of the range, upright, as (time, picture); see `stream_numbered`."""
         return ((time_s, picture) for time_s, (_, picture) in self.stream_numbered(loss))
 
     def stream_numbered(self, loss: Loss) -> NumberedFrames:
         """Stream the frames of the range, upright, with their numbers in the source.
 
-        FinloopError if frames change their size, or a picture of a folder cannot be read.
-
-        loss: counts the frames that cannot be read.
+        `loss` counts the frames that cannot be read. FinloopError if frames change their size, or a
+        picture of a folder cannot be read.
         """
         return self.reader(self, loss)
 
     def facts(self, source: str, crf: int) -> VideoFacts:
-        """The facts of the clip before the frames are read."""
+        """Return the facts of the clip before the frames are read."""
         return VideoFacts(
             source=source,
             width_px=self.width_px,
@@ -122,7 +121,7 @@ def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float
     span = f"{start_s:g} s to {'the end' if math.isinf(end_s) else f'{end_s:g} s'}"
     if start_s >= min(end_s, length) or length + step < end_s < math.inf:
         raise FinloopError(
-            came=f"{footage.path} is {length:.3f} s long, and {span} was asked for",
+            came=f"{footage.path} is {length:.3f} s long, and {span} was requested",
             wanted=f"0 ≤ start < end ≤ {length:.3f} s",
             do="correct clip.start_s and clip.end_s (null = to the end)",
         )
@@ -138,22 +137,22 @@ def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float
 
 
 def in_range(footage: Footage, time_s: float | Fraction) -> bool:
-    """Whether a time lies in the range of the footage."""
+    """Return whether a time lies in the range of the footage."""
     slack = 0.01 / float(footage.frame_rate)  # makes up for rounded time stamps
     return footage.start_s - slack <= time_s < footage.end_s - slack
 
 
 def too_few(path: Path, count: int) -> FinloopError:
-    """The error for a source of fewer than two frames."""
+    """Return the error for a source of fewer than two frames."""
     came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
     folder = f", or the folder of pictures: {path.parent}"
     return FinloopError(came, WANTED_TWO, "give a whole film" + (folder if count else ""))
 
 
 def other_size(what: str, size: tuple[int, int], first: tuple[int, int]) -> FinloopError:
-    """The error for a frame whose size (width, height) is not that of the first."""
+    """Return the error for a frame whose size (width, height) is not that of the first."""
     return FinloopError(
-        came=f"{what} is {size[0]}×{size[1]} pixels, those before it {first[0]}×{first[1]}",
+        came=f"{what} is {size[0]}×{size[1]} pixels, those before it {first[0]}×{first[1]} pixels",
         wanted="frames of one size",
         do="film without changing the size, or scale all frames alike first (ffmpeg -vf scale=…)",
     )

@@ -20,15 +20,14 @@ CUT_S, CUT_FRAMES = 1.0, 5.0  # whichever is longer
 def frame_rate_of(
     times_s: Sequence[float] | np.ndarray, candidates: Sequence[Fraction]
 ) -> Fraction:
-    """The constant rate that a film's time stamps are nearest to.
+    """Return the constant rate that a film's time stamps are nearest to.
 
-    Each gap counts as the whole number of frames that it lasts at the median gap, so that
-    dropped frames do not slow the rate down; cuts are left out. Of the rates the file states
-    (`candidates`) the first is taken that stays within half a frame of this estimate over the whole
-    film; stamps are often rounded to milliseconds, and 30000/1001 is a better answer then.
+    Each gap counts as the whole number of frames that it lasts at the median gap, so dropped frames
+    do not lower the rate; cuts are left out. Of the rates that the file states (`candidates`), the
+    first one within half a frame of this estimate over the whole film is taken: stamps are often
+    rounded to milliseconds, and 30000/1001 is then a better answer.
 
     times_s: time stamps of the frames, at least two, ascending.
-    candidates: rates that the file states.
     """
     gaps = np.diff(np.asarray(times_s, np.float64))
     gaps = gaps[(gaps > 0) & (gaps <= max(CUT_S, CUT_FRAMES * float(np.median(gaps))))]
@@ -44,7 +43,7 @@ def frame_rate_of(
 
 @dataclass
 class Timing:
-    """Counts of re-timing, kept while the film runs; `cuts` are the first frames of segments."""
+    """Counts of re-timing, as the film runs; `cuts` are the first frames of segments."""
 
     frames: int = 0
     repeated: int = 0
@@ -55,14 +54,13 @@ class Timing:
 def nearest_in_time(
     stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: Timing
 ) -> Iterator[T]:
-    """For every tick of a constant rate the item whose time is nearest.
+    """Yield, for every tick of a constant rate, the item whose time is nearest.
 
-    Ticks start with the first item and again after every cut; a film of constant rate comes
-    through item by item, whatever the jitter of its stamps below half a frame.
+    Ticks start with the first item and again after every cut. A film of constant rate passes
+    through item by item if its time stamps jitter by less than half a frame.
 
-    stamped: pairs of time in seconds and item.
-    frame_rate: of the output.
-    timing: counts ticks, repeats, drops and cuts as they happen.
+    stamped: pairs of time [s] and item. timing: counts ticks, repeats, drops and cuts as they
+    happen.
     """
     rate = float(frame_rate)
     last: tuple[float, T] | None = None
@@ -70,7 +68,7 @@ def nearest_in_time(
     ticks = 0  # of this segment
 
     def repeats(until: float) -> Iterator[T]:
-        """The last item, once for each tick before `until` (in ticks of this segment)."""
+        """Return the last item, once for each tick before `until` (in ticks of this segment)."""
         nonlocal ticks
         assert last is not None
         times = max(0, int(np.ceil(until)) - ticks)
@@ -97,5 +95,5 @@ def nearest_in_time(
 
 
 def segments_of(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
-    """Half-open ranges of frames, from the first frames of the segments."""
+    """Return half-open ranges of frames, from the first frames of the segments."""
     return tuple(zip(cuts, [*cuts[1:], frames], strict=True))

@@ -1,7 +1,7 @@
-"""Tracks that another program made, as poses: which program, and where animals are in each frame.
+"""Tracks of another program as poses: which program made them, and where animals are in each frame.
 
-`movement` reads every format that it knows; it is optional (the extra `tracks`). idtracker.ai and
-TRex, which it does not know, are read here.
+`movement` reads every format that it knows; it is optional (the extra `tracks`). This package reads
+idtracker.ai and TRex, which `movement` does not know.
 """
 
 from collections.abc import Callable
@@ -22,27 +22,27 @@ _OWN: dict[Software, Callable[[Path], Poses]] = {"idtracker.ai": idtracker.read,
 def load_poses(
     path: Path, software: Software | None, rate_hz: float, parameter: str = "extract.tracks_path"
 ) -> Poses:
-    """The poses of a file, or of a folder with a file for each animal.
+    """Load the poses in a file, or in a folder with a file for each animal.
 
-    Frames are those of the film that the program saw, from 0. FinloopError if there is nothing, the
-    format is not known or not the one that is said, the file is damaged, is three-dimensional, or
+    Frames are those of the film that the program tracked, from 0. FinloopError if there is nothing,
+    the format is unknown or not that of `software`, the file is damaged, is three-dimensional, or
     holds no animal.
 
-    software: that made it; None = as the file shows.
-    rate_hz: of the film, for a file that says times and no rate; parameter: that names the file.
+    software: the program that made it; None = detect it from the file. rate_hz: of the film, for a
+    file that has times and no rate. parameter: the one that names the file, for messages.
     """
     if not path.exists():
         raise FinloopError(
             f"there is nothing at {path.absolute()}",
             f"tracks of {', '.join(get_args(Software))}",
-            f"correct {parameter}; give it whole, a temporary experiment starts elsewhere",
+            f"correct {parameter}, or make it absolute: an experiment may run in another folder",
         )
     software = software_of(path) if software is None else software
     own = _OWN.get(software)
     poses = own(path) if own else by_movement(path, software, rate_hz)
     if not len(poses.frame):
         raise FinloopError(
-            f"{path} says nowhere where an animal is",
+            f"{path} does not say where any animal is",
             "tracks with at least one place",
             "export them again",
         )

@@ -12,7 +12,7 @@ from finloop.io.poses.extra import extra, not_installed, unreadable
 
 
 def read(path: Path, software: Software, rate_hz: float) -> Poses:
-    """The poses of a file; of a folder of NWB files, which hold an animal each, those of all."""
+    """Load the poses in a file, or in a folder of NWB files with an animal each."""
     files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
     sets = [_dataset(file, software) for file in files]
     if len({tuple(dataset.keypoints.values) for dataset in sets}) > 1:
@@ -37,7 +37,7 @@ def read(path: Path, software: Software, rate_hz: float) -> Poses:
 
 
 def _dataset(path: Path, software: Software) -> Any:
-    """An xarray dataset of movement: position (time, space, keypoints, individuals)."""
+    """Load an xarray dataset of movement: position (time, space, keypoints, individuals)."""
     xarray = extra("xarray", path)
     load = extra("movement.io", path).load_dataset
     extra("loguru", path).logger.disable("movement")
@@ -50,7 +50,7 @@ def _dataset(path: Path, software: Software) -> Any:
                 dataset = load(path, source_software=software)
     except ImportError as error:
         raise not_installed(path, error) from error
-    except Exception as error:  # whatever a library of many formats raises for a damaged file
+    except Exception as error:  # a library of many formats may raise anything for a damaged file
         raise unreadable(path, software, f"{type(error).__name__}: {error}") from error
     if "position" not in dataset or not {"time", "space", "individuals"} <= set(dataset.dims):
         raise unreadable(path, software, "it holds no positions by time, space and individual")
@@ -66,7 +66,7 @@ def _dataset(path: Path, software: Software) -> Any:
 
 
 def _frames(dataset: Any, rate_hz: float) -> np.ndarray:
-    """Numbers of the frames, (times,)."""
+    """Return the numbers of the frames, (times,)."""
     time = dataset.time.values.astype(float)
     if dataset.attrs.get("time_unit") == "seconds":
         time = time * float(dataset.attrs.get("fps") or rate_hz)

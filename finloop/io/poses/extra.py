@@ -7,9 +7,9 @@ from finloop.base.errors import FinloopError
 
 
 def extra(module: str, path: object) -> ModuleType:
-    """A module of the extra `tracks`; FinloopError if it is not installed.
+    """Import a module of the extra `tracks` to read or write the file at `path`.
 
-    path: of the file that it is wanted for.
+    FinloopError if it is not installed.
     """
     try:
         return import_module(module)
@@ -18,18 +18,18 @@ def extra(module: str, path: object) -> ModuleType:
 
 
 def not_installed(path: object, error: ImportError) -> FinloopError:
-    """The error for a package of the extra that is missing."""
+    """Return the error for a package of the extra that is missing."""
     return FinloopError(
-        f"{path} is read and written with packages that are not all installed: {error}",
+        f"{path} needs packages that are not all installed: {error}",
         "the optional packages of the extra `tracks` (pyproject.toml)",
         "make tracks",
     )
 
 
 def unreadable(path: object, software: str, why: object) -> FinloopError:
-    """The error for a file that is not what it should be."""
+    """Return the error for a file that is not what `software` writes."""
     return FinloopError(
         f"{path} cannot be read as tracks of {software}: {why}",
-        f"a whole file that {software} wrote",
+        f"a complete file that {software} wrote",
         "export it again; if another program made it, name it: extract.tracks_software",
     )

@@ -17,14 +17,14 @@ from finloop.base.poses import Poses, poses_of
 from finloop.io.poses.extra import extra, unreadable
 
 SOFTWARE, CENTRE = "idtracker.ai", "centre"
-# As the program itself prefers them: corrected by hand, then with gaps closed.
+# In the order that the program itself prefers: corrected by hand, then with gaps closed.
 _NAMES = (
     "trajectories", "validated", "without_gaps", "with_gaps", "trajectories_validated",
     "trajectories_wo_gaps", "trajectories_wo_identification",
 )  # fmt: skip
-# HDF5 wants an optional package: it is read where there is nothing else.
+# HDF5 needs an optional package: it is read only where there is nothing else.
 _ENDINGS = (".npy", ".pickle", "_csv", "_tidy.csv", ".parquet", ".h5", ".hdf5")
-_HARMLESS = {  # what a pickle of arrays, numbers and words is made of; nothing here runs a program
+_HARMLESS = {  # the parts of a pickle of arrays, numbers and words; none of them runs a program
     ("_codecs", "encode"), ("builtins", "set"), ("collections", "OrderedDict"),
     ("numpy", "dtype"), ("numpy", "ndarray"),
     *((f"numpy.{core}.{module}", name) for core in ("core", "_core") for module, name in (
@@ -34,7 +34,7 @@ _HARMLESS = {  # what a pickle of arrays, numbers and words is made of; nothing 
 
 
 def read(path: Path) -> Poses:
-    """The poses of a session's folder, its folder `trajectories`, or a file in it."""
+    """Load the poses of a session's folder, its folder `trajectories`, or a file in it."""
     path = _file(path)
     try:
         places, names = _places(path)
@@ -55,7 +55,6 @@ def read(path: Path) -> Poses:
 
 
 def _file(path: Path) -> Path:
-    """The file, or folder of CSV, that holds the trajectories."""
     if path.is_file() and path.parent.name.endswith("_csv"):
         return path.parent
     if path.is_file() or path.name.endswith("_csv"):
@@ -69,7 +68,7 @@ def _file(path: Path) -> Path:
 
 
 def _places(path: Path) -> tuple[np.ndarray, list[str]]:
-    """Places (frames, animals, 2) px, and the animals' names, if they have any."""
+    """Return places (frames, animals, 2) px, and the animals' names, if they have any."""
     readers: dict[str, Callable[[Path], tuple[Any, dict[str, Any]]]] = {
         ".npy": _npy, ".pickle": _pickle, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet,
         ".csv": _csv,
@@ -83,10 +82,10 @@ def _places(path: Path) -> tuple[np.ndarray, list[str]]:
 
 
 class _Arrays(pickle.Unpickler):
-    """Reads pickles of arrays, numbers and words; a pickle that would call anything is refused."""
+    """Read pickles of arrays, numbers and words; refuse a pickle that would call anything else."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """The class or function of that name, if it is harmless."""
+        """Return the class or function with that name, if it is harmless."""
         if module.split(".")[0] == "pathlib":
             return PurePosixPath
         if (module, name) not in _HARMLESS:
@@ -143,7 +142,7 @@ def _csv_folder(path: Path) -> tuple[Any, dict[str, Any]]:
 
 
 def _wide(table: pd.DataFrame) -> np.ndarray:
-    """A table with a row per frame and animal as an array."""
+    """Convert a table with a row per frame and animal to an array."""
     frame, animal = (table[name].to_numpy(int) for name in ("frame", "individual"))
     places = np.full((frame.max() + 1, animal.max() + 1, 2), np.nan)
     places[frame, animal] = table[["x", "y"]].to_numpy(float)

@@ -1,6 +1,6 @@
-"""Poses as `movement` keeps them: netCDF with dimensions time, space, keypoints, individuals.
+"""Poses as `movement` stores them: netCDF with dimensions time, space, keypoints, individuals.
 
-`xarray.load_dataset` reads it, and what comes is a dataset of movement, in seconds.
+`xarray.load_dataset` reads it as a dataset of movement, in seconds.
 """
 
 from fractions import Fraction
@@ -16,10 +16,10 @@ SOFTWARE = "finloop"
 
 
 def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
-    """Write poses, whole or not at all; `rate`: frames per second.
+    """Write poses, completely or not at all; `rate`: frames per second.
 
-    Where the scale is known, the places are there in mm, too, as the variable `position_mm`.
-    FinloopError if the extra `tracks` is not installed.
+    If the scale is known, the variable `position_mm` has the places in mm. FinloopError if the
+    extra `tracks` is not installed.
     """
     h5netcdf, words = extra("h5netcdf", path), extra("h5py", path).string_dtype()
     sizes = {

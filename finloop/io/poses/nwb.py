@@ -1,4 +1,4 @@
-"""Poses as NWB with the extension ndx-pose: a file for each animal, as that format wants it."""
+"""Poses as NWB with the extension ndx-pose: a file for each animal, as that format requires."""
 
 import re
 import warnings
@@ -23,9 +23,8 @@ _ABOUT = (
 def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
     """Write <animal>.nwb for every animal into a new folder; `rate`: frames per second.
 
-    Places are in px; where the scale is known, it is each series' `conversion` to millimetres, as
-    NWB has it. What a file's name cannot hold is _ there. FinloopError if the extra `tracks` is not
-    installed.
+    Places are in px; if the scale is known, each series' `conversion` gives millimetres. Characters
+    that a file's name cannot hold become _. FinloopError if the extra `tracks` is not installed.
     """
     load, save = extra("movement.io.load_poses", folder), extra("movement.io.save_poses", folder)
     config, pynwb = extra("movement.io.nwb", folder).NWBFileSaveConfig, extra("pynwb", folder)

@@ -1,4 +1,4 @@
-"""The program that made a file of tracks, from the file's ending, header and keys."""
+"""Detect the program that made a file of tracks from the file's ending, header and keys."""
 
 import csv
 from pathlib import Path
@@ -12,14 +12,14 @@ _BY_SUFFIX: dict[str, Software] = {
     ".slp": "SLEAP", ".nwb": "NWB", ".nc": "movement", ".npz": "TRex", ".npy": "idtracker.ai",
     ".pickle": "idtracker.ai", ".parquet": "idtracker.ai",
 }  # fmt: skip
-_BY_KEY: dict[str, Software] = {  # of the groups and datasets of a HDF5 file
+_BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
     "df_with_missing": "DeepLabCut", "node_names": "SLEAP", "trajectories": "idtracker.ai",
     "specifications": "NWB", "position": "movement",
 }  # fmt: skip
 
 
 def software_of(path: Path) -> Software:
-    """The program that made a file or folder of tracks; FinloopError if that cannot be told."""
+    """Return the program that made a file or folder of tracks; FinloopError if it is unknown."""
     suffix = path.suffix.lower()
     if path.is_dir():
         software = _folder_software(path)
@@ -31,7 +31,7 @@ def software_of(path: Path) -> Software:
         software = _BY_SUFFIX.get(suffix)
     if software is None:
         raise FinloopError(
-            f"which program made {path} cannot be told",
+            f"the program that made {path} is unknown",
             f"tracks of {', '.join(get_args(Software))}",
             "name it: extract.tracks_software; or export tracks in one of these formats",
         )

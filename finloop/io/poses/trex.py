@@ -1,8 +1,8 @@
 """Tracks of TRex: a file .npz or .csv for each animal, alone or in a folder.
 
-`X#wcentroid` is the body's centre and `X` the head, both in cm; `cm_per_pixel` says how large a
-pixel is. A CSV does not, so its places stay in cm. Frames that are `missing` are interpolated, and
-left out.
+`X#wcentroid` is the body's centre and `X` the head, both in cm; `cm_per_pixel` is the size of a
+pixel. A CSV lacks it, so its places stay in cm. Frames that are `missing` are interpolated there;
+they are left out.
 """
 
 import re
@@ -20,7 +20,7 @@ _CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
 
 
 def read(path: Path) -> Poses:
-    """The poses of a file, of a folder of files, or of a folder whose folder `data` holds them."""
+    """Load the poses in a file, in a folder of files, or in the folder `data` of a folder."""
     files = _files(path)
     tracks = {file: _fields(file) for file in files}
     tracks = {file: fields for file, fields in tracks.items() if "frame" in fields}
@@ -49,18 +49,17 @@ def _files(path: Path) -> list[Path]:
 
 
 def _in_order(path: Path) -> tuple[list[int], str]:
-    """Sort key in which id2 comes before id10."""
+    """Return a sort key in which id2 comes before id10."""
     return [int(number) for number in re.findall(r"\d+", path.stem)], path.name
 
 
 def _names(files: list[Path]) -> tuple[str, ...]:
-    """Names of the animals: what follows the film's name, such as `id3`."""
+    """Return the names of the animals: the part after the film's name, such as `id3`."""
     short = [file.stem.rsplit("_", 1)[-1] for file in files]
     return tuple(short if len(set(short)) == len(short) else [file.stem for file in files])
 
 
 def _fields(path: Path) -> dict[str, np.ndarray]:
-    """The fields of one animal by their names without unit."""
     try:
         if path.suffix.lower() == ".csv":
             table = pd.read_csv(path)
@@ -74,7 +73,7 @@ def _fields(path: Path) -> dict[str, np.ndarray]:
 
 
 def _animal(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Frames (n,) and places (n, 2, 2) of head and centre; KeyError names what is missing."""
+    """Return frames (n,) and places (n, 2, 2) of head and centre; KeyError names a lost field."""
     frame = fields["frame"].ravel().astype(int)
     cm = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
     present = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)
@@ -85,6 +84,6 @@ def _animal(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         for source, exists in (("", centre is None or "X" in fields), (centre, centre is not None))
     ]
     points = np.stack([np.stack(point, axis=-1) for point in pairs], axis=1).astype(float)
-    if np.array_equal(points[:, 0], points[:, 1], equal_nan=True):  # it has found no posture
+    if np.array_equal(points[:, 0], points[:, 1], equal_nan=True):  # TRex found no posture
         points[:, 0] = np.nan
     return frame[present], points[present]

@@ -1,6 +1,6 @@
-// The display's page: it draws what the server plans, and says what was shown when.
+// The display's page: it draws what the server plans, and reports what was shown when.
 
-const EVERY_MS = 180;         // records travel so often, at most
+const EVERY_MS = 180;         // the shortest time between two messages with records
 const MOST_BYTES = 48 * 1024;  // of a message to the server
 const KEPT = 4096;            // records that wait while the connection is lost
 const EMPTY_MS = 1000;        // after coming back without any rows, the fish are gone
@@ -54,7 +54,7 @@ function connect() {
     for (let i = 1; i < 6; i++) setTimeout(ping, 40 * i);
     tell({do: "hidden", on: document.hidden});
   };
-  // A stimulus says nothing about a lost connection: it shows what it knows, and comes back.
+  // A stimulus does not report a lost connection: it shows what it has, and reconnects.
   socket.onclose = () => { clock.renew(); setTimeout(connect, 500); };
 }
 
@@ -106,7 +106,7 @@ const TAKE = {
   },
 };
 
-// What of a hello cannot change without everything being made anew.
+// The facts of a hello whose change requires a fresh start.
 function shapeOf({width: w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate,
   typical}) {
   return {w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate, typical};
@@ -160,7 +160,7 @@ function show(count, ms, ideal, seq) {
   lastDigest = hello.digest ? drawer.digest(number % 2) : 0;
   const before = noted;
   noted = count > 0 || hello.mode === "replay";
-  if (!noted && !before) return;  // nothing is to be seen, nor was
+  if (!noted && !before) return;  // nothing is visible, nor was before
   const record = new Float64Array(HEADER + Math.ceil(count * width() / 2));
   record.set([number, clock.at(ideal), clock.at(ms), clock.at(done), seq, dropped, count, lastDigest]);
   new Float32Array(record.buffer, 8 * HEADER).set(states.subarray(0, count * width()));

@@ -355,7 +355,7 @@ class Drawer {
     gl.disable(gl.SCISSOR_TEST);
   }
 
-  // The glass as just drawn, RGBA, the lowest row first. To be asked for in the same task as `draw`.
+  // The glass as just drawn, RGBA, the lowest row first. Call it in the same task as `draw`.
   pixels() {
     const {gl, box: [, , width, height]} = this, pixels = new Uint8Array(4 * width * height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);

@@ -1,5 +1,5 @@
 // Time: the server's clock, the display's refresh, and what the fish do between two ticks. No part of
-// it knows the page: whoever asks says what time it is.
+// it knows the page: the caller passes the time.
 
 const SLEW = 0.01;    // s/s by which the map of the clocks is bent at most
 const ANOTHER_S = 0.5;  // by which another server's clock is off

@@ -25,9 +25,9 @@ class MatchingSettings:
     wander: Literal["film", "places"]
 
     typical_speed_quantile: Share
-    search_step: Positive
-    replan_interval: Positive
-    look_ahead: Positive
+    search_step_deltas: Positive
+    replan_interval_deltas: Positive
+    look_ahead_deltas: Positive
     beam: Count
     discontinuity_cost: NotNegative
     repeat_cost: NotNegative
@@ -46,7 +46,7 @@ class MatchingSettings:
 
     give_way: ClassVar[float] = 3.0
     """Δ that a search expects another fish to stay where its plan ends: until its next plan, as
-    `replan_interval` has it."""
+    `replan_interval_deltas` has it."""
     typical_speed_least: ClassVar[float] = 0.1
     """The typical speed, as a share of the film's highest, at least: for animals that rest for most
     of the film, whose quantile is about 0."""
@@ -67,9 +67,10 @@ class MatchingSettings:
     tick itself, which is not counted there."""
 
     RENAMED: ClassVar[dict[str, str]] = {
+        "look_ahead": "look_ahead_deltas",
         "follow": "follow_pairs",
-        "stride": "search_step",
-        "commit": "replan_interval",
+        "stride": "search_step_deltas",
+        "commit": "replan_interval_deltas",
         "seam_cost": "discontinuity_cost",
         "path_in": "path_unit",
         "path_times": "path_keep_times",
