@@ -16,20 +16,20 @@ class Visit:
 
     def __init__(self, page: Any) -> None:
         self.page, self.bad = page, list[str]()
-        page.on("console", self._said)
+        page.on("console", self._note_message)
         page.on("pageerror", lambda error: self.bad.append(f"error: {error}"))
-        page.on("request", self._asked)
-        page.on("requestfailed", self._failed)
+        page.on("request", self._note_request)
+        page.on("requestfailed", self._note_failure)
 
-    def _said(self, message: Any) -> None:
+    def _note_message(self, message: Any) -> None:
         if message.type in ("error", "warning") and "GL Driver Message" not in message.text:
             self.bad.append(f"{message.type}: {message.text}")
 
-    def _asked(self, request: Any) -> None:
+    def _note_request(self, request: Any) -> None:
         if not request.url.startswith(WITHIN):
             self.bad.append(f"asks for {request.url}")
 
-    def _failed(self, request: Any) -> None:
+    def _note_failure(self, request: Any) -> None:
         # A player that jumps breaks off what it was reading.
         if not (request.url.startswith("blob:") and "ERR_ABORTED" in (request.failure or "")):
             self.bad.append(f"not found: {request.url[:200]}")

@@ -31,7 +31,7 @@ def fails_at_five(number):
     return number
 
 
-def noted(job):
+def note_job(job):
     folder, number = job
     (folder / str(number)).touch()
     return number

@@ -2,10 +2,11 @@
 
 import hashlib
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,20 +16,13 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from finloop.io.movie import VideoWriter
 from finloop.io.parameters import refusal
-from finloop.io.video import (
-    ARENA_NAME,
-    CLIP_NAME,
-    FACTS_NAME,
-    VideoFacts,
-    save_facts,
-    save_mask,
-)
+from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, VideoFacts, save_facts, save_mask
 from stages.compose import compose_params
 from stages.settings import CONF, PARAMS, all_problems
 
 
 @cache  # composing takes Hydra a fifth of a second
-def _composed(overrides: tuple[str, ...]) -> str:
+def _compose(overrides: tuple[str, ...]) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
         return compose_params(["~local", *overrides])
@@ -36,7 +30,7 @@ def _composed(overrides: tuple[str, ...]) -> str:
 
 def composed_once(overrides: Sequence[str]) -> str:
     """params.yaml as `python -m stages.compose` writes it in a repository without conf/local/."""
-    return _composed(tuple(overrides))
+    return _compose(tuple(overrides))
 
 
 @cache
@@ -45,7 +39,7 @@ def _params(overrides: tuple[str, ...]) -> str:
     keys = {one: one.partition("=")[0] for one in overrides}
     plain = [one for one, key in keys.items() if "." in key and key != "clip.path"]
     values = yaml.load(
-        _composed(tuple(one for one in overrides if one not in plain)), yaml.CSafeLoader
+        _compose(tuple(one for one in overrides if one not in plain)), yaml.CSafeLoader
     )
     parser = OverridesParser.create()
     for one in plain:
@@ -80,9 +74,7 @@ def put_clip(
     )  # fmt: skip
     clip = folder / "data/clip"
     shutil.rmtree(clip, ignore_errors=True)
-    with VideoWriter.from_facts(clip / CLIP_NAME, facts) as writer:
-        for frame in frames:
-            writer.write(frame)
+    write_frames(VideoWriter.from_facts(clip / CLIP_NAME, facts), frames)
     save_facts(clip / FACTS_NAME, facts)
     save_mask(clip / ARENA_NAME, np.ones((height, width), bool) if arena is None else arena)
 
@@ -104,3 +96,17 @@ def same_but_figures(first: dict[str, str], again: dict[str, str]) -> bool:
     empty = hashlib.sha256(b"").hexdigest()
     drawn = {name for name, digest in again.items() if digest != empty}
     return first.keys() == again.keys() and all(first[name] == again[name] for name in drawn)
+
+
+def write_frames(writer: Any, frames: Iterable[np.ndarray]) -> None:
+    """Write a film as a whole."""
+    with writer:
+        for frame in frames:
+            writer.write(frame)
+
+
+def save_svg(path: Path, inside: str) -> str:
+    """Write a drawing of 99 by 99 px; return its path."""
+    head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99">'
+    path.write_text(f"{head}{inside}</svg>", "utf-8")
+    return str(path)

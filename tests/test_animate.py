@@ -54,7 +54,7 @@ def player() -> PaperPlayer:
     return paper_player(network_of())
 
 
-def played(player: PaperPlayer, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
+def play_seeded(player: PaperPlayer, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
     return play(player, goals, ticks, np.random.default_rng(seed))
 
 
@@ -388,7 +388,7 @@ def test_a_film_in_which_nothing_moves_is_refused():
 
 
 def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
-    table = played(player, [Goal("A", 200.0, 200.0)], 500, 1)
+    table = play_seeded(player, [Goal("A", 200.0, 200.0)], 500, 1)
     save_table(tmp_path / "network.parquet", table, EDIT)
     back = load_table(tmp_path / "network.parquet", EDIT)
     assert len(back) == 500 and list(back["tick"]) == list(range(500))
@@ -396,7 +396,7 @@ def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
 
 
 def test_an_edit_list_of_one_tick_begins_as_any_other(player):
-    one, longer = (played(player, [], ticks, 1) for ticks in (1, 20))
+    one, longer = (play_seeded(player, [], ticks, 1) for ticks in (1, 20))
     apart = ["speed"]  # there is no second place to have moved to
     pd.testing.assert_frame_equal(one.drop(columns=apart), longer[:1].drop(columns=apart))
     assert one["speed"].item() == 0 and longer["speed"][0] == longer["speed"][1]
@@ -404,7 +404,7 @@ def test_an_edit_list_of_one_tick_begins_as_any_other(player):
 
 def test_orientation_and_rest_make_the_heading(player):
     cut = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
-    table = played(cut, [], 2000, 1)
+    table = play_seeded(cut, [], 2000, 1)
     direction = (table["orientation"].to_numpy(float) - 1) * 15.0
     made = wrap_deg(direction + table["rotation_deg"].to_numpy(float))
     assert wrap_deg(made - table["heading_deg"].to_numpy(float)) == pytest.approx(0, abs=1e-4)
@@ -506,7 +506,7 @@ def test_kinematic_distance_is_in_deviations_of_the_film():
     assert shifted == pytest.approx(2)
 
 
-def named(kind, source):
+def picture_table(kind, source):
     """The pictures of an edit list, every sprite in orientation 1."""
     table = pd.DataFrame({"kind": kind, "source": source})
     return table.assign(orientation=np.where(table["kind"] == SPRITE, 1, None), mirrored=False)
@@ -524,21 +524,21 @@ def named(kind, source):
 )
 def test_longest_exact_repeat(shown, longest):
     for kind in (SPRITE, FRAME):
-        assert edit_measures.longest_repeat(named(kind, shown)) == longest
+        assert edit_measures.longest_repeat(picture_table(kind, shown)) == longest
 
 
 def test_longest_repeat_of_a_cycle_is_half_of_it_all():
-    table = named(FRAME, np.tile([1, 2, 3], 8))
+    table = picture_table(FRAME, np.tile([1, 2, 3], 8))
     assert edit_measures.longest_repeat(table) == 12
 
 
 def test_a_frame_is_no_repeat_of_the_sprite_of_its_number():
     kinds = [SPRITE] * 4 + [FRAME] * 4
-    assert edit_measures.longest_repeat(named(kinds, [0, 1, 2, 3, 0, 1, 2, 3])) == 0
+    assert edit_measures.longest_repeat(picture_table(kinds, [0, 1, 2, 3, 0, 1, 2, 3])) == 0
 
 
 def test_a_sprite_in_another_orientation_is_no_repeat():
-    table = named(SPRITE, [0, 1, 2, 3, 0, 1, 2, 3])
+    table = picture_table(SPRITE, [0, 1, 2, 3, 0, 1, 2, 3])
     assert edit_measures.longest_repeat(table) == 4
     assert edit_measures.longest_repeat(table.assign(orientation=[1] * 4 + [2] * 4)) == 0
 

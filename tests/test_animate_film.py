@@ -1,7 +1,6 @@
 """The film to swim by, the search of mode `matching` through it: laws, a slow search, ground truth."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -16,9 +15,10 @@ from toy_film import (
     SPEED,
     STEP,
     TOUCH,
+    arc_track,
+    edit_of,
     film_of,
-    learnt,
-    lessons,
+    film_with_dead_ends,
     loops,
     matching_of,
     open_tank,
@@ -27,33 +27,20 @@ from toy_film import (
     rich,
     rich_film,
     rich_table,
-    swum,
     table_of,
     waters_of,
 )
 
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
-from finloop.animate.kinematics import Target, rotate
+from finloop.animate.kinematics import rotate
 from finloop.animate.memory import NEVER, last_on_screen, remember_rows
 from finloop.animate.places import random_goals
-from finloop.animate.shoal import swim
 from finloop.animate.size import frame_hulls, reach
 from finloop.animate.state import Fish, State
 from finloop.distance.picture import BODY, FILM
-from finloop.edit.build import edit_list
 from finloop.edit.explain import in_words
-from finloop.edit.measures import longest_repeat
-from finloop.edit.schema import (
-    CONSIDERED,
-    EDIT,
-    FADE,
-    FRAME,
-    TERMS,
-    VERDICTS,
-    WHY,
-    Goal,
-)
+from finloop.edit.schema import CONSIDERED, EDIT, FADE, FRAME, TERMS, VERDICTS, WHY, Goal
 from finloop.edit.schema import FILM as IN_FILM
 from finloop.edit.stretch import Decision
 from finloop.features.table import wrap_deg
@@ -65,15 +52,6 @@ from finloop.plan.plan import CandidateVerdicts, option_table
 def film_player(film_=None, room_=None, **changes):
     """A player of mode `matching` that shows the film alone."""
     return matching_of(waters_of(film_, room_, **changes))
-
-
-def spot(x, y):
-    return Target(float(x), float(y), TOUCH, HEAD)
-
-
-def edit_of(player, goals, ticks, seed):
-    found = swim(player, goals, ticks, np.random.default_rng(seed))
-    return found, edit_list(found, ticks, player.sources)
 
 
 def flat(found):
@@ -95,7 +73,10 @@ def on_the_spot(found):
 
 @pytest.mark.parametrize("rate", [0.0, 5.0, -5.0])
 def test_a_film_moves_as_its_fish_did_at_the_drawn_size(rate):
-    small, large = swum([rate] * 20, 30.0, length=40.0), swum([rate] * 20, 30.0, length=80.0)
+    small, large = (
+        arc_track([rate] * 20, 30.0, length=40.0),
+        arc_track([rate] * 20, 30.0, length=80.0),
+    )
     found = film_of(table_of(small, large), loops((3, 30)))
     angle = np.radians(30.0 + rate * np.arange(20))
     drawn = SPEED * 60.0 / RATE  # the median fish is 60 px long
@@ -110,12 +91,14 @@ def test_a_film_moves_as_its_fish_did_at_the_drawn_size(rate):
 
 
 def test_speed_is_that_of_the_track_up_to_its_ends():
-    found = film_of(table_of(swum([0.0] * 9), swum([0.0] * 9, 90.0, at=(0, 0))), loops((3, 12)))
+    found = film_of(
+        table_of(arc_track([0.0] * 9), arc_track([0.0] * 9, 90.0, at=(0, 0))), loops((3, 12))
+    )
     assert found.speed == pytest.approx(SPEED)
 
 
 def test_a_film_ends_with_each_track_and_before_each_barred_row():
-    table = table_of(swum([0.0] * 9), swum([0.0] * 9))
+    table = table_of(arc_track([0.0] * 9), arc_track([0.0] * 9))
     assert list(np.flatnonzero(~film_of(table, loops((3, 12))).has_next)) == [9, 19]
     found = film_of(table, loops((3, 12)), barred=[5, 16])
     assert list(np.flatnonzero(~found.has_next)) == [4, 5, 9, 15, 16, 19]
@@ -123,7 +106,7 @@ def test_a_film_ends_with_each_track_and_before_each_barred_row():
 
 
 def test_loops_lead_both_ways_but_never_to_a_barred_row_or_where_the_film_ends():
-    table = table_of(swum([0.0] * 19), swum([0.0] * 19))
+    table = table_of(arc_track([0.0] * 19), arc_track([0.0] * 19))
     pairs = loops(
         (3, 25, 0.4), (3, 10, 0.2), (8, 35, 0.6), (10, 30, 0.8), (15, 28, 0.5)
     )  # fmt: skip
@@ -244,26 +227,9 @@ def test_an_animation_lasts_as_many_seconds_as_are_asked_for_and_decisions_so_ma
     assert (waters.duration, waters.ticks(7.0)) == (7 * RATE, 7 * DELTA)
 
 
-def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike():
-    """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
-    swims = []
-    for rate in (RATE, 8 * RATE):
-        taught = learnt(lessons(), rate)
-        waters = waters_of(film_of(*rich(), taught=taught), taught=taught)
-        found, _ = edit_of(matching_of(waters), [Goal("A", 200.0, 200.0)], 600, 3)
-        swims.append((*flat(found)[:3], [one.decision.reason for one in found.stretches]))
-    for one, quicker in zip(*swims, strict=True):
-        np.testing.assert_array_equal(one, quicker)
-
-
 def with_dead_ends():
-    """Three tracks of 201 rows; each is joined to the others only in its beginning."""
-    table = table_of(swum([4.0] * 200), swum([-4.0] * 200), swum([0.0] * 200))
-    pairs = loops(
-        *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
-        *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
-    )  # fmt: skip
-    reel = film_of(table, pairs)
+    """The film with dead ends, and the rows after which it goes on."""
+    reel = film_with_dead_ends()
     after = reel.has_next & np.append(reel.recurrent[1:], False)
     assert after[:140].all() and after[201:341].all() and after[402:530].all()
     assert after.sum() == 140 + 140 + 128
@@ -295,16 +261,6 @@ def test_the_film_never_stops():
         assert np.ptp(table["x_px"]) > 200 and np.ptp(table["y_px"]) > 150
 
 
-def test_never_outside_the_tank():
-    mode = film_player()
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        goals = random_goals(mode.world, 3, rng)
-        _, table = edit_of(mode, goals, 1000, seed)
-        assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
-        assert measures.outside(table, mode) == 0
-
-
 def test_a_fish_in_the_film_shows_less_of_what_is_dear():
     table, pairs = rich()
     costs = np.where(np.arange(len(table)) // 25 % 3 == 0, 1.0, -0.5)
@@ -318,7 +274,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
 
 
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
-    mode = film_player(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
+    mode = film_player(film_of(table_of(arc_track([0.0] * 199)), loops((20, 199))))
     state = mode.begin(np.random.default_rng(0))
     fish = replace(state.fish, row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
     goal = Goal("A", 300.0, 300.0)
@@ -329,7 +285,7 @@ def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
 
 def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     """Loop ends so rare that between two of them lies more film than a look ahead."""
-    reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
+    reel = film_of(table_of(arc_track([0.7] * 599)), loops((20, 560), (40, 580)))
     assert np.diff(np.flatnonzero(reel.jump_slot >= 0)).max() > 5 * RATE
     for seed in range(3):
         found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
@@ -350,18 +306,8 @@ def test_goals_are_reached():
     assert np.mean(done) >= 0.8
 
 
-def test_a_seed_gives_one_animation_and_another_seed_another():
-    goals = [Goal("A", 200.0, 200.0)]
-    one, same, other = (edit_of(film_player(), goals, 400, seed) for seed in (7, 7, 8))
-    pd.testing.assert_frame_equal(one[1], same[1])
-    pd.testing.assert_frame_equal(
-        option_table(one[0], 400, 10**6), option_table(same[0], 400, 10**6)
-    )
-    assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
-
-
 def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
-    reel = film_of(swum([4.0] * 199), loops((5, 95), (50, 140)))  # one circle, 15 px across
+    reel = film_of(arc_track([4.0] * 199), loops((5, 95), (50, 140)))  # one circle, 15 px across
     goals = [Goal("A", 700.0, 60.0)]
     mode = film_player(reel)
     found, table = edit_of(mode, goals, 800, 1)
@@ -378,7 +324,7 @@ def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
 
 def three_ways(wall=False):
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
-    table = table_of(swum([0.0] * 149), swum([3.0] * 149), swum([-3.0] * 149))
+    table = table_of(arc_track([0.0] * 149), arc_track([3.0] * 149), arc_track([-3.0] * 149))
     pairs = [(20, 170, 0.2), (20, 320, 0.2), (140, 21, 0.2), (290, 171, 0.2), (440, 321, 0.2)]
     reel = film_of(table, loops(*pairs))
     arena = ARENA.copy()
@@ -445,7 +391,7 @@ def test_a_decision_counts_how_many_ways_fail_which_test():
 
 @pytest.mark.parametrize(("heading", "quadrant"), [(30.0, 1), (120.0, 2), (210.0, 3), (300.0, 4)])
 def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadrant):
-    table = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    table = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
     player = film_player(film_of(table, loops((20, 120), (60, 21), (160, 121))))
     fish = Fish(400.0, 300.0, heading, SPEED, IN_FILM, -1, row=30, rot=heading)
     angle = np.radians(heading)
@@ -513,44 +459,6 @@ def test_film_that_plays_on_is_remembered_as_one_stretch():
 # --- a player is pure
 
 
-def test_a_step_changes_nothing_and_a_kept_state_has_one_future():
-    """The same state, goal and draws give the same stretch, whatever was swum since."""
-    player, goal = film_player(), Goal("A", 200.0, 200.0)
-    rng = np.random.default_rng(3)
-    state, kept = player.begin(rng), []
-    for number in range(60):
-        to = goal if number % 20 > 10 else None
-        before = repr(state), state.fish.recent.copy()
-        kept.append((state, to, rng.bit_generator.state))
-        stretch, after_ = player.plan(state, to, rng)
-        assert (repr(state), state.fish.recent.tolist()) == (before[0], before[1].tolist())
-        kept[-1] += (stretch, after_)
-        state = after_
-    for begin in (0, 27, 45):
-        state = kept[begin][0]
-        again = np.random.default_rng(0)
-        again.bit_generator.state = kept[begin][2]
-        for _, to, _, stretch, after_ in kept[begin:]:
-            mine, state = player.plan(state, to, again)
-            assert repr(mine) == repr(stretch) and repr(state) == repr(after_)
-
-
-def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut():
-    player, rng = film_player(), np.random.default_rng(1)
-    state = player.begin(rng)
-    for _ in range(60):
-        stretch, then = player.plan(state, None, rng)
-        whole, end = player.cut(state, stretch, len(stretch.way))
-        assert whole is stretch and repr(end.fish) == repr(then.fish)
-        for ticks in (1, len(stretch.way) - 1):
-            if 0 < ticks < len(stretch.way):
-                short, at = player.cut(state, stretch, ticks)
-                assert len(short.way) == ticks and not short.touched
-                assert at.fish.tick == state.fish.tick + ticks
-                assert (at.fish.x, at.fish.y) == tuple(stretch.way[ticks - 1, :2])
-        state = then
-
-
 # --- what is written down
 
 
@@ -595,38 +503,6 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
 def test_a_frame_is_named_by_its_row():
     found, table = edit_of(film_player(), [], 300, 1)
     assert list(table["source"]) == list(flat(found)[1][:300])
-
-
-@pytest.mark.parametrize("fade", [0, 3])
-def test_a_cross_fade_begins_at_every_jump_and_the_old_plays_on(fade):
-    player = film_player(search_step_deltas=2.0, cross_fade_deltas=fade / DELTA, join=FADE)
-    found, table = edit_of(player, [Goal("A", 200.0, 200.0)], 1500, 2)
-    number, rotation = table["source"].to_numpy(), table["rotation_deg"].to_numpy(float)
-    begins = np.flatnonzero(flat(found)[3][:1500])
-    begins = begins[begins > 0]
-    jumped = np.flatnonzero((np.diff(number) != 1) & (np.diff(number) != 0)) + 1
-    assert set(jumped) <= set(begins) and len(jumped) > 10
-    fades = np.zeros(1500)
-    for begin in begins:  # a later one begins anew
-        stop = min(begin + fade, 1500)
-        fades[begin:stop] = (1 - np.arange(1, fade + 1) / (fade + 1))[: stop - begin]
-    assert table["weight"].to_numpy(float) == pytest.approx(fades)
-    assert (table["partner"].notna() == (fades > 0)).all()
-    for begin, later in pairwise(begins):
-        old = number[begin - 1]
-        for tick in range(begin, min(begin + fade, later)):
-            old = old + int(rich_film().has_next[old])
-            row = table.iloc[tick]
-            assert (row["partner_kind"], row["partner"]) == (FRAME, old)
-            turned = row["partner_rotation_deg"] - rotation[begin - 1]
-            assert wrap_deg(turned) == pytest.approx(0, abs=1e-3)
-
-
-def test_wandering_uses_much_of_the_tank_and_of_the_film():
-    _, table = edit_of(film_player(), [], 3000, 5)
-    assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
-    assert table["source"].nunique() > 300
-    assert longest_repeat(table) < 500
 
 
 # --- decisions in words

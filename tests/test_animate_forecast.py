@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy
 from toy_film import LENGTH, matching_of, waters_of
-from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
+from toy_swim import HOW, MIRROR, RATE, plain, random_swimmer, unseen
 
 from finloop.animate.paths import lay
 from finloop.animate.shoal import swim
@@ -31,7 +31,7 @@ GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
 
 @cache
 def sample():
-    features, codes = swum()
+    features, codes = random_swimmer()
     film = film_states(features, codes, MIRROR, RATE, HOW)
     model, _ = learn(film, split(film, HOW), replace(HOW, epochs=3))
     return sampler(film, model, similar_rows(film, plain(film), unseen, HOW), HOW)
@@ -39,7 +39,7 @@ def sample():
 
 def waters(mirrored=True, barred=()):
     """The tank of the made-up film, and the film of the drawn fish, with its mirror image."""
-    features, _ = swum()
+    features, _ = random_swimmer()
     n = len(features)
     rows = np.zeros(2 * n if mirrored else n, ROW)
     heading = features["heading_deg"].to_numpy()

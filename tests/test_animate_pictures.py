@@ -12,14 +12,7 @@ from finloop.base.settings import settings
 from finloop.distance.picture import FILM, SPAN, distance, picture
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.pictures import (
-    Pictures,
-    draw_edit,
-    drawn_steps,
-    film_next,
-    seams,
-    without_ghosts,
-)
+from finloop.edit.pictures import Pictures, draw_edit, drawn_steps, film_next, seams, without_ghosts
 from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
@@ -41,7 +34,7 @@ def fish(length: int = 40, wide: float = 1 / 3) -> np.ndarray:
     return np.dstack([alpha // 3, alpha])
 
 
-def turned(pixels: np.ndarray, degrees: float) -> np.ndarray:
+def rotate(pixels: np.ndarray, degrees: float) -> np.ndarray:
     return cv2.warpAffine(pixels, cv2.getRotationMatrix2D((45, 45), degrees, 1), (90, 90))
 
 
@@ -54,7 +47,7 @@ def film_of(folder: Path, *tracks: list[tuple[float, float]]) -> pd.DataFrame:
     ]
     with CutoutWriter(folder / "film.arrow") as writer:
         for track, frame, heading, wide in rows:
-            writer.write(Cutout(track, frame, 100, 200, turned(fish(wide=wide), heading)))
+            writer.write(Cutout(track, frame, 100, 200, rotate(fish(wide=wide), heading)))
     table = pd.DataFrame(rows, columns=["track_id", "frame", "heading_deg", "wide"])
     return table.assign(x_px=145.0, y_px=245.0, body_length_px=LENGTH)
 
@@ -69,14 +62,14 @@ def sprites_of(folder: Path, table: pd.DataFrame, rows: list[int]) -> pd.DataFra
     with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:
         for sprite, row in enumerate(picked.itertuples()):
             for number in range(1, ORIENTATIONS + 1):
-                pixels = turned(fish(wide=row.wide), 15.0 * (number - 1))
+                pixels = rotate(fish(wide=row.wide), 15.0 * (number - 1))
                 key = int(row.track_id), int(row.frame), 100, 200, pixels, sprite, number
                 writer.write(Cutout(*key))
     return picked.reset_index(drop=True)
 
 
 @pytest.fixture
-def shown(tmp_path):
+def pictures(tmp_path):
     """Two tracks that turn and grow wider, five sprites of the first one's frames."""
     table = film_of(
         tmp_path,
@@ -129,7 +122,7 @@ def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
     )  # fmt: skip
 
 
-def faded(edit: pd.DataFrame, tick: int, other: pd.Series, weight: float) -> pd.DataFrame:
+def add_fade(edit: pd.DataFrame, tick: int, other: pd.Series, weight: float) -> pd.DataFrame:
     edit = edit.copy()
     for name, value in zip(PARTNER, other[PICTURE], strict=True):
         edit.loc[tick, name] = value
@@ -195,115 +188,117 @@ def test_an_outline_is_ahead_and_to_the_left(tmp_path):
 # --- what an edit list draws
 
 
-def test_a_frame_and_a_sprite_of_it_are_drawn_alike(shown):
+def test_a_frame_and_a_sprite_of_it_are_drawn_alike(pictures):
     for heading in (0.0, 100.0, -37.0):
-        edit = edit_of(shown, (FRAME, 4, heading), (SPRITE, 3, heading), (SPRITE, 0, heading))
+        edit = edit_of(pictures, (FRAME, 4, heading), (SPRITE, 3, heading), (SPRITE, 0, heading))
         one, same, other = (
-            shown(r.kind, r.source, r.orientation, r.rotation_deg, r.scale, False)
+            pictures(r.kind, r.source, r.orientation, r.rotation_deg, r.scale, False)
             for r in edit.itertuples()
         )
         far = np.linalg.norm(one - other)
         assert np.linalg.norm(one - same) < 0.4 * far
 
 
-def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(shown):
+def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(pictures):
     for row in (0, 5, 9):
         number = row
-        cutout, at = shown.reel.film[number], shown.reel.features.iloc[row]
+        cutout, at = pictures.reel.film[number], pictures.reel.features.iloc[row]
         wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
-        assert np.array_equal(shown(FRAME, number, pd.NA, 25.0, 1.0, False), wanted)
-    one, twice = (shown(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1].sum() for scale in (1.0, 2.0))
+        assert np.array_equal(pictures(FRAME, number, pd.NA, 25.0, 1.0, False), wanted)
+    one, twice = (
+        pictures(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1].sum() for scale in (1.0, 2.0)
+    )
     assert twice > 2.5 * one  # 4, but for what reaches beyond the edge
     assert SPAN < 2
 
 
-def test_a_still_picture_makes_no_step_and_a_turn_does(shown):
-    edit = edit_of(shown, (FRAME, 2, 0.0), (FRAME, 2, 0.0), (FRAME, 2, 40.0))
-    found = drawn_steps(edit, shown)
+def test_a_still_picture_makes_no_step_and_a_turn_does(pictures):
+    edit = edit_of(pictures, (FRAME, 2, 0.0), (FRAME, 2, 0.0), (FRAME, 2, 40.0))
+    found = drawn_steps(edit, pictures)
     assert found[0] == 0 and found[1] > 5
 
 
 @pytest.mark.parametrize("kind", [FRAME, SPRITE])
-def test_a_drawn_cross_fade_lies_between_its_pictures(shown, kind):
-    plain = edit_of(shown, (kind, 0, 0.0), (kind, 0, 0.0), (kind, 4, 90.0))
-    whole = drawn_steps(plain, shown)
+def test_a_drawn_cross_fade_lies_between_its_pictures(pictures, kind):
+    plain = edit_of(pictures, (kind, 0, 0.0), (kind, 0, 0.0), (kind, 4, 90.0))
+    whole = drawn_steps(plain, pictures)
     for weight in (0.25, 0.5):
-        made = drawn_steps(faded(plain, 1, plain.loc[2], weight), shown)
+        made = drawn_steps(add_fade(plain, 1, plain.loc[2], weight), pictures)
         assert made == pytest.approx([weight * whole[1], (1 - weight) * whole[1]], rel=1e-4)
 
 
 # --- seams
 
 
-def test_the_frame_after_a_frame_is_that_of_its_track(shown):
-    assert shown.reel.next_rows([0, 6, 8, 12]).tolist() == [1, 7, 9, 13]
-    assert shown.reel.next_rows([7, 13]).tolist() == [7, 13]
+def test_the_frame_after_a_frame_is_that_of_its_track(pictures):
+    assert pictures.reel.next_rows([0, 6, 8, 12]).tolist() == [1, 7, 9, 13]
+    assert pictures.reel.next_rows([7, 13]).tolist() == [7, 13]
 
 
-def test_natural_play_has_no_seam_however_it_is_turned(shown):
-    heading = shown.reel.features["heading_deg"].to_numpy()
+def test_natural_play_has_no_seam_however_it_is_turned(pictures):
+    heading = pictures.reel.features["heading_deg"].to_numpy()
     for rot in (0.0, 77.0, -140.0):
-        edit = edit_of(shown, *((FRAME, row, heading[row] + rot) for row in range(8)))
-        assert [len(part) for part in seams(edit, shown)] == [0, 0]
-    edit = edit_of(shown, *((SPRITE, number, 0.0) for number in (0, 1, 2)))
-    assert len(seams(edit, shown)[0]) == 0
+        edit = edit_of(pictures, *((FRAME, row, heading[row] + rot) for row in range(8)))
+        assert [len(part) for part in seams(edit, pictures)] == [0, 0]
+    edit = edit_of(pictures, *((SPRITE, number, 0.0) for number in (0, 1, 2)))
+    assert len(seams(edit, pictures)[0]) == 0
 
 
 @pytest.mark.parametrize("rot", [0.0, 90.0, 33.0])
-def test_a_jump_is_as_far_as_the_frame_it_leaves_out(shown, rot):
+def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
     # Rows 0, 1, 2, then row 10 in place of row 3, headed as row 3 would have been.
     headings = [rot, rot + 10, rot + 20, rot + 30, rot + 25]
     rows = [0, 1, 2, 10, 11]
-    edit = edit_of(shown, *((FRAME, row, h) for row, h in zip(rows, headings, strict=True)))
-    found, ticks = seams(edit, shown)
+    edit = edit_of(pictures, *((FRAME, row, h) for row, h in zip(rows, headings, strict=True)))
+    found, ticks = seams(edit, pictures)
     assert list(ticks) == [3]
     ahead = [
-        picture(shown.reel.film[row], shown.reel.features.iloc[row], LENGTH, SIZE, -angle)
+        picture(pictures.reel.film[row], pictures.reel.features.iloc[row], LENGTH, SIZE, -angle)
         for row, angle in ((3, 30.0), (10, 80.0))
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)
-    fade = faded(edit, 3, edit.loc[2], 0.5)
-    assert seams(fade, shown)[0] == pytest.approx(found)  # without its cross-fade
+    fade = add_fade(edit, 3, edit.loc[2], 0.5)
+    assert seams(fade, pictures)[0] == pytest.approx(found)  # without its cross-fade
     askew = edit.assign(
         rotation_deg=edit["rotation_deg"] + [0, 0, 0, 40, 40],
         heading_deg=edit["heading_deg"] + [0, 0, 0, 40, 40],
     )
-    assert seams(askew, shown)[0][0] > 2 * found[0]
+    assert seams(askew, pictures)[0][0] > 2 * found[0]
 
 
-def test_a_frame_without_a_next_one_is_held_against_itself(shown):
-    edit = edit_of(shown, (FRAME, 7, 70.0), (FRAME, 7, 70.0))
-    found, ticks = seams(edit, shown)
+def test_a_frame_without_a_next_one_is_held_against_itself(pictures):
+    edit = edit_of(pictures, (FRAME, 7, 70.0), (FRAME, 7, 70.0))
+    found, ticks = seams(edit, pictures)
     assert list(ticks) == [1] and found == pytest.approx(0)
 
 
-def test_a_picture_that_is_held_has_one_seam(shown):
-    edit = edit_of(shown, *((SPRITE, number, 0.0) for number in (0, 1, 1, 1, 1, 2)))
-    assert list(seams(edit, shown)[1]) == [2]
+def test_a_picture_that_is_held_has_one_seam(pictures):
+    edit = edit_of(pictures, *((SPRITE, number, 0.0) for number in (0, 1, 1, 1, 1, 2)))
+    assert list(seams(edit, pictures)[1]) == [2]
 
 
-def test_a_jump_of_sprites_is_what_the_film_does_not_show(shown):
-    assert list(film_next(shown.reel.sprites)) == [1, 2, -1, 4, -1]
-    edit = edit_of(shown, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
-    found, ticks = seams(edit, shown)
-    pose = distance(shown.sprite_successors, shown.right_facing_sprites)
+def test_a_jump_of_sprites_is_what_the_film_does_not_show(pictures):
+    assert list(film_next(pictures.reel.sprites)) == [1, 2, -1, 4, -1]
+    edit = edit_of(pictures, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
+    found, ticks = seams(edit, pictures)
+    pose = distance(pictures.sprite_successors, pictures.right_facing_sprites)
     assert list(ticks) == [3, 4, 6]
     assert found == pytest.approx([pose[2, 0], pose[0, 0], pose[1, 3]], rel=1e-5)
 
 
-def test_a_switch_between_sprite_and_frame_is_a_jump(shown):
+def test_a_switch_between_sprite_and_frame_is_a_jump(pictures):
     # Sprite 0 is row 0: after it comes row 1, whichever way it is drawn.
-    natural = edit_of(shown, (SPRITE, 0, 40.0), (FRAME, 1, 40.0))
-    found, ticks = seams(natural, shown)
+    natural = edit_of(pictures, (SPRITE, 0, 40.0), (FRAME, 1, 40.0))
+    found, ticks = seams(natural, pictures)
     assert list(ticks) == [1]
-    wrong = edit_of(shown, (SPRITE, 0, 40.0), (FRAME, 8, 40.0))
-    assert found[0] < 0.3 * seams(wrong, shown)[0][0]
+    wrong = edit_of(pictures, (SPRITE, 0, 40.0), (FRAME, 8, 40.0))
+    assert found[0] < 0.3 * seams(wrong, pictures)[0][0]
     # And after row 0, drawn at 40°, comes row 1 at 50°: sprite 1.
-    natural = edit_of(shown, (FRAME, 0, 40.0), (SPRITE, 1, 50.0))
-    found, ticks = seams(natural, shown)
+    natural = edit_of(pictures, (FRAME, 0, 40.0), (SPRITE, 1, 50.0))
+    found, ticks = seams(natural, pictures)
     assert list(ticks) == [1]
-    wrong = edit_of(shown, (FRAME, 0, 40.0), (SPRITE, 1, 90.0))
-    assert found[0] < 0.3 * seams(wrong, shown)[0][0]
+    wrong = edit_of(pictures, (FRAME, 0, 40.0), (SPRITE, 1, 90.0))
+    assert found[0] < 0.3 * seams(wrong, pictures)[0][0]
 
 
 # --- poses
@@ -318,67 +313,67 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
     return edit
 
 
-def test_in_its_own_pose_a_picture_is_drawn_as_without_one(shown):
-    edit = edit_of(shown, *((FRAME, row, 33.0 * row) for row in range(5)))
+def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
+    edit = edit_of(pictures, *((FRAME, row, 33.0 * row) for row in range(5)))
     edit["mirrored"] = [False, True, False, True, False]
     for one, posed in zip(
-        draw_edit(edit, shown), draw_edit(in_own_pose(edit, shown), shown), strict=True
+        draw_edit(edit, pictures), draw_edit(in_own_pose(edit, pictures), pictures), strict=True
     ):
         assert np.abs(one - posed).max() < 0.02
-    assert len(seams(in_own_pose(edit, shown), shown)[0]) == 4
+    assert len(seams(in_own_pose(edit, pictures), pictures)[0]) == 4
 
 
-def test_a_sprite_in_its_own_pose_is_its_row_turned(shown):
-    edit = edit_of(shown, *((SPRITE, number, 40.0 * number) for number in range(4)))
-    step = drawn_steps(edit_of(shown, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), shown)[0]
+def test_a_sprite_in_its_own_pose_is_its_row_turned(pictures):
+    edit = edit_of(pictures, *((SPRITE, number, 40.0 * number) for number in range(4)))
+    step = drawn_steps(edit_of(pictures, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), pictures)[0]
     for one, posed in zip(
-        draw_edit(edit, shown), draw_edit(in_own_pose(edit, shown), shown), strict=True
+        draw_edit(edit, pictures), draw_edit(in_own_pose(edit, pictures), pictures), strict=True
     ):
         assert np.linalg.norm(one - posed) < 2 * step  # the stored one was sampled twice
 
 
-def test_a_mirrored_picture_is_mirrored_about_its_heading(shown):
+def test_a_mirrored_picture_is_mirrored_about_its_heading(pictures):
     one, other, back = (
-        shown(FRAME, 3, pd.NA, -30.0, 1.0, mirrored) for mirrored in (False, True, False)
+        pictures(FRAME, 3, pd.NA, -30.0, 1.0, mirrored) for mirrored in (False, True, False)
     )
     assert np.abs(one[::-1] - other).max() < 0.2  # its heading is 30°: both head right
     assert np.array_equal(one, back)
 
 
-def test_what_joins_help_is_seen_in_the_pictures(shown):
-    assert not shown.helps(0, 0, False, False)
-    assert shown.helps is shown.helps
+def test_what_joins_help_is_seen_in_the_pictures(pictures):
+    assert not pictures.helps(0, 0, False, False)
+    assert pictures.helps is pictures.helps
 
 
 # --- ghosts
 
 
-def test_what_is_unlike_does_not_fade_and_what_is_alike_does(shown):
-    edit = edit_of(shown, *((FRAME, row, 0.0) for row in (0, 1, 2, 3, 4, 5)))
-    alike = edit_of(shown, (FRAME, 2, 0.0), (FRAME, 2, 0.0)).loc[0]
-    unlike = edit_of(shown, (FRAME, 2, 90.0)).loc[0]
+def test_what_is_unlike_does_not_fade_and_what_is_alike_does(pictures):
+    edit = edit_of(pictures, *((FRAME, row, 0.0) for row in (0, 1, 2, 3, 4, 5)))
+    alike = edit_of(pictures, (FRAME, 2, 0.0), (FRAME, 2, 0.0)).loc[0]
+    unlike = edit_of(pictures, (FRAME, 2, 90.0)).loc[0]
     for tick, other, weight in (
         (0, alike, 0.6),
         (1, alike, 0.3),
         (3, unlike, 0.6),
         (5, alike, 0.4),
     ):
-        edit = faded(edit, tick, other, weight)
+        edit = add_fade(edit, tick, other, weight)
     kept = edit.copy()
-    clean = without_ghosts(edit, shown, 8.0)
+    clean = without_ghosts(edit, pictures, 8.0)
     pd.testing.assert_frame_equal(edit, kept)
     assert list(clean["weight"]) == [0.6, 0.3, 0.0, 0.0, 0.0, 0.4]
     gone = clean.loc[3, PARTNER]
     assert gone.drop("partner_mirrored").isna().all()
     same = [c for c in edit.columns if not c.startswith("partner") and c != "weight"]
     pd.testing.assert_frame_equal(clean[same], edit[same])
-    assert list(without_ghosts(edit, shown, 1e9)["weight"]) == list(edit["weight"])
-    assert not without_ghosts(edit, shown, 0.0)["weight"].any()
+    assert list(without_ghosts(edit, pictures, 1e9)["weight"]) == list(edit["weight"])
+    assert not without_ghosts(edit, pictures, 0.0)["weight"].any()
 
 
-def test_a_ghost_once_gone_does_not_come_back(shown):
-    edit = edit_of(shown, *((FRAME, row, 0.0) for row in (0, 1, 2, 3)))
-    alike, unlike = (edit_of(shown, (FRAME, 2, h)).loc[0] for h in (0.0, 90.0))
+def test_a_ghost_once_gone_does_not_come_back(pictures):
+    edit = edit_of(pictures, *((FRAME, row, 0.0) for row in (0, 1, 2, 3)))
+    alike, unlike = (edit_of(pictures, (FRAME, 2, h)).loc[0] for h in (0.0, 90.0))
     for tick, other, weight in ((1, unlike, 0.75), (2, alike, 0.5), (3, alike, 0.25)):
-        edit = faded(edit, tick, other, weight)
-    assert not without_ghosts(edit, shown, 8.0)["weight"].any()
+        edit = add_fade(edit, tick, other, weight)
+    assert not without_ghosts(edit, pictures, 8.0)["weight"].any()

@@ -59,14 +59,14 @@ def a_morph(frames=FRAMES, width=120, height=80):
     )
 
 
-def wanted(morph, frame, scale=1.0):
+def expected_picture(morph, frame, scale=1.0):
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
     drawn = [(one, [morph.layers[name][frame] for name in one.layers]) for one in what]
     size = round(morph.height * scale), round(morph.width * scale)
     return paint_layers(drawn, size, scale).astype(int)
 
 
-def saved(tmp_path, ending, morph=None, **kinds):
+def save_morph(tmp_path, ending, morph=None, **kinds):
     path = tmp_path / f"morph{ending}"
     save_animation(path, morph or a_morph(), RATE, **kinds)
     return path
@@ -77,7 +77,7 @@ def test_frames_that_are_equal_are_painted_once(tmp_path, monkeypatch):
     monkeypatch.setattr(
         finloop.io.animation, "paint_layers", lambda *a: count.append(1) or paint_layers(*a)
     )
-    saved(tmp_path, ".webp", there_and_back(a_morph()))
+    save_morph(tmp_path, ".webp", there_and_back(a_morph()))
     assert len(count) == FRAMES
 
 
@@ -86,7 +86,7 @@ def test_frames_that_are_equal_are_painted_once(tmp_path, monkeypatch):
 
 def test_plain_json_comes_back_to_the_last_digit(tmp_path):
     morph = a_morph()
-    frames = json.loads(saved(tmp_path, ".json").read_text())
+    frames = json.loads(save_morph(tmp_path, ".json").read_text())
     assert list(frames) == ["frames"]
     assert [set(frame) for frame in frames["frames"]] == [{"tau", "layers"}] * FRAMES
     np.testing.assert_array_equal([frame["tau"] for frame in frames["frames"]], morph.tau)
@@ -115,7 +115,7 @@ def contours(d):
 
 def test_svg_holds_every_frame_to_the_last_digit(tmp_path):
     morph = a_morph()
-    root = ElementTree.parse(saved(tmp_path, ".svg")).getroot()
+    root = ElementTree.parse(save_morph(tmp_path, ".svg")).getroot()
     assert (root.get("width"), root.get("height"), root.get("viewBox")) == (
         "120",
         "80",
@@ -150,7 +150,7 @@ def test_svg_of_other_grids(tmp_path, decimals):
     layers = {name: np.round(stack) * step for name, stack in morph.layers.items()}
     size = {"width": 120 * step, "height": 80 * step}
     drawing = load_svg(
-        saved(tmp_path, ".svg", replace(morph, layers=layers, decimals=decimals, **size))
+        save_morph(tmp_path, ".svg", replace(morph, layers=layers, decimals=decimals, **size))
     )
     assert drawing.width == pytest.approx(120 * step)
     for name, curve in drawing.curves.items():
@@ -164,7 +164,7 @@ def test_what_lies_far_outside_does_not_come_back(tmp_path):
 
 
 def test_svg_that_goes_there_and_back_ends_where_it_begins(tmp_path):
-    root = ElementTree.parse(saved(tmp_path, ".svg", there_and_back(a_morph()))).getroot()
+    root = ElementTree.parse(save_morph(tmp_path, ".svg", there_and_back(a_morph()))).getroot()
     values = root.find(f".//{SVG}animate").get("values").split(";")
     assert len(values) == 2 * (FRAMES - 1) + 1
     assert values == values[::-1]
@@ -172,7 +172,7 @@ def test_svg_that_goes_there_and_back_ends_where_it_begins(tmp_path):
 
 def test_svg_comes_in_again(tmp_path):
     morph = a_morph()
-    drawing = load_svg(saved(tmp_path, ".svg"))
+    drawing = load_svg(save_morph(tmp_path, ".svg"))
     assert (drawing.width, drawing.height) == (120, 80)
     assert {name: curve.closed for name, curve in drawing.curves.items()} == morph.closed
     for name, curve in drawing.curves.items():
@@ -184,7 +184,7 @@ def test_svg_comes_in_again(tmp_path):
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium to play it")
 def test_svg_plays_in_a_browser(tmp_path):
     morph, frame = a_morph(), 6
-    svg = saved(tmp_path, ".svg").read_text()
+    svg = save_morph(tmp_path, ".svg").read_text()
     seek = f"s.pauseAnimations(); s.setCurrentTime({frame} / {RATE})"
     (tmp_path / "page.html").write_text(
         f'<body style="margin:0">{svg}<script>s = document.querySelector("svg"); {seek}</script>'
@@ -197,8 +197,8 @@ def test_svg_plays_in_a_browser(tmp_path):
         check=True, capture_output=True, timeout=60,
     )  # fmt: skip
     shot = cv2.imread(str(tmp_path / "shot.png"))[:80, :120, ::-1].astype(int)
-    assert np.abs(shot - wanted(morph, frame)).mean() < 1
-    assert np.abs(shot - wanted(morph, 0)).mean() > 10
+    assert np.abs(shot - expected_picture(morph, frame)).mean() < 1
+    assert np.abs(shot - expected_picture(morph, 0)).mean() > 10
 
 
 # --- Lottie
@@ -206,7 +206,7 @@ def test_svg_plays_in_a_browser(tmp_path):
 
 def test_lottie_is_drawn_alike_by_another_player(tmp_path):
     morph = a_morph()
-    path = saved(tmp_path, ".lottie.json")
+    path = save_morph(tmp_path, ".lottie.json")
     player = LottieAnimation.from_file(str(path))
     assert player.lottie_animation_get_size() == (120, 80)
     assert player.lottie_animation_get_framerate() == RATE
@@ -214,13 +214,13 @@ def test_lottie_is_drawn_alike_by_another_player(tmp_path):
         shown = np.array(player.render_pillow_frame(frame_num=frame)).astype(float)
         share = shown[..., 3:] / 255
         on_white = shown[..., :3] * share + 255 * (1 - share)
-        assert np.abs(on_white - wanted(morph, frame)).mean() < 1
-    assert np.abs(on_white - wanted(morph, 0)).mean() > 10
+        assert np.abs(on_white - expected_picture(morph, frame)).mean() < 1
+    assert np.abs(on_white - expected_picture(morph, 0)).mean() > 10
 
 
 def test_lottie_keeps_layers_and_vertices(tmp_path):
     morph = a_morph()
-    told = json.loads(saved(tmp_path, ".lottie.json").read_text())
+    told = json.loads(save_morph(tmp_path, ".lottie.json").read_text())
     assert (told["ip"], told["op"], told["fr"]) == (0, FRAMES, 20)
     assert [layer["nm"] for layer in told["layers"]] == [NASTY, "ring"]  # the topmost first
     assert all((layer["ip"], layer["op"]) == (0, FRAMES) for layer in told["layers"])
@@ -248,25 +248,25 @@ def test_lottie_keeps_layers_and_vertices(tmp_path):
 
 def test_webp(tmp_path):
     morph = a_morph()
-    with Image.open(saved(tmp_path, ".webp", size=240)) as film:
+    with Image.open(save_morph(tmp_path, ".webp", size=240)) as film:
         assert film.n_frames == FRAMES
         for frame in range(FRAMES):
             film.seek(frame)
             shown = np.array(film.convert("RGB"))
             assert film.info["duration"] == 50
             assert shown.shape == (160, 240, 3)
-            assert np.abs(shown - wanted(morph, frame, 2)).mean() < 4
+            assert np.abs(shown - expected_picture(morph, frame, 2)).mean() < 4
 
 
 def test_mp4_of_an_odd_size(tmp_path):
     morph = a_morph(width=121, height=81)
-    with av.open(saved(tmp_path, ".mp4", morph, size=243)) as film:
+    with av.open(save_morph(tmp_path, ".mp4", morph, size=243)) as film:
         stream = film.streams.video[0]
         assert stream.average_rate == RATE
         shown = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
     assert len(shown) == FRAMES
     assert shown[0].shape == (162, 244, 3)
-    assert np.abs(shown[4][:, :242] - wanted(morph, 4, 243 / 121)[:162, :242]).mean() < 4
+    assert np.abs(shown[4][:, :242] - expected_picture(morph, 4, 243 / 121)[:162, :242]).mean() < 4
 
 
 # --- painting
@@ -341,9 +341,9 @@ def test_an_unknown_ending_is_named(tmp_path, name):
 
 
 def test_endings_in_capitals(tmp_path):
-    assert saved(tmp_path, ".SVG").read_text().startswith("<svg")
-    assert saved(tmp_path, ".Lottie.JSON").read_text().startswith('{"v"')
-    with av.open(saved(tmp_path, ".MP4")) as film:
+    assert save_morph(tmp_path, ".SVG").read_text().startswith("<svg")
+    assert save_morph(tmp_path, ".Lottie.JSON").read_text().startswith('{"v"')
+    with av.open(save_morph(tmp_path, ".MP4")) as film:
         assert film.format.name.startswith("mov")
 
 
@@ -358,7 +358,7 @@ def test_impossible_numbers(tmp_path, rate, size):
 
 @pytest.mark.parametrize("ending", list(ENDINGS))
 def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
-    path = saved(tmp_path, ending, size=64)
+    path = save_morph(tmp_path, ending, size=64)
     before, calls = path.read_bytes(), []
 
     def fails(*arguments, **kinds):
@@ -377,5 +377,5 @@ def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
 
 @pytest.mark.parametrize("ending", list(ENDINGS))
 def test_the_same_morph_gives_the_same_bytes(tmp_path, ending):
-    first = saved(tmp_path, ending, size=64).read_bytes()
-    assert saved(tmp_path, ending, size=64).read_bytes() == first
+    first = save_morph(tmp_path, ending, size=64).read_bytes()
+    assert save_morph(tmp_path, ending, size=64).read_bytes() == first

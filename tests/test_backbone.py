@@ -9,14 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 from skimage.morphology import skeletonize
 
-from finloop.extract.backbone import (
-    resample,
-    ring,
-    smoother,
-    trace,
-    upper_level,
-    without_notches,
-)
+from finloop.extract.backbone import resample, ring, smoother, trace, upper_level, without_notches
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
 ROOT2 = np.sqrt(2)
@@ -208,7 +201,7 @@ def shape(bend=0.0, degrees=0.0, length=80.0, end=1.0, thick=7.0):
     return line, end + thick * np.sin(np.pi * (1 - share) ** 1.6)
 
 
-def drawn(line, half_width, contrast=100.0):
+def draw_discs(line, half_width, contrast=100.0):
     """Mask and difference image of discs strung on a line, soft over one pixel."""
     inside = np.full(SIZE, -9.0)
     for (px, py), width in zip(line, half_width, strict=True):
@@ -245,7 +238,7 @@ def aside(one, other):
 @pytest.mark.parametrize(("end", "thick"), [(1.0, 7.0), (6.0, 0.0)], ids=["fish", "capsule"])
 def test_a_backbone_is_as_long_as_the_midline_and_lies_on_it(degrees, bend, end, thick):
     line, half_width = shape(bend, degrees, end=end, thick=thick)
-    found = backbone(*drawn(line, half_width))
+    found = backbone(*draw_discs(line, half_width))
     true = whole(line, half_width)
     assert found.length_px == pytest.approx(steps(true).sum(), rel=0.01)
     assert found.length_px == pytest.approx(steps(found.points_px).sum())
@@ -261,7 +254,7 @@ def test_a_backbone_is_as_long_as_the_midline_and_lies_on_it(degrees, bend, end,
 def test_thinning_alone_stops_short_of_the_head():
     # That is why the path is carried on to the outline (the paper does not).
     line, half_width = shape(0.8, 90, end=2.0)
-    mask, field = drawn(line, half_width)
+    mask, field = draw_discs(line, half_width)
     head = whole(line, half_width)[0]
     found, thinned = backbone(mask, field).points_px, longest(skeletonize(mask))
     assert cdist([head], thinned).min() > 3.0
@@ -269,7 +262,7 @@ def test_thinning_alone_stops_short_of_the_head():
 
 
 def test_nothing_depends_on_the_number_of_points_but_their_number():
-    mask, field = drawn(*shape(1.2, 30))
+    mask, field = draw_discs(*shape(1.2, 30))
     few, many = backbone(mask, field, 17), backbone(mask, field, 65)
     assert few.points_px.shape == (17, 2)
     assert few.length_px == pytest.approx(many.length_px, rel=0.01)
@@ -288,7 +281,7 @@ VIEWS = {  # a picture, and the points in it, seen otherwise
 @pytest.mark.parametrize("degrees", ANGLES)
 def test_another_view_of_a_fish_has_the_same_backbone(view, degrees):
     see, go = VIEWS[view]
-    mask, field = drawn(*shape(1.2, degrees))
+    mask, field = draw_discs(*shape(1.2, degrees))
     one, other = backbone(mask, field), backbone(see(mask), see(field))
     # Not exactly: thinning takes pixels off one side first.
     assert aside(go(one.points_px), other.points_px).mean() < 0.1
@@ -296,20 +289,20 @@ def test_another_view_of_a_fish_has_the_same_backbone(view, degrees):
 
 
 def test_the_same_fish_elsewhere_has_the_same_backbone_there():
-    mask, field = drawn(*shape(1.2, 30))
+    mask, field = draw_discs(*shape(1.2, 30))
     one, other = backbone(mask, field), backbone(mask[3:, 7:], field[3:, 7:])
     assert np.allclose(other.points_px + (7, 3), one.points_px, atol=1e-9)
 
 
 def test_contrast_does_not_matter():
-    mask, field = drawn(*shape(1.2, 30))
+    mask, field = draw_discs(*shape(1.2, 30))
     one, other = backbone(mask, field), backbone(mask, 2 * field)
     assert np.allclose(one.points_px, other.points_px)
     assert np.allclose(one.half_width_px, other.half_width_px)
 
 
 def test_a_haze_below_the_floor_does_not_lengthen_a_pale_fish():
-    mask, field = drawn(*shape(0.0, 0), contrast=10.0)
+    mask, field = draw_discs(*shape(0.0, 0), contrast=10.0)
     clear = backbone(mask, field)
     hazy = np.maximum(field, 5)
     assert backbone(mask, hazy).length_px == pytest.approx(clear.length_px, rel=0.02)
@@ -320,11 +313,11 @@ def test_a_haze_below_the_floor_does_not_lengthen_a_pale_fish():
 @pytest.mark.parametrize("degrees", ANGLES)
 def test_an_open_fin_does_not_move_the_backbone(degrees, long):
     line, half_width = shape(0.8, degrees)
-    plain = backbone(*drawn(line, half_width))
+    plain = backbone(*draw_discs(line, half_width))
     at, along = line[50], (line[51] - line[50]) / np.hypot(*(line[51] - line[50]))
     tip = at + (along[::-1] * (-1, 1)) * (half_width[50] + long) + 6 * along
     fin = np.linspace(at, tip, 60)
-    finned = backbone(*drawn(np.vstack([line, fin]), np.append(half_width, np.full(60, 1.5))))
+    finned = backbone(*draw_discs(np.vstack([line, fin]), np.append(half_width, np.full(60, 1.5))))
     assert aside(plain.points_px, finned.points_px).max() < 0.3
     assert finned.length_px == pytest.approx(plain.length_px, rel=0.002)
 
@@ -334,7 +327,7 @@ def test_an_eye_as_dark_as_the_tank_does_not_lead_the_backbone_aside(side):
     off = []
     for degrees in ANGLES:
         line, half_width = shape(0.4, degrees, length=120.0, end=2.0)
-        mask, field = drawn(line, half_width)
+        mask, field = draw_discs(line, half_width)
         plain = backbone(mask, field).points_px
         along = (line[15] - line[14]) / np.hypot(*(line[15] - line[14]))
         eye = line[14] + 0.8 * side * half_width[14] * along[::-1] * (-1, 1)
@@ -347,7 +340,7 @@ def test_an_eye_as_dark_as_the_tank_does_not_lead_the_backbone_aside(side):
 
 def test_a_neighbour_beyond_the_tail_is_no_part_of_the_fish():
     line, half_width = shape(0.0, 0, thick=9.0)
-    mask, field = drawn(line, half_width)
+    mask, field = draw_discs(line, half_width)
     beside = field.copy()
     beside[:, int(line[-1, 0]) + 5 :] = 90
     assert np.allclose(backbone(mask, field).points_px, backbone(mask, beside).points_px)
@@ -355,7 +348,7 @@ def test_a_neighbour_beyond_the_tail_is_no_part_of_the_fish():
 
 def test_a_gap_that_closes_a_ring_is_no_notch():
     line, half_width = shape(2 * np.pi - 0.3, 0, thick=6.0)
-    mask, field = drawn(line, half_width)
+    mask, field = draw_discs(line, half_width)
     whole_one, filled = without_notches(mask, field)
     assert np.array_equal(whole_one, mask)
     assert np.array_equal(filled, field)

@@ -75,12 +75,12 @@ def test_films_of_one_name_have_rows_of_their_own():
 
 
 def test_a_film_that_fails_is_a_row_and_the_next_one_is_run(tmp_path, monkeypatch):
-    def ended(folder, overridden, last):
+    def run_or_fail(folder, overridden, last):
         if overridden == ["bad"]:
             raise SystemExit("stage failed:\nfinloop: no fish\n  do:     take some")
         return {"rows": 7}
 
-    monkeypatch.setattr(films, "run_pipeline", ended)
+    monkeypatch.setattr(films, "run_pipeline", run_or_fail)
     monkeypatch.setattr(films, "_TABLE", tmp_path / "films.csv")
     for row in films.results([("one", ["bad"]), ("98 frames", None)], tmp_path, ["render"]):
         films.keep(pd.DataFrame([row]))
@@ -187,11 +187,11 @@ def test_time_that_grows_as_n_to_the_k_has_that_exponent():
 def test_a_stage_that_has_figures_is_not_run_again(tmp_path, monkeypatch):
     runs = []
 
-    def measured(folder, word):
+    def measure_stage(folder, word):
         runs.append(word)
         return {"seconds": 1.5}
 
-    monkeypatch.setattr(scale, "measure_stage", measured)
+    monkeypatch.setattr(scale, "measure_stage", measure_stage)
     assert [scale.figures(tmp_path, "jumps") for _ in range(2)] == [{"seconds": 1.5}] * 2
     assert runs == ["jumps"]
 

@@ -5,13 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from toy_film import (
-    HULL,
-    LENGTH,
-    matching_of,
-    open_tank,
-    waters_of,
-)
+from toy_film import HULL, LENGTH, matching_of, open_tank, waters_of
 
 from finloop.animate.arena import inside, tank
 from finloop.animate.company import discs_of

@@ -18,6 +18,7 @@ import scipy
 import torch
 from constants import with_constants
 from scratch import content, prepare, same_but_figures
+from tiny_run import copy_of
 
 import finloop.bpn.back_propagation
 import finloop.bpn.onnx
@@ -33,12 +34,7 @@ from finloop.bpn.back_propagation import (
     train,
     unit_output,
 )
-from finloop.bpn.held_out import (
-    assessment,
-    confusion,
-    errors,
-    linear,
-)
+from finloop.bpn.held_out import assessment, confusion, errors, linear
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
@@ -443,11 +439,11 @@ def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
     seen = []
     real = finloop.bpn.back_propagation.learn_epoch
 
-    def watched(x, *given):
+    def record_rows(x, *given):
         seen.extend(x[:, 0].tolist())
         real(x, *given)
 
-    monkeypatch.setattr(finloop.bpn.back_propagation, "learn_epoch", watched)
+    monkeypatch.setattr(finloop.bpn.back_propagation, "learn_epoch", record_rows)
     inputs = random_inputs(101)
     how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
     learnt(inputs, law(inputs), how)
@@ -658,27 +654,22 @@ def ran(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def here(ran, tmp_path, monkeypatch, no_drawing):
-    """A copy of it to work in."""
-    shutil.copytree(ran, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+workspace = copy_of("ran", "no_drawing")
 
 
 def metrics(folder):
     return load_numbers(folder / "reports/bpn")
 
 
-def test_the_stage_makes_the_model_and_its_reports(here):
-    assert set(content(here / "reports/bpn")) == MADE
-    assert set(content(here / "data/bpn")) == {"held_out.parquet", "model.json", "model.onnx"}
-    model = load_record(here / "data/bpn/model.json", motion_model, "bpn")
+def test_the_stage_makes_the_model_and_its_reports(workspace):
+    assert set(content(workspace / "reports/bpn")) == MADE
+    assert set(content(workspace / "data/bpn")) == {"held_out.parquet", "model.json", "model.onnx"}
+    model = load_record(workspace / "data/bpn/model.json", motion_model, "bpn")
     assert model.delta_s == pytest.approx(DELTA / 25)
     assert len(model.hidden_bias) == 20
-    curve = pd.read_csv(here / "reports/bpn/curve.csv")
+    curve = pd.read_csv(workspace / "reports/bpn/curve.csv")
     assert curve["epoch"].tolist() == list(range(5))
-    found = metrics(here)
+    found = metrics(workspace)
     assert curve["held_out_area_rmse"].iloc[-1] == pytest.approx(
         found["held_out_area_rmse"], abs=1e-5
     )
@@ -686,57 +677,57 @@ def test_the_stage_makes_the_model_and_its_reports(here):
     assert all(isinstance(number, int | float) for number in found.values())
 
 
-def test_the_stage_makes_the_same_again(here):
-    once = content(here / "data/bpn") | content(here / "reports")
-    shutil.rmtree(here / "data/bpn")
-    shutil.rmtree(here / "reports")
+def test_the_stage_makes_the_same_again(workspace):
+    once = content(workspace / "data/bpn") | content(workspace / "reports")
+    shutil.rmtree(workspace / "data/bpn")
+    shutil.rmtree(workspace / "reports")
     stages.bpn.main()
     stages.plots.bpn.main()
-    assert same_but_figures(once, content(here / "data/bpn") | content(here / "reports"))
+    assert same_but_figures(once, content(workspace / "data/bpn") | content(workspace / "reports"))
 
 
 @pytest.mark.parametrize(
     "override", ["bpn.seed=1", "bpn.held_out_by=tracks", "bpn.hidden_units=5", "bpn.batch_size=3",
                  "bpn.momentum=0", "bpn.learning_rate=0.2", "bpn.held_out_ratio=0.4"]
 )  # fmt: skip
-def test_every_parameter_changes_the_model(here, override):
-    once = content(here / "data/bpn")
-    prepare(here, *SHORT, override)
+def test_every_parameter_changes_the_model(workspace, override):
+    once = content(workspace / "data/bpn")
+    prepare(workspace, *SHORT, override)
     stages.bpn.main()
-    assert content(here / "data/bpn") != once
+    assert content(workspace / "data/bpn") != once
 
 
-def test_the_seed_decides_the_split_and_the_first_weights(here):
+def test_the_seed_decides_the_split_and_the_first_weights(workspace):
     models = []
     for seed in (0, 1):
-        prepare(here, *SHORT, "bpn.learning_rate=1e-9", f"bpn.seed={seed}")
+        prepare(workspace, *SHORT, "bpn.learning_rate=1e-9", f"bpn.seed={seed}")
         stages.bpn.main()
-        models.append(load_record(here / "data/bpn/model.json", motion_model, "bpn"))
+        models.append(load_record(workspace / "data/bpn/model.json", motion_model, "bpn"))
     one, two = models
     assert one.input_high[3] != two.input_high[3]  # from other rows
     assert np.abs(one.hidden_weights - two.hidden_weights).max() > 0.1
 
 
-def test_both_splits_are_told_from_either_side(here):
-    by_blocks = metrics(here)
-    prepare(here, *SHORT, "bpn.held_out_by=tracks")
+def test_both_splits_are_told_from_either_side(workspace):
+    by_blocks = metrics(workspace)
+    prepare(workspace, *SHORT, "bpn.held_out_by=tracks")
     stages.bpn.main()
-    by_tracks = metrics(here)
+    by_tracks = metrics(workspace)
     for name in ("held_out_area_rmse", "type_rmse_skill_against_linear"):
         assert by_tracks[name] == by_blocks[f"other_split_{name}"]
         assert by_tracks[f"other_split_{name}"] == by_blocks[name]
 
 
-def test_one_track_has_no_other_split(here):
-    put(here, table([200]))
+def test_one_track_has_no_other_split(workspace):
+    put(workspace, table([200]))
     stages.bpn.main()
-    assert not [name for name in metrics(here) if name.startswith("other_split")]
+    assert not [name for name in metrics(workspace) if name.startswith("other_split")]
 
 
-def test_a_type_that_never_occurs_leaves_its_metrics_out(here):
-    put(here, table([150, 90, 60]).assign(swimming_type=0))
+def test_a_type_that_never_occurs_leaves_its_metrics_out(workspace):
+    put(workspace, table([150, 90, 60]).assign(swimming_type=0))
     stages.bpn.main()
-    found = metrics(here)
+    found = metrics(workspace)
     assert "held_out_left_recall_pct" not in found
     assert found["held_out_straight_recall_pct"] == 100
 
@@ -750,19 +741,21 @@ def test_a_type_that_never_occurs_leaves_its_metrics_out(here):
         ([200], ["bpn.learning_rate=1e308"], "without bound"),
     ],
 )
-def test_bad_input_is_one_message_and_leaves_what_was_there(here, lengths, overrides, message):
-    before = content(here / "data/bpn") | content(here / "reports")
-    put(here, table(lengths), *overrides)
+def test_bad_input_is_one_message_and_leaves_what_was_there(workspace, lengths, overrides, message):
+    before = content(workspace / "data/bpn") | content(workspace / "reports")
+    put(workspace, table(lengths), *overrides)
     with pytest.raises(FinloopError, match=message):
         stages.bpn.main()
-    assert content(here / "data/bpn") | content(here / "reports") == before
+    assert content(workspace / "data/bpn") | content(workspace / "reports") == before
 
 
 @pytest.mark.parametrize("length", [16, 30])
-def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(here, length, capsys):
-    put(here, table([length]))
+def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(
+    workspace, length, capsys
+):
+    put(workspace, table([length]))
     stages.bpn.main()
-    found = metrics(here)
+    found = metrics(workspace)
     assert found["train_rows"] == length - DELTA
     assert found["held_out_rows"] == 0
     assert not [name for name in found if name.startswith(("held_out_area", "area_rmse_skill"))]
@@ -770,10 +763,10 @@ def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(her
     assert "no row is held out" in capsys.readouterr().err
 
 
-def test_a_film_shorter_than_its_blocks_has_shorter_blocks(here):
-    put(here, table([200]), "bpn.held_out_block_deltas=5000")
+def test_a_film_shorter_than_its_blocks_has_shorter_blocks(workspace):
+    put(workspace, table([200]), "bpn.held_out_block_deltas=5000")
     stages.bpn.main()
-    assert 0.1 < metrics(here)["held_out_rows"] / 200 < 0.3
+    assert 0.1 < metrics(workspace)["held_out_rows"] / 200 < 0.3
 
 
 @pytest.mark.parametrize("by", ["blocks", "tracks"])
@@ -789,12 +782,12 @@ def test_of_a_long_film_so_many_rows_are_learnt_from(by):
 
 @pytest.mark.parametrize("name", ["data/clip/facts.json", "data/features/features.parquet"])
 @pytest.mark.parametrize("harm", ["missing", "cut short"])
-def test_a_damaged_file_is_one_message(here, name, harm):
-    before = content(here / "data/bpn")
-    whole = (here / name).read_bytes()
-    (here / name).unlink()
+def test_a_damaged_file_is_one_message(workspace, name, harm):
+    before = content(workspace / "data/bpn")
+    whole = (workspace / name).read_bytes()
+    (workspace / name).unlink()
     if harm == "cut short":
-        (here / name).write_bytes(whole[: len(whole) // 2])
+        (workspace / name).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FinloopError, match="cannot be read"):
         stages.bpn.main()
-    assert content(here / "data/bpn") == before
+    assert content(workspace / "data/bpn") == before

@@ -34,10 +34,7 @@ from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 PX, OWN, STEP = 20.0, 0.6, 0.3
 ARENA = np.ones((300, 300), bool)
 TRUE = Zones(0.5, 2.0, 8.0, 90.0, 1.2, 0.5, 0.8)
-TRIED = {
-    "radii": (0.0, 0.5, 1.0, 2.0, 4.0, 8.0),
-    "blind_angles_deg": (0.0, 90.0, 180.0),
-}
+TRIED = {"radii": (0.0, 0.5, 1.0, 2.0, 4.0, 8.0), "blind_angles_deg": (0.0, 90.0, 180.0)}
 
 
 def swim(zones, fish=6, frames=1500, seed=0):
@@ -75,7 +72,7 @@ def features(places, headings):
     return table.astype(FEATURES.kinds)[FEATURES.names]
 
 
-def tried(**changes):
+def quick_settings(**changes):
     """Parameters with which a fit is quick."""
     return with_constants(settings("calibrate"), **TRIED | changes)
 
@@ -91,7 +88,7 @@ FILM = shoal()
 
 
 def test_zones_that_fish_swim_by_are_found_again():
-    found = fit_zones(FILM, tried())
+    found = fit_zones(FILM, quick_settings())
     assert found.zones.radii == TRUE.radii
     assert found.zones.blind_deg == TRUE.blind_deg
     assert found.zones.weights == pytest.approx(TRUE.weights, rel=0.25)
@@ -100,13 +97,13 @@ def test_zones_that_fish_swim_by_are_found_again():
 
 
 def test_fish_that_pay_no_attention_have_no_zones_that_foretell():
-    found = fit_zones(shoal(NO_ZONES), tried())
+    found = fit_zones(shoal(NO_ZONES), quick_settings())
     assert found.explained_held_out < 0.005
     assert max(found.zones.weights) < 0.1
 
 
 def test_what_is_given_is_kept_and_the_rest_is_fitted():
-    p = tried(attraction_radius_bl=7.0, attraction_weight=0.8, blind_angle_deg=90.0)
+    p = quick_settings(attraction_radius_bl=7.0, attraction_weight=0.8, blind_angle_deg=90.0)
     found = fit_zones(FILM, p).zones
     assert (found.attraction, found.attraction_weight, found.blind_deg) == (7.0, 0.8, 90.0)
     assert found.repulsion_weight == pytest.approx(1.2, rel=0.3)
@@ -122,7 +119,7 @@ def test_what_is_given_is_kept_and_the_rest_is_fitted():
     ],
 )
 def test_zones_beyond_the_list_are_fitted_round_what_is_given(asked):
-    zones = fit_zones(FILM, tried(**{"blind_angles_deg": (0.0,)} | asked)).zones
+    zones = fit_zones(FILM, quick_settings(**{"blind_angles_deg": (0.0,)} | asked)).zones
     for name in {*asked} - {"radii"}:
         assert getattr(zones, name.removesuffix("_radius_bl")) == asked[name]
     assert list(zones.radii) == sorted(zones.radii)
@@ -131,7 +128,7 @@ def test_zones_beyond_the_list_are_fitted_round_what_is_given(asked):
 def test_the_mirror_image_of_a_film_has_the_same_zones():
     table = swim(TRUE)
     mirrored = table.assign(x_px=299 - table["x_px"], heading_deg=180 - table["heading_deg"])
-    p = tried()
+    p = quick_settings()
     here, there = (fit_zones(film_shoal(one, ARENA, 1, 1.0), p) for one in (table, mirrored))
     assert there.zones.radii == here.zones.radii
     assert there.zones.weights == pytest.approx(here.zones.weights, rel=1e-3)
@@ -302,11 +299,11 @@ def test_rounding_changes_no_number_of_the_film_and_how_points_swim(tmp_path, mo
     numbers, tables = [], []
     for shift in (0, 1e-12):
 
-        def shifted(*where, shift=shift):
+        def shift_vectors(*where, shift=shift):
             place, heading = vectors(*where)
             return place * (1 + shift), heading
 
-        monkeypatch.setattr(finloop.calibrate.film, "vectors", shifted)
+        monkeypatch.setattr(finloop.calibrate.film, "vectors", shift_vectors)
         to = tmp_path / str(shift)
         numbers.append(run(to, monkeypatch, swim(TRUE, frames=400), steps=500))
         tables.append(pd.read_csv(to / "data/calibrate/company.csv").set_index("shoal"))

@@ -38,7 +38,7 @@ POSES = [  # amplitude, bend (radians), axis (radians), beat
 ]
 
 
-def posed(amplitude, bend, axis, beat, length=110.0):
+def carp_line(amplitude, bend, axis, beat, length=110.0):
     return length * midline(1.3, 1.2, axis, beat, amplitude, bend)
 
 
@@ -59,7 +59,7 @@ def long_films():
     return films
 
 
-def wrapped(degrees):
+def wrap_half_turn(degrees):
     return (np.asarray(degrees) + 180) % 360 - 180
 
 
@@ -101,7 +101,7 @@ def test_a_bend_to_the_left_is_asked_for_with_plus():
 
 @pytest.mark.parametrize("pose", POSES)
 def test_the_midline_does_not_stretch(pose):
-    step = np.linalg.norm(np.diff(posed(*pose), axis=0), axis=1)
+    step = np.linalg.norm(np.diff(carp_line(*pose), axis=0), axis=1)
     assert step == pytest.approx(110 / (POINTS - 1), rel=1e-9)
 
 
@@ -129,7 +129,7 @@ def test_a_turn_goes_one_way_and_ends_straight():
 
 @pytest.mark.parametrize("pose", POSES)
 def test_the_tips_of_the_silhouette_are_the_ends_of_the_midline(pose, carp):
-    line = posed(*pose)
+    line = carp_line(*pose)
     # Finely drawn, so that the outline can be walked to a tenth of a pixel.
     cut = draw(line * 8, (0.0, 0.0), carp, oversample=1)
     inside = cut.coverage > 0.5
@@ -143,7 +143,7 @@ def test_the_tips_of_the_silhouette_are_the_ends_of_the_midline(pose, carp):
 
 @pytest.mark.parametrize("pose", POSES)
 def test_the_body_is_as_wide_as_the_profile_on_both_sides(pose, carp):
-    line = posed(*pose)
+    line = carp_line(*pose)
     cut = draw(line * 8, (0.0, 0.0), carp, oversample=1)
     inside = cut.coverage > 0.5
     for i in (6, 20, 32, 45, 58):
@@ -157,7 +157,7 @@ def test_the_body_is_as_wide_as_the_profile_on_both_sides(pose, carp):
 
 
 def test_the_area_is_the_integral_of_the_width(carp):
-    straight = draw(posed(*POSES[0]), (0.0, 0.0), carp)
+    straight = draw(carp_line(*POSES[0]), (0.0, 0.0), carp)
     s = np.linspace(0, 1, 4001)
     wanted = 2 * 110**2 * np.trapezoid(half_width(s), s)
     assert straight.area_px() == pytest.approx(wanted, rel=0.005)
@@ -198,7 +198,7 @@ def test_the_fish_in_the_frame_lies_where_the_truth_says():
 
 
 def test_a_mirrored_pose_is_a_mirrored_silhouette(carp):
-    line = posed(0.4, 1.0, 0.0, 0.2)
+    line = carp_line(0.4, 1.0, 0.0, 0.2)
     mirror = line * (1, -1) + (0, 300)
     one, other = draw(line, (1.0, 0.3), carp), draw(mirror, (0.3, 1.0), carp)
     (x, y), (mx, my) = one.centre_px(), other.centre_px()
@@ -207,7 +207,7 @@ def test_a_mirrored_pose_is_a_mirrored_silhouette(carp):
 
 
 def test_open_fins_add_to_the_silhouette_and_are_see_through(carp):
-    line = posed(*POSES[0])
+    line = carp_line(*POSES[0])
     shut, open_ = draw(line, (0.0, 0.0), carp), draw(line, (1.0, 1.0), carp)
     assert open_.area_px() > 1.1 * shut.area_px()
     beside = [np.flatnonzero(cut.coverage.max(axis=1) > 0.5) for cut in (shut, open_)]
@@ -225,7 +225,7 @@ def test_the_skin_sticks_to_the_body(pose):
     skin[..., 0] = 200 * (np.arange(columns) + 0.5) / columns
     skin[..., 1] = np.where(np.arange(rows)[:, None] < rows // 2, 200, 20)
     marked = FishColours(skin, np.zeros((8, 8, 5), np.float32), 1.0)
-    line = posed(*pose, length=330)
+    line = carp_line(*pose, length=330)
     cut = draw(line, (0.0, 0.0), marked, light=(0.0, 0.0), gloss=0.0)
     for i in (8, 24, 40, 50):
         along = line[i - 1] - line[i + 1]
@@ -285,7 +285,9 @@ def test_the_swimming_type_is_that_of_the_turn(long_films):
     for params, poses, lines in long_films:
         kind = poses.swimming_type[:, 0].astype(int)
         axis = np.degrees(np.unwrap(poses.axis[:, 0]))
-        heading = np.cumsum(wrapped(np.diff([heading_of(line) for line in lines], prepend=0)))
+        heading = np.cumsum(
+            wrap_half_turn(np.diff([heading_of(line) for line in lines], prepend=0))
+        )
         bend = np.array([bend_of(line) for line in lines])
         unbeaten = np.degrees(
             np.unwrap(

@@ -37,7 +37,9 @@ def floor(height: int = 200, width: int = 260) -> np.ndarray:
     return 130 + 30 * marked + 40 * stained
 
 
-def seen(tank: np.ndarray, x: float = 0.0, y: float = 0.0, fish: int | None = None) -> np.ndarray:
+def tank_picture(
+    tank: np.ndarray, x: float = 0.0, y: float = 0.0, fish: int | None = None
+) -> np.ndarray:
     """The tank moved by x, y, with noise, and a black fish `fish` px from the left."""
     by = np.float32([[1, 0, x], [0, 1, y]])
     moved = cv2.warpAffine(tank, by, tank.shape[::-1], flags=cv2.INTER_CUBIC)[20:-20, 20:-20]
@@ -53,14 +55,14 @@ def seen(tank: np.ndarray, x: float = 0.0, y: float = 0.0, fish: int | None = No
 @pytest.mark.parametrize("bright", [0.8, 1.0, 1.13])
 def test_a_gain_is_that_of_the_lamp_whatever_swims(bright):
     tank = floor()
-    frame = np.clip(np.rint(seen(tank, fish=40) * bright), 0, 255).astype(np.uint8)
-    assert gain(frame, seen(tank)) == pytest.approx(bright, abs=4e-3)
-    back = in_light(frame, gain(frame, seen(tank)))
-    assert gain(back, seen(tank)) == pytest.approx(1, abs=4e-3)
+    frame = np.clip(np.rint(tank_picture(tank, fish=40) * bright), 0, 255).astype(np.uint8)
+    assert gain(frame, tank_picture(tank)) == pytest.approx(bright, abs=4e-3)
+    back = in_light(frame, gain(frame, tank_picture(tank)))
+    assert gain(back, tank_picture(tank)) == pytest.approx(1, abs=4e-3)
 
 
 def test_every_channel_has_its_gain_and_a_black_frame_none():
-    tank = np.dstack([seen(floor())] * 3)
+    tank = np.dstack([tank_picture(floor())] * 3)
     frame = (tank * [0.9, 1.0, 0.8]).round().astype(np.uint8)
     np.testing.assert_allclose(gain(frame, tank), [0.9, 1.0, 0.8], atol=4e-3)
     np.testing.assert_array_equal(gain(frame * 0, tank * 0), 1)
@@ -86,14 +88,14 @@ def test_flicker_and_drift_are_what_was_put_in():
 @pytest.mark.parametrize("x, y", [(0, 0), (1, -2), (0.4, 1.7), (-6.3, 5.2), (11.5, -9.25)])
 def test_a_shift_is_that_of_the_camera_to_a_part_of_a_pixel(x, y):
     tank = floor()
-    found = shift(seen(tank, x, y, fish=150), marks(seen(tank, fish=30)))
+    found = shift(tank_picture(tank, x, y, fish=150), marks(tank_picture(tank, fish=30)))
     assert (found.x, found.y) == pytest.approx((x, y), abs=0.07)
     assert found.apart < 0.2
 
 
 def test_a_fish_that_swims_on_a_floor_without_marks_is_no_shake():
     plain = np.full((240, 300), 200, np.float32)
-    found = shift(seen(plain, fish=60), marks(seen(plain, fish=50)))
+    found = shift(tank_picture(plain, fish=60), marks(tank_picture(plain, fish=50)))
     assert found is UNKNOWN
 
 
@@ -101,15 +103,15 @@ def test_a_zoom_is_seen_as_parts_that_move_apart():
     tank = floor()
     zoom = cv2.getRotationMatrix2D((150, 120), 0, 1.02)
     zoomed = cv2.warpAffine(tank, zoom, tank.shape[::-1], flags=cv2.INTER_CUBIC)
-    assert shift(seen(zoomed), marks(seen(tank))).apart > 0.3
+    assert shift(tank_picture(zoomed), marks(tank_picture(tank))).apart > 0.3
 
 
 def test_a_frame_is_moved_back():
     tank = floor()
-    shot, by = seen(tank, 2.6, -1.3), Shift(2.6, -1.3, 0)
+    shot, by = tank_picture(tank, 2.6, -1.3), Shift(2.6, -1.3, 0)
     back = undo_shift(shot, by)
     assert np.array_equal(undo_shift(shot, by, 3), back[::3, ::3])
-    off = back.astype(float) - seen(tank)
+    off = back.astype(float) - tank_picture(tank)
     assert np.abs(off[6:-6, 6:-6]).mean() < 3
 
 
@@ -162,7 +164,7 @@ def test_stutter_is_told_from_a_conversion():
 # --- fields
 
 
-def woven(earlier: np.ndarray, later: np.ndarray, top: bool) -> np.ndarray:
+def interlace(earlier: np.ndarray, later: np.ndarray, top: bool) -> np.ndarray:
     """One picture of two moments: the earlier one in the upper field or in the lower one."""
     both = later.copy()
     both[0 if top else 1 :: 2] = earlier[0 if top else 1 :: 2]
@@ -171,7 +173,7 @@ def woven(earlier: np.ndarray, later: np.ndarray, top: bool) -> np.ndarray:
 
 @pytest.mark.parametrize("top", [True, False])
 def test_woven_fields_and_their_order_are_seen(carp, top):
-    frames = [woven(a, b, top) for a, b in zip(carp[0::2], carp[1::2], strict=True)]
+    frames = [interlace(a, b, top) for a, b in zip(carp[0::2], carp[1::2], strict=True)]
     order = [field_order(a, b) for a, b in zip(frames, frames[1:], strict=False)]
     assert np.nanmedian(order) * (1 if top else -1) > 0.25
     whole = [field_order(a, b) for a, b in zip(carp, carp[1:], strict=False)]
@@ -182,7 +184,7 @@ def test_woven_fields_and_their_order_are_seen(carp, top):
 # --- the whole film
 
 
-def checked(frames: list[np.ndarray], rate_hz: float = 25.0):
+def check_frames(frames: list[np.ndarray], rate_hz: float = 25.0):
     tally = Tally()
     for frame in frames:
         tally.add(frame)
@@ -195,11 +197,11 @@ def checked(frames: list[np.ndarray], rate_hz: float = 25.0):
 
 
 def faults(frames: list[np.ndarray]) -> set[str]:
-    return {one.word for one in findings(checked(frames)[0]) if not one.good}
+    return {one.word for one in findings(check_frames(frames)[0]) if not one.good}
 
 
 def test_a_good_film_has_no_fault(carp):
-    quality, table, tank = checked(carp)
+    quality, table, tank = check_frames(carp)
     assert {one.word for one in findings(quality) if not one.good} == set()
     assert quality.noise_grey == pytest.approx(2.5, rel=0.15)  # as drawn
     assert quality.shake_px < 0.05
@@ -217,7 +219,7 @@ def test_each_fault_is_found_and_no_other(carp):
         [undo_shift(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
     ) == {"shake"}
     assert faults([carp[k * 2 // 3] for k in range(64)]) == {"doubled"}
-    assert faults([woven(a, b, True) for a, b in zip(carp[0::2], carp[1::2], strict=True)]) == {
+    assert faults([interlace(a, b, True) for a, b in zip(carp[0::2], carp[1::2], strict=True)]) == {
         "interlaced"
     }
     assert faults([f // 12 for f in carp[:20]]) >= {"contrast"}

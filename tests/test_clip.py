@@ -6,7 +6,6 @@ up; the grey of its background says which frame it is.
 
 import hashlib
 import io
-import json
 import math
 import subprocess
 import sys
@@ -34,14 +33,7 @@ from finloop.clip.quality import Tally, psnr_db
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
 from finloop.io import wheel
-from finloop.io.footage import (
-    Footage,
-    Loss,
-    Timing,
-    nearest_in_time,
-    open_footage,
-    segments_of,
-)
+from finloop.io.footage import Footage, Loss, Timing, nearest_in_time, open_footage, segments_of
 from finloop.io.footage import film as footage_film
 from finloop.io.footage.coding import (
     CHROMA_FRACTION,
@@ -52,6 +44,7 @@ from finloop.io.footage.coding import (
     turn_of,
 )
 from finloop.io.footage.timing import frame_rate_of
+from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 from finloop.io.video import FRAMES, load_facts, load_mask, read_frames
 from stages import clip as stage
@@ -79,7 +72,7 @@ def test_dropped_frames_and_pauses_do_not_slow_the_rate_down():
     assert abs(float(frame_rate_of(rounded, [])) / 30 - 1) < 1e-3
 
 
-def retimed(times, rate) -> tuple[list[int], Timing]:
+def retime(times, rate) -> tuple[list[int], Timing]:
     timing = Timing()
     return list(nearest_in_time(zip(times, range(len(times)), strict=True), rate, timing)), timing
 
@@ -88,7 +81,7 @@ def retimed(times, rate) -> tuple[list[int], Timing]:
 def test_jitter_below_half_a_frame_changes_nothing(jitter):
     """The first frame sets the clock, so it is where the others are measured from."""
     times = (np.arange(len(jitter)) + np.array([0, *jitter[1:]])) / 30
-    shown, timing = retimed(times, Fraction(30))
+    shown, timing = retime(times, Fraction(30))
     assert shown == list(range(len(times)))
     assert timing == Timing(frames=len(times), cuts=[0])
 
@@ -96,7 +89,7 @@ def test_jitter_below_half_a_frame_changes_nothing(jitter):
 @given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=40), st.sampled_from([5, 24, 60]))
 def test_every_tick_shows_the_nearest_frame(gaps, rate):
     times = 7 + np.cumsum([0, *gaps])
-    shown, timing = retimed(times, Fraction(rate))
+    shown, timing = retime(times, Fraction(rate))
     ticks = times[0] + np.arange(len(shown)) / rate
     nearest = np.abs(times[:, None] - ticks).min(axis=0)
     np.testing.assert_allclose(np.abs(times[shown] - ticks), nearest, atol=1e-9)
@@ -107,7 +100,7 @@ def test_every_tick_shows_the_nearest_frame(gaps, rate):
 
 def test_a_pause_or_a_clock_that_runs_back_is_a_cut():
     times = [0, 0.1, 0.2, 9.0, 9.1, 0.0, 0.1, 0.2]
-    shown, timing = retimed(times, Fraction(10))
+    shown, timing = retime(times, Fraction(10))
     assert shown == list(range(8))
     assert timing == Timing(frames=8, cuts=[0, 3, 5])
     assert segments_of(timing.cuts, timing.frames) == ((0, 3), (3, 5), (5, 8))
@@ -470,13 +463,13 @@ def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
     decoded = 0
     in_range = footage_film.in_range
 
-    def counted(footage, time_s):
+    def count_decodes(footage, time_s):
         nonlocal decoded
         decoded += 1
         return in_range(footage, time_s)
 
     footage = open_footage(path, start_s=9.6, colour=False)
-    monkeypatch.setattr(footage_film, "in_range", counted)
+    monkeypatch.setattr(footage_film, "in_range", count_decodes)
     assert numbers(read(footage)[1]) == list(range(40, 50))
     assert decoded < 60
     assert [number for _, (number, _) in footage.stream_numbered(Loss())] == list(range(240, 250))
@@ -855,7 +848,7 @@ def parameters(source: str, **changes):
 
 @pytest.fixture
 def run_stage(tmp_path, monkeypatch):
-    """Run the stage in an empty folder; gives what it printed."""
+    """Run the stage in an empty folder; gives its numbers."""
     monkeypatch.chdir(tmp_path)
 
     def run(source: str, **changes) -> dict[str, float]:
@@ -863,7 +856,7 @@ def run_stage(tmp_path, monkeypatch):
         assert not problems
         monkeypatch.setattr(stage, "load", lambda *_: given)
         stage.main()
-        return json.loads(stage.METRICS.read_text())
+        return load_numbers(stage.METRICS.parent)
 
     return run
 

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import pytest
 from conftest import TINY_CARP
-from jobs import fails_at_five, is_killed, is_killed_once, noted, square, waits
+from jobs import fails_at_five, is_killed, is_killed_once, note_job, square, waits
 from scratch import content, prepare
+from tiny_run import stage_run
 
 import stages.clip
 import stages.cluster
@@ -148,7 +149,7 @@ def test_an_error_in_a_worker_is_the_same_error_here(cluster):
 
 @needs_dask
 def test_no_more_is_worked_ahead_than_a_result_for_each_worker(cluster, tmp_path):
-    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), cluster)
+    results = ordered_map(note_job, ((tmp_path, number) for number in range(60)), cluster)
     for taken in range(1, 20):
         next(results)
         assert len(list(tmp_path.iterdir())) <= taken + cluster.count + 1
@@ -203,13 +204,7 @@ def test_where_nobody_is_left_to_work_it_is_said(cluster, tmp_path, monkeypatch)
             os.close(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
 
 
-@pytest.fixture(scope="module")
-def posed(tmp_path_factory, tiny_run):
-    """A folder in which `pose` and all stages before it have run."""
-    folder = tmp_path_factory.mktemp("posed")
-    prepare(folder, *TINY_CARP)
-    tiny_run.bring(folder, ["pose"])
-    return folder
+pose_run = stage_run("pose")
 
 
 class Posted:
@@ -219,8 +214,8 @@ class Posted:
 
     @contextmanager
     def submitter(self, work):
-        there = sent(work)
-        yield lambda item: Done(sent(there(sent(item))))
+        there = pickle_copy(work)
+        yield lambda item: Done(pickle_copy(there(pickle_copy(item))))
 
 
 class Done(NamedTuple):
@@ -232,25 +227,25 @@ class Done(NamedTuple):
         return self.made
 
 
-def sent(what):
+def pickle_copy(what):
     return pickle.loads(pickle.dumps(what))
 
 
 @pytest.mark.parametrize("where", ["posted", pytest.param("dask", marks=needs_dask)])
-def test_jumps_are_the_same_bytes_from_other_workers(posed, where, monkeypatch, request):
+def test_jumps_are_the_same_bytes_from_other_workers(pose_run, where, monkeypatch, request):
     """By blocks of 50 rows, so that there are several; each worker opens the film anew."""
-    monkeypatch.chdir(posed)
+    monkeypatch.chdir(pose_run)
     for place in (signature, visible, jumps_film):
         monkeypatch.setattr(place, "_LOT", 50)
     crew = Posted()
     if where == "dask":
         cluster = request.getfixturevalue("cluster")
-        crew = replace(cluster, home=replace(cluster.home, folder=str(posed)))
+        crew = replace(cluster, home=replace(cluster.home, folder=str(pose_run)))
     made = []
     for who in (ALONE, crew):
         monkeypatch.setattr(stages.jumps, "workers", lambda *_, _who=who, **__: nullcontext(_who))
         stages.jumps.main()
-        made.append((content(posed / "data/jumps"), content(posed / "reports/jumps")))
+        made.append((content(pose_run / "data/jumps"), content(pose_run / "reports/jumps")))
     assert made[0] == made[1]
 
 

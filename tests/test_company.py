@@ -1,12 +1,9 @@
 """Several fish in one tank: a body is a few discs, and nobody swims through another."""
 
-from functools import cache
-
 import numpy as np
 import pytest
-from toy_film import HULL, LENGTH, matching_of, waters_of
+from toy_film import HULL, crowd_player, matching_of, narrow_tank, waters_of
 
-from finloop.animate.arena import tank as arena_tank
 from finloop.animate.company import (
     ALONE,
     Plans,
@@ -32,7 +29,7 @@ MODE = "matching"  # the one mode of several fish
 EDGE = 1.5  # px around every body
 
 
-def known(ways, start, discs, stays):
+def company_at(ways, start, discs, stays):
     """The company of fish whose ways begin at a tick."""
     return company_of(Plans.from_paths(ways, start).others(-1, start), start, discs, stays)
 
@@ -40,7 +37,7 @@ def known(ways, start, discs, stays):
 SPOT = Target(0.0, 0.0, 0.0, 0.0)
 
 
-def bent(rng: np.random.Generator) -> np.ndarray:
+def bent_outline(rng: np.random.Generator) -> np.ndarray:
     """The outline (50, 2) of a fish of 60 px that bends to one side, thin at the tail."""
     along = np.linspace(30, -30, 25)
     middle = rng.uniform(-20, 20) * ((30 - along) / 60) ** 2
@@ -54,7 +51,7 @@ def bent(rng: np.random.Generator) -> np.ndarray:
 
 
 def test_discs_hold_their_outline():
-    outlines = np.stack([bent(np.random.default_rng(seed)) for seed in range(20)])
+    outlines = np.stack([bent_outline(np.random.default_rng(seed)) for seed in range(20)])
     for outline, own in zip(outlines, discs_of(outlines, []).table, strict=True):
         apart = np.hypot(*(outline[:, None] - own[None, :, :2]).transpose(2, 0, 1))
         assert (apart <= own[:, 2]).any(axis=1).all()
@@ -96,16 +93,16 @@ def test_of_a_way_that_is_over_its_last_tick_is_left():
 @pytest.mark.parametrize("seed", range(30))
 def test_who_is_clear_of_another_does_not_overlap_it(seed):
     rng = np.random.default_rng(seed)
-    outlines = [bent(rng), bent(rng), bent(rng)]
+    outlines = [bent_outline(rng), bent_outline(rng), bent_outline(rng)]
     discs = discs_of(np.stack(outlines[:2]), outlines[2:])
     shown = [(0, 0, False), (1, 1, False), (2, 0, True), (3, 1, True), (-1, 2, False)]
     met = 0
     for _ in range(40):
         (one, own, flip), (other, theirs, flop) = (shown[rng.integers(5)] for _ in range(2))
         a, b = ((*rng.uniform(0, 60, 2), rng.uniform(-180, 180)) for _ in range(2))
-        company = known([np.array([[*b, other]])], 0, discs, 0)
+        company = company_at([np.array([[*b, other]])], 0, discs, 0)
         apart = clear(company, one, *a, 0)
-        back = clear(known([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
+        back = clear(company_at([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
         assert apart == back  # whoever asks
         one_there, other_there = (
             place_outline(outlines[own], *a, flip),
@@ -119,7 +116,7 @@ def test_who_is_clear_of_another_does_not_overlap_it(seed):
 
 def test_side_by_side_is_nearer_than_head_to_tail():
     discs = discs_of(NEEDLE[None], [])
-    company = known([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
+    company = company_at([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
     wide = 2 * (np.hypot(2, 5) + EDGE)
     assert clear(company, 0, 0.0, wide + 0.1, 0.0, 0)
     assert not clear(company, 0, 0.0, wide - 0.1, 0.0, 0)
@@ -132,7 +129,7 @@ def test_side_by_side_is_nearer_than_head_to_tail():
 def crossing():
     """The company of a needle that swims to the right for 20 ticks, and stays there."""
     way = np.column_stack([5.0 * np.arange(20), np.zeros(20), np.zeros(20), np.zeros(20)])
-    return known([way], 10, discs_of(NEEDLE[None], []), 6)
+    return company_at([way], 10, discs_of(NEEDLE[None], []), 6)
 
 
 def test_others_are_where_they_planned_to_be_and_stay_where_that_ends():
@@ -181,7 +178,7 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
         ])
         for n in rng.integers(1, 12, 20)
     ]  # fmt: skip
-    company = known(ways, 7, discs_of(NEEDLE[None], []), 6)
+    company = company_at(ways, 7, discs_of(NEEDLE[None], []), 6)
     some = near_first(company, 400.0, 400.0, pace * np.arange(known_ticks + 1))
     assert company.near == 20 > some.near > 0
     assert sorted(some.places[0].tolist()) == sorted(company.places[0].tolist())
@@ -216,15 +213,6 @@ def test_alone_every_place_is_clear():
 # --- fish of one tank
 
 
-@cache
-def company_players(overlap_=False):
-    """A player of fish as wide as HULL, in a tank of ten lengths."""
-    arena = np.zeros((600, 800), bool)
-    arena[100:500, 200:600] = True
-    waters = waters_of(room_=arena_tank(arena, 0.6 * LENGTH), overlap=overlap_)
-    return {MODE: matching_of(waters)}
-
-
 def outlines_of(tank):
     """What all fish look like on screen."""
     for fish in tank.fish:
@@ -241,7 +229,7 @@ def overlaps(tank) -> int:
 def test_nobody_swims_through_another():
     met = {}
     for through in (False, True):
-        tank, rng = LiveTank(company_players(through), MODE, 6, 1), np.random.default_rng(3)
+        tank, rng = LiveTank({MODE: crowd_player(through)}, MODE, 6, 1), np.random.default_rng(3)
         met[through], still = 0, 0
         for tick in range(240):
             if tick % 7 == 0:  # sent about all the time, the moment before it meets another, too
@@ -260,7 +248,7 @@ def test_nobody_swims_through_another():
 
 
 def test_two_fish_sent_to_each_other_pass():
-    tank, passed = LiveTank(company_players(), MODE, 2, 5), 0
+    tank, passed = LiveTank({MODE: crowd_player()}, MODE, 2, 5), 0
     for _ in range(4):
         for number, x in enumerate((280.0, 520.0) if passed % 2 else (520.0, 280.0)):
             tank.send(number, x, 300.0)
@@ -274,7 +262,7 @@ def test_two_fish_sent_to_each_other_pass():
 
 
 def test_along_one_path_they_follow_each_other():
-    tank, angle = LiveTank(company_players(), MODE, 3, 5), np.linspace(0, 2 * np.pi, 40)
+    tank, angle = LiveTank({MODE: crowd_player()}, MODE, 3, 5), np.linspace(0, 2 * np.pi, 40)
     ring = np.column_stack([400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle)])
     tank.follow(None, [(float(x), float(y)) for x, y in ring])
     on_it = 0
@@ -286,7 +274,7 @@ def test_along_one_path_they_follow_each_other():
 
 
 def test_together_they_swim_on_from_the_past_as_they_did():
-    tank = LiveTank(company_players(), MODE, 4, 2)
+    tank = LiveTank({MODE: crowd_player()}, MODE, 4, 2)
     for _ in range(150):
         tank.advance()
     was = [[fish.row_at(tick).x_px for tick in range(151)] for fish in tank.fish]
@@ -310,7 +298,7 @@ def kept_plan(tank, monkeypatch, wish) -> int:
 
 
 def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
-    tank = LiveTank(company_players(), MODE, 1, 2)
+    tank = LiveTank({MODE: crowd_player()}, MODE, 1, 2)
     fish, kept = tank.fish[0], 0
     for number in range(8):
         tank.send(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
@@ -328,7 +316,7 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
 
 
 def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
-    tank = LiveTank(company_players(), MODE, 2, 2)
+    tank = LiveTank({MODE: crowd_player()}, MODE, 2, 2)
     for _ in range(30):
         tank.advance()
 
@@ -347,9 +335,7 @@ def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
 
 
 def test_more_fish_than_fit():
-    arena = np.zeros((80, 130), bool)
-    arena[10:70, 10:120] = True
-    player = matching_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH)))
+    player = matching_of(waters_of(room_=narrow_tank()))
     tank = LiveTank({MODE: player}, MODE, 40, 0)
     assert 1 <= len(tank.fish) < 40
     fish = [one.path_from(tank.tick) for one in tank.fish]

@@ -23,7 +23,7 @@ SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])  # right, down, left: cloc
 ANY = arrays(np.float64, st.tuples(st.integers(3, 12), st.just(2)), elements=st.integers(-50, 50))
 
 
-def drawn(points, closed):
+def clean_or_none(points, closed):
     """The curve, or None where the points are too few to be one."""
     try:
         return clean_curve(Curve(points, closed), "drawn")
@@ -55,7 +55,7 @@ def test_a_fine_circle_has_the_circles_length_and_area():
 @given(ANY, st.booleans(), st.integers(0, 11), st.floats(0.1, 10), st.floats(0, 6))
 @settings(max_examples=60)
 def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
-    curve = drawn(points, closed)
+    curve = clean_or_none(points, closed)
     if curve is None:
         return
     turn = scale * np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -79,7 +79,7 @@ def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
 @given(ANY, st.booleans(), st.integers(3, 60))
 @settings(max_examples=60)
 def test_resampled_points_are_evenly_spaced_along_the_polyline(points, closed, n):
-    curve = drawn(points, closed)
+    curve = clean_or_none(points, closed)
     if curve is None:
         return
     new = resample_curve(curve, n)

@@ -30,7 +30,7 @@ def hoop(n):
     return np.stack([np.cos(t), np.sin(t)], axis=1)
 
 
-def bent(n, seed=0):
+def wobble(n, seed=0):
     """A smooth displacement."""
     t = 2 * np.pi * np.arange(n) / n
     weights = np.random.default_rng(seed).normal(size=(2, 4, 2)) / np.arange(1, 5)[:, None] ** 2
@@ -39,7 +39,7 @@ def bent(n, seed=0):
 
 
 def problem(material=LIGHT, n=64, times=TIMES, **more):
-    return Problem(hoop(n), more.pop("displacement", bent(n)), material, times, **more)
+    return Problem(hoop(n), more.pop("displacement", wobble(n)), material, times, **more)
 
 
 def for_method(method, **more):
@@ -152,7 +152,7 @@ def test_a_force_too_wild_is_refused():
 
 
 def test_the_exact_solution_against_a_tight_integrator_in_the_phi_basis():
-    p = problem(displacement=bent(128), n=128, velocity=bent(128, 1), force=np.array([1.0, -2]))
+    p = problem(displacement=wobble(128), n=128, velocity=wobble(128, 1), force=np.array([1.0, -2]))
     k = stiffness_phi("coif2", 128)
 
     def slope(t, y):
@@ -185,7 +185,11 @@ def test_a_mode_of_the_hoop_swings_so_often():
 def test_energy_never_rises_and_stays_without_damping(density, elastic, s1, s2, seed):
     times = np.linspace(0, 2, 40)
     jagged = 0.01 * (-1.0) ** np.arange(64)[:, None]
-    more = {"displacement": bent(64, seed) + jagged, "velocity": bent(64, seed + 1), "times": times}
+    more = {
+        "displacement": wobble(64, seed) + jagged,
+        "velocity": wobble(64, seed + 1),
+        "times": times,
+    }
     damped = problem(Material(density, elastic, s1, s2), **more)
     course = energy(damped, solve(damped))
     assert (np.diff(course) <= 1e-12 * course[0]).all()
@@ -212,7 +216,7 @@ def test_momentum(method):
     q = np.array([0.3, -1.0])
     material = Material(2.0, 3.0, 0.8, 0.002)
     for force in (None, q, lambda t, x: np.broadcast_to(q, x.shape)):
-        p = problem(material, velocity=bent(64, 2) + (1, 2), force=force)
+        p = problem(material, velocity=wobble(64, 2) + (1, 2), force=force)
         start = 2 * p.velocity.mean(axis=0)
         pushed = np.zeros(2) if force is None else q
         fade = np.exp(-0.8 * TIMES)[:, None]
@@ -232,7 +236,7 @@ def test_the_rest_state_stays_at_rest(method):
 def test_refining_the_scale_converges():
     """The hoop at 8, 16, …, 128 control points against 1024 of them."""
     n = 1024
-    u = bent(n)
+    u = wobble(n)
     fine = solve(problem(n=n, displacement=u)).displacement
     errors = []
     for level in (7, 6, 5, 4, 3):
@@ -333,7 +337,7 @@ def test_decoupling_is_no_small_error():
 
 def test_decoupled_is_exact_where_k_is_diagonal():
     """No elasticity: each coefficient fades alone."""
-    p = problem(Material(1, 0, 0.7, 0), velocity=bent(64, 1), force=np.array([1.0, 2]))
+    p = problem(Material(1, 0, 0.7, 0), velocity=wobble(64, 1), force=np.array([1.0, 2]))
     assert solve(p, "decoupled").error < 1e-12
 
 

@@ -54,7 +54,7 @@ TABLE_2 = np.array(
 SMOOTH = ["db3", "db4", "db6", "db10", "db20", "sym4", "sym8", "coif1", "coif2", "coif5"]
 
 
-def padded(values, count):
+def pad_zeros(values, count):
     return np.concatenate([values, np.zeros(count - len(values))])
 
 
@@ -65,7 +65,7 @@ def test_table_1_to_all_twelve_digits():
         (table.autocorrelation, table.mu / table.mu[0], table.nu / table.nu[0]),
         strict=True,
     ):
-        assert np.abs(padded(ours, 8) - printed).max() < 0.51e-12
+        assert np.abs(pad_zeros(ours, 8) - printed).max() < 0.51e-12
     assert table.mu[0] == pytest.approx(4.165973640696, abs=1e-12)
 
 
@@ -73,9 +73,9 @@ def test_table_2_corrected():
     """The α printed are right to 11 digits, μ and ν to 9; the small ones stand as they should be."""
     table = connection("coif2")
     mu, nu = table.mu / table.mu[0], table.nu / table.nu[0]
-    assert np.abs(padded(table.autocorrelation, 12) - TABLE_2[:, 0]).max() < 1e-11
+    assert np.abs(pad_zeros(table.autocorrelation, 12) - TABLE_2[:, 0]).max() < 1e-11
     for column, ours in ((1, mu), (2, nu)):
-        assert np.abs(padded(ours, 12) - TABLE_2[:, column]).max() < 2e-10
+        assert np.abs(pad_zeros(ours, 12) - TABLE_2[:, column]).max() < 2e-10
     assert nu[7] == pytest.approx(-2.70434e-7, abs=0.51e-12)
     assert mu[8] == pytest.approx(-1.267e-9, abs=0.51e-12)
     assert nu[8] == pytest.approx(1.809e-10, abs=0.51e-13)

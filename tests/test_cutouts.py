@@ -29,7 +29,7 @@ def pictures(count, channels=2):
         yield Cutout(k % 7, k // 7, int(rng.integers(2000)), int(rng.integers(2000)), pixels)
 
 
-def stored(path, cutouts):
+def write_cutouts(path, cutouts):
     with CutoutWriter(path) as writer:
         for cutout in cutouts:
             writer.write(cutout)
@@ -83,7 +83,7 @@ def test_rows_of_a_film_are_sorted_by_track_and_frame_beside_their_cutouts(tmp_p
 @pytest.mark.parametrize("channels", [2, 4])
 def test_round_trip(tmp_path, count, channels):
     given = list(pictures(count, channels))
-    with open_cutouts(stored(tmp_path / "c.arrow", given)) as store:
+    with open_cutouts(write_cutouts(tmp_path / "c.arrow", given)) as store:
         assert len(store) == len(store.index) == count
         assert all(same(store[k], cutout) for k, cutout in enumerate(given))
         assert store.index["track_id"].tolist() == [cutout.track_id for cutout in given]
@@ -92,7 +92,7 @@ def test_round_trip(tmp_path, count, channels):
 
 def test_any_order(tmp_path):
     given = list(pictures(BATCHES))
-    with open_cutouts(stored(tmp_path / "c.arrow", given)) as store:
+    with open_cutouts(write_cutouts(tmp_path / "c.arrow", given)) as store:
         for k in np.random.default_rng(1).permutation(BATCHES):
             assert same(store[k], given[k])
 
@@ -100,19 +100,19 @@ def test_any_order(tmp_path):
 def test_a_view_of_a_larger_picture_can_be_stored(tmp_path):
     whole = np.arange(2 * 30 * 40, dtype=np.uint32).astype(np.uint8).reshape(30, 40, 2)
     part = Cutout(0, 0, 0, 0, whole[3:20:2, 5:30])
-    with open_cutouts(stored(tmp_path / "c.arrow", [part])) as store:
+    with open_cutouts(write_cutouts(tmp_path / "c.arrow", [part])) as store:
         assert np.array_equal(store[0].pixels, whole[3:20:2, 5:30])
 
 
 def test_the_file_is_small(tmp_path):
     flat = Cutout(0, 0, 0, 0, np.full((100, 100, 4), 7, np.uint8))
-    assert stored(tmp_path / "c.arrow", [flat] * 50).stat().st_size < 50 * 400
+    assert write_cutouts(tmp_path / "c.arrow", [flat] * 50).stat().st_size < 50 * 400
 
 
 def test_a_store_can_be_written_again_while_it_is_open(tmp_path):
     given = list(pictures(20))
-    with open_cutouts(stored(tmp_path / "c.arrow", given)) as store:
-        stored(tmp_path / "c.arrow", given[:3])
+    with open_cutouts(write_cutouts(tmp_path / "c.arrow", given)) as store:
+        write_cutouts(tmp_path / "c.arrow", given[:3])
         assert same(store[19], given[19])
     with open_cutouts(tmp_path / "c.arrow") as store:
         assert len(store) == 3
@@ -123,7 +123,7 @@ def test_a_store_can_be_written_again_while_it_is_open(tmp_path):
 def test_an_exception_while_writing_leaves_what_was_there(tmp_path, written, before):
     path = tmp_path / "c.arrow"
     if before:
-        stored(path, pictures(5))
+        write_cutouts(path, pictures(5))
     with pytest.raises(KeyError), CutoutWriter(path) as writer:
         for cutout in pictures(written):
             writer.write(cutout)
@@ -144,7 +144,7 @@ def test_a_cutout_that_cannot_be_stored_leaves_no_file(tmp_path):
 @pytest.mark.parametrize("harm", ["missing", "empty", "text", "cut short", "without its end"])
 def test_a_damaged_store_is_said(tmp_path, harm):
     path = tmp_path / "c.arrow"
-    whole = stored(path, pictures(BATCHES)).read_bytes()
+    whole = write_cutouts(path, pictures(BATCHES)).read_bytes()
     path.unlink()
     if harm != "missing":
         kept = {"empty": b"", "text": b"no store\n" * 99, "cut short": whole[: len(whole) // 2]}
@@ -155,7 +155,7 @@ def test_a_damaged_store_is_said(tmp_path, harm):
 
 
 def test_a_store_with_spoilt_pixels_is_said(tmp_path):
-    path = stored(tmp_path / "c.arrow", pictures(40))
+    path = write_cutouts(tmp_path / "c.arrow", pictures(40))
     data = bytearray(path.read_bytes())
     begin = data.find(b"\x28\xb5\x2f\xfd")  # where zstd's first frame starts
     data[begin : begin + 4] = b"\0\0\0\0"

@@ -1,12 +1,11 @@
 """Distance maps: Eq. 5 for all pairs, Eqs. 6-8 in bands; laws against brute force, and the stage."""
 
-import shutil
-
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import TINY_CARP
 from scratch import content, prepare, same_but_figures
+from tiny_run import copy_of, stage_run
 
 import finloop.distance.map
 import stages.distance
@@ -68,12 +67,12 @@ def test_the_full_map_is_symmetric_where_a_product_is_not(monkeypatch):
     """Some BLAS kernels round a block and its transpose differently."""
     rng = np.random.default_rng(7)
 
-    def rounded(*arguments):
+    def add_rounding(*arguments):
         block = squared(*arguments)
         return block * (1 + 1e-6 * rng.random(block.shape, np.float32))
 
     squared = finloop.distance.map._distance_squares
-    monkeypatch.setattr(finloop.distance.map, "_distance_squares", rounded)
+    monkeypatch.setattr(finloop.distance.map, "_distance_squares", add_rounding)
     distances = full(random_pictures(rng, 1300))
     assert (distances == distances.T).all()
     assert (distances.diagonal() == 0).all()
@@ -244,24 +243,11 @@ def test_the_picture_shows_the_longest_tracks_in_time_order():
 # --- the stage
 
 
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory, tiny_run):
-    """A folder in which the stages before have run on a drawn carp."""
-    folder = tmp_path_factory.mktemp("measured")
-    prepare(folder, *TINY_CARP)
-    tiny_run.bring(folder, ["features"])
-    return folder
+features_run = stage_run("features")
+workspace = copy_of("features_run")
 
 
-@pytest.fixture
-def here(measured, tmp_path, monkeypatch):
-    """A copy of it to work in."""
-    shutil.copytree(measured, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def made(folder, *overrides):
+def run_stage(folder, *overrides):
     """Run the stage; its three artifacts and its metrics."""
     prepare(folder, *TINY_CARP, *overrides)
     stages.distance.main()
@@ -282,15 +268,15 @@ def film(folder, pose, size):
 
 
 @pytest.mark.parametrize("pose", [BODY, FILM])
-def test_the_map_of_a_part_is_that_part_of_the_map(here, pose, capsys):
+def test_the_map_of_a_part_is_that_part_of_the_map(workspace, pose, capsys):
     small = (
         f"distance.frame_of_reference={pose}",
         "distance.max_distance_steps=null",
         "distance.picture_size_px=24",
     )
-    whole, every, _, _ = made(here, *small)
-    pairs, steps, _, metrics = made(here, *small, "distance.max_pictures=40")
-    features = load_table(here / "data/features/features.parquet", FEATURES)
+    whole, every, _, _ = run_stage(workspace, *small)
+    pairs, steps, _, metrics = run_stage(workspace, *small, "distance.max_pictures=40")
+    features = load_table(workspace / "data/features/features.parquet", FEATURES)
     rows = map_rows(features, steps)
     assert len(rows) == len(steps) == metrics["frames"] < len(features)
     assert metrics["film_mapped_pct"] == pytest.approx(100 * len(rows) / len(features), rel=1e-3)
@@ -307,12 +293,12 @@ def test_the_map_of_a_part_is_that_part_of_the_map(here, pose, capsys):
 @pytest.mark.usefixtures("no_drawing")
 @pytest.mark.parametrize("pose", [BODY, FILM])
 @pytest.mark.parametrize(("keep", "threshold"), [("null", 0.1), (1.5, 0.1), (4.0, 0.0)])
-def test_the_stage_keeps_what_eq_6_says(here, pose, keep, threshold):
-    pairs, steps, facts, metrics = made(
-        here, f"distance.frame_of_reference={pose}", f"distance.max_distance_steps={keep}", "distance.picture_size_px=24",
+def test_the_stage_keeps_what_eq_6_says(workspace, pose, keep, threshold):
+    pairs, steps, facts, metrics = run_stage(
+        workspace, f"distance.frame_of_reference={pose}", f"distance.max_distance_steps={keep}", "distance.picture_size_px=24",
         f"distance.motion_area_threshold={threshold}",
     )  # fmt: skip
-    features, pictures = film(here, pose, 24)
+    features, pictures = film(workspace, pose, 24)
     true = brute(pictures)
     area, swims, turn = (
         features[name].to_numpy(float)
@@ -326,7 +312,7 @@ def test_the_stage_keeps_what_eq_6_says(here, pose, keep, threshold):
     assert np.abs(pairs["distance"].to_numpy() - true[wanted]).max(initial=0) < EXACT
     assert steps["step"].to_numpy()[:-1] == pytest.approx(true.diagonal(1), abs=EXACT)
     assert np.isnan(steps["step"].iloc[-1])
-    filmed = brute(film(here, FILM, 24)[1]).diagonal(1)
+    filmed = brute(film(workspace, FILM, 24)[1]).diagonal(1)
     assert steps["as_filmed"].to_numpy()[:-1] == pytest.approx(filmed, abs=EXACT)
     assert (facts.pose, facts.size, facts.area_threshold) == (pose, 24, threshold)
     assert facts.step_median == pytest.approx(np.median(true.diagonal(1)), abs=EXACT)
@@ -335,24 +321,24 @@ def test_the_stage_keeps_what_eq_6_says(here, pose, keep, threshold):
     assert metrics["pairs_inexact"] == 0
 
 
-def test_the_stage_makes_the_same_again(here, request):
-    made(here)
-    once = content(here / "data") | content(here / "reports")
+def test_the_stage_makes_the_same_again(workspace, request):
+    run_stage(workspace)
+    once = content(workspace / "data") | content(workspace / "reports")
     request.getfixturevalue("no_drawing")
     stages.distance.main()
-    assert same_but_figures(once, content(here / "data") | content(here / "reports"))
+    assert same_but_figures(once, content(workspace / "data") | content(workspace / "reports"))
 
 
 @pytest.mark.usefixtures("no_drawing")
-def test_ten_frames_in_one_orientation_are_enough(here):
-    path = here / "data/features/features.parquet"
+def test_ten_frames_in_one_orientation_are_enough(workspace):
+    path = workspace / "data/features/features.parquet"
     features = load_table(path, FEATURES).iloc[:10].assign(orientation=np.int8(3))
     save_table(path, features, FEATURES)
-    cutouts = here / "data/extract/cutouts.arrow"
+    cutouts = workspace / "data/extract/cutouts.arrow"
     with open_cutouts(cutouts) as store, CutoutWriter(cutouts) as writer:
         writer.copy(store, np.arange(10))
-    pairs, steps, _, metrics = made(
-        here, "distance.frame_of_reference=film", "distance.max_distance_steps=null"
+    pairs, steps, _, metrics = run_stage(
+        workspace, "distance.frame_of_reference=film", "distance.max_distance_steps=null"
     )
     assert metrics["frames"] == len(steps) == 10
     assert metrics["pairs"] == 45
@@ -360,8 +346,8 @@ def test_ten_frames_in_one_orientation_are_enough(here):
 
 
 @pytest.mark.usefixtures("no_drawing")
-def test_nothing_kept_is_told_and_is_a_table_all_the_same(here, capsys):
-    pairs, steps, _, metrics = made(here, "distance.max_distance_steps=1e-6")
+def test_nothing_kept_is_told_and_is_a_table_all_the_same(workspace, capsys):
+    pairs, steps, _, metrics = run_stage(workspace, "distance.max_distance_steps=1e-6")
     assert len(pairs) == metrics["pairs_kept"] == 0
     assert len(steps) == metrics["frames"]
     assert "no two frames are alike enough" in capsys.readouterr().err
@@ -376,6 +362,6 @@ def test_nothing_kept_is_told_and_is_a_table_all_the_same(here, capsys):
         "picture_size_px=4",
     ],
 )
-def test_parameters_out_of_range_are_refused(here, override):
+def test_parameters_out_of_range_are_refused(workspace, override):
     with pytest.raises(Exception, match=override.split("=")[0]):
-        prepare(here, *TINY_CARP, f"distance.{override}")
+        prepare(workspace, *TINY_CARP, f"distance.{override}")

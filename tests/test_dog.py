@@ -36,7 +36,7 @@ SMALL = DogFilm(
 PHASE = np.linspace(0, 1, 97)[:-1]
 
 
-def moved(dog, name, phase):
+def limb_shape(dog, name, phase):
     """A limb's contours without its place in the depth of the picture."""
     points = limb(dog, name, phase, 64)
     return points - points[0].mean(axis=0)

@@ -85,7 +85,7 @@ def split(name: str) -> tuple[str, str]:
 
 
 @cache
-def defined(module: str) -> frozenset[str]:
+def definitions(module: str) -> frozenset[str]:
     """What a module of ours defines: functions, classes, their methods, constants."""
     tree = ast.parse((ROOT / module.replace(".", "/")).with_suffix(".py").read_text())
     found = set()
@@ -117,19 +117,19 @@ def wrong(row: Row) -> Iterator[str]:
         elif not module.startswith("finloop."):
             if not hasattr(importlib.import_module(module), name):
                 yield f"{module} has no {name}"
-        elif name not in defined(module):
+        elif name not in definitions(module):
             yield f"{module} defines no {name}"
-        elif row.tests and not named(name.rpartition(".")[2], tested):
+        elif row.tests and not names_function(name.rpartition(".")[2], tested):
             yield f"{name} is named in none of {', '.join(row.tests)}"
 
 
-def named(name: str, text: str) -> bool:
+def names_function(name: str, text: str) -> bool:
     """Whether a test names a function: as itself, as a method ("runge-kutta"), as its picture."""
     names = {name, name.replace("_", "-"), re.sub(r"^figure(\d+)$", r"fig\1", name)}
     return any(re.search(rf"(?<!\w){re.escape(one)}(?!\w)", text) for one in names)
 
 
-def told(paper: str, word: str) -> set[int]:
+def numbers_after(paper: str, word: str) -> set[int]:
     """The numbers that a cell tells after a word: "Figs. 3–5, 7" → {3, 4, 5, 7}."""
     found = set()
     for run in re.findall(rf"\b{word}s?\.? ([\d–, ]+)", paper):
@@ -138,7 +138,7 @@ def told(paper: str, word: str) -> set[int]:
     return found
 
 
-def numbered(paper: str) -> set[tuple[int, int]]:
+def equation_numbers(paper: str) -> set[tuple[int, int]]:
     """The equations that a cell tells: "(2.7)–(2.9)" → {(2, 7), (2, 8), (2, 9)}."""
     found = set()
     for part, first, last in re.findall(r"\((\d)\.(\d+)\)(?:–\(\d\.(\d+)\))?", paper):
@@ -146,7 +146,7 @@ def numbered(paper: str) -> set[tuple[int, int]]:
     return found
 
 
-def tagged(page: str) -> set[tuple[int, int]]:
+def tag_numbers(page: str) -> set[tuple[int, int]]:
     """Return the numbers of the curve paper's equations that a page shows."""
     return {(int(part), int(n)) for part, n in re.findall(r"\\tag\{(\d)\.(\d+)\}", page)}
 
@@ -179,24 +179,27 @@ def test_the_functions_and_tests_of_a_row_exist_and_belong_together(row):
 def test_the_page_of_a_row_has_its_equations_and_figures(row):
     page = PAGES[row.page]
     if row.paper != "finloop":
-        assert all(told(page, word) >= told(row.where, word) for word in ("Eq", "Fig", "Table"))
-        assert tagged(page) >= numbered(row.where)
+        assert all(
+            numbers_after(page, word) >= numbers_after(row.where, word)
+            for word in ("Eq", "Fig", "Table")
+        )
+        assert tag_numbers(page) >= equation_numbers(row.where)
 
 
 def test_every_equation_figure_and_table_of_the_fish_paper_has_a_row():
     fish = wheres("fish")
-    assert set().union(*(told(cell, "Eq") for cell in fish)) == set(range(1, 9))
-    assert set().union(*(told(cell, "Fig") for cell in fish)) == set(range(1, 20))
-    assert set().union(*(told(cell, "Table") for cell in fish)) == {1, 2}
+    assert set().union(*(numbers_after(cell, "Eq") for cell in fish)) == set(range(1, 9))
+    assert set().union(*(numbers_after(cell, "Fig") for cell in fish)) == set(range(1, 20))
+    assert set().union(*(numbers_after(cell, "Table") for cell in fish)) == {1, 2}
 
 
 def test_every_equation_and_figure_of_the_curve_paper_has_a_row():
     curve = wheres("curve")
     counts = {2: 12, 3: 16, 4: 1}
     wanted = {(part, n) for part, count in counts.items() for n in range(1, count + 1)}
-    assert set().union(*map(numbered, curve)) == wanted
-    assert set().union(*(told(cell, "Fig") for cell in curve)) == set(range(1, 15))
-    assert set().union(*(told(cell, "Table") for cell in curve)) == {1, 2}
+    assert set().union(*map(equation_numbers, curve)) == wanted
+    assert set().union(*(numbers_after(cell, "Fig") for cell in curve)) == set(range(1, 15))
+    assert set().union(*(numbers_after(cell, "Table") for cell in curve)) == {1, 2}
 
 
 def test_every_page_is_in_the_table_and_in_the_list():
@@ -221,7 +224,7 @@ def test_what_a_page_names_is_there(name):
         module, inner = split(dotted)
         is_module = (ROOT / "finloop" / dotted.replace(".", "/")).with_suffix(".py").is_file()
         is_parameter = group in GROUPS and key in parameters(group)
-        assert is_module or is_parameter or inner in defined(module), dotted
+        assert is_module or is_parameter or inner in definitions(module), dotted
     for group, constant in re.findall(r"`(\w+Settings)\.(\w+)`", page):
         assert hasattr(settings_classes()[group], constant), f"{group}.{constant}"
 
@@ -252,6 +255,6 @@ def test_a_row_that_is_not_true_is_found():
     ]
     with pytest.raises(AssertionError, match=r"equations.md:3: 3 cells"):
         table(head + "| Eq. 1 | x | `a.b` |")
-    assert told("§3.1, Figs. 3–5, 7; Eq. 2", "Fig") == {3, 4, 5, 7}
-    assert numbered("(2.7)–(2.9), (4.1)") == {(2, 7), (2, 8), (2, 9), (4, 1)}
-    assert tagged("x \\tag{3.15}") == {(3, 15)}
+    assert numbers_after("§3.1, Figs. 3–5, 7; Eq. 2", "Fig") == {3, 4, 5, 7}
+    assert equation_numbers("(2.7)–(2.9), (4.1)") == {(2, 7), (2, 8), (2, 9), (4, 1)}
+    assert tag_numbers("x \\tag{3.15}") == {(3, 15)}

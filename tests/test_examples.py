@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT, TINY_CARP
-from toy_swim import MIRROR, RATE, swum, unseen
+from tiny_run import stage_run
+from toy_swim import MIRROR, RATE, random_swimmer, unseen
 
 import finloop
 from finloop import footage, verbs
@@ -49,17 +50,12 @@ def tiny(monkeypatch):
         monkeypatch.setattr(module, "settings", tiny_settings)
 
 
-@pytest.fixture(scope="module")
-def animated(tmp_path_factory, tiny_run):
-    """A folder in which the stages up to `animate` have run."""
-    path = tmp_path_factory.mktemp("animated")
-    tiny_run.bring(path, ["animate"])
-    return path
+animate_run = stage_run("animate")
 
 
-def test_the_ten_lines_make_what_the_stages_make(animated, tiny, tmp_path, monkeypatch):
+def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    wanted = load_table(animated / "data/animate/hybrid.parquet", EDIT)
+    wanted = load_table(animate_run / "data/animate/hybrid.parquet", EDIT)
     assert wanted["time_s"].iloc[-1] == pytest.approx(2, abs=0.1)  # animate.seconds of the tiny run
 
     monkeypatch.setattr(sys, "argv", ["ten_lines.py"])
@@ -94,11 +90,11 @@ def test_the_ten_lines_make_what_the_stages_make(animated, tiny, tmp_path, monke
 
 @pytest.mark.parametrize("sides", [1, 2])
 def test_a_forecast_has_mirror_images_if_the_jumps_have(sides):
-    features, codes = swum(count=400)
+    features, codes = random_swimmer(count=400)
     poses = SimpleNamespace(codes=codes, shapes=SimpleNamespace(mirror=MIRROR))
     look = np.zeros((sides * len(features), 1), np.float32)
     jumps = FilmJumps(pd.DataFrame(), look, unseen, {})
-    forecast = verbs.foretell(features, poses, jumps, RATE, epochs=1, hidden=4)
+    forecast = verbs.foretell(features, poses, jumps, RATE, epochs=1, hidden_units=4)
     assert len(forecast.states) == sides * len(features)
     image = forecast.states[-399:] * ([-1, 1, 1, -1, -1] if sides == 2 else 1)
     assert np.allclose(forecast.states[1:400], image)

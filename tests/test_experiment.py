@@ -27,18 +27,18 @@ SWEEPS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
 
 
 @cache  # composing takes Hydra a third of a second
-def made(*overrides: str) -> dict[str, Any]:
+def compose_mapping(*overrides: str) -> dict[str, Any]:
     return yaml.load(compose_params(list(overrides)), yaml.CSafeLoader)
 
 
 @pytest.fixture(autouse=True)
 def in_root(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(compose, "compose_params", lambda overrides: made(*overrides))
+    monkeypatch.setattr(compose, "compose_params", lambda overrides: compose_mapping(*overrides))
 
 
 def usual() -> dict[str, Any]:
-    return made("~local")
+    return compose_mapping("~local")
 
 
 experiment = cache(compose.experiment)
@@ -49,7 +49,7 @@ experiment = cache(compose.experiment)
 
 @pytest.mark.parametrize("name", SWEEPS)
 def test_an_experiment_composes_as_any_group_of_hydra(name):
-    assert made(f"+experiment={name}") == made()  # no title, no sweep
+    assert compose_mapping(f"+experiment={name}") == compose_mapping()  # no title, no sweep
 
 
 def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
@@ -57,7 +57,7 @@ def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
     own = "# @package _global_\nbpn:\n  hidden_units: 7\n"
     (tmp_path / "conf/experiment/seven.yaml").write_text(own)
     monkeypatch.chdir(tmp_path)
-    assert made("+experiment=seven")["bpn"]["hidden_units"] == 7
+    assert compose_mapping("+experiment=seven")["bpn"]["hidden_units"] == 7
     with pytest.raises(FinloopError, match="has no sweep"):
         experiment("seven")
 
@@ -164,7 +164,7 @@ def test_the_best_stay_the_best_in_any_order_and_scale():
     assert all(any((w <= b).all() and (w < b).any() for w in wanted[best]) for b in beaten)
 
 
-def some(count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+def random_runs(count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     rng = np.random.default_rng(3)
     names = [f"run-{k}" for k in range(count)]
     parameters = pd.DataFrame(
@@ -180,7 +180,7 @@ def some(count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def test_what_differs_is_compared_numbers_by_size():
-    parameters, numbers = some(5)
+    parameters, numbers = random_runs(5)
     found = comparison(
         parameters[["bpn.hidden_units", "bpn.seed"]], numbers, ["bpn.error", "no.such"]
     )
@@ -198,7 +198,7 @@ MIXED = ["auto", 10.0, 0.1, 2.0]
 
 
 def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
-    _, numbers = some(4)
+    _, numbers = random_runs(4)
     numbers.iloc[3, 0] = np.nan
     parameters = pd.DataFrame(
         {"features.delta_s": MIXED, "gait.gamma_per_scale": [True, False, True, False]},
@@ -214,7 +214,7 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
 
 
 def test_one_parameter_has_a_panel_for_every_measure():
-    parameters, numbers = some(5)
+    parameters, numbers = random_runs(5)
     found = comparison(parameters[["bpn.hidden_units"]], numbers, ["bpn.error"])
     panels = curves(found).data
     assert len(panels) == 4 and panels[-1].x == (0, 1, 2, 3, 4)
@@ -226,7 +226,7 @@ def test_one_parameter_has_a_panel_for_every_measure():
 def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):
     path = tmp_path / "compare.html"
     path.write_text(
-        html(comparison(*some(5), ["bpn.error"]), "Of <several>", "why"), encoding="utf-8"
+        html(comparison(*random_runs(5), ["bpn.error"]), "Of <several>", "why"), encoding="utf-8"
     )
     with chromium() as browser:
         seen = visit(browser, path)

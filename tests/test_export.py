@@ -15,7 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 from conftest import TINY_CARP
 from PIL import Image
-from scratch import content, prepare
+from scratch import content, prepare, write_frames
+from toy_fish import mass_centre, rough_picture
 
 import stages.export
 import stages.sprites
@@ -56,23 +57,10 @@ def drop(size=31, channels=2, turn=0):
     return np.rot90(np.round(np.dstack([*colours, alpha])).astype(np.uint8), turn)
 
 
-def centre(alpha):
-    """The mass centre (x, y) of a grey picture."""
-    y, x = np.mgrid[: alpha.shape[0], : alpha.shape[1]]
-    return np.array([(alpha * x).sum(), (alpha * y).sum()]) / alpha.sum()
-
-
-def noise(rng, height, width, channels):
-    """A premultiplied picture that is as rough as can be."""
-    alpha = rng.choice([0, 0, 60, 255, 255], (height, width, 1))
-    colour = np.rint(rng.random((height, width, channels - 1)) * alpha)
-    return np.concatenate([colour, alpha], axis=2).astype(np.uint8)
-
-
 def journey(channels, count=9):
     """Fish that turn, grow, fade into one another and leave the picture."""
     rng = np.random.default_rng(1)
-    pictures = [picture(noise(rng, 20, 27, channels), 12.7, 9.9) for _ in range(2)]
+    pictures = [picture(rough_picture(rng, 20, 27, channels), 12.7, 9.9) for _ in range(2)]
     for k in range(count):
         a, b = (Turned(one, 31.0 * k, 0.8 + 0.05 * k) for one in pictures)
         yield (Placed(30.3 + 12 * k, 40.8 - k, a, b, 0.3 if k % 2 else 0.0),)
@@ -85,7 +73,7 @@ def journey(channels, count=9):
 def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
     rng = np.random.default_rng(0)
     for _ in range(10):
-        pixels = noise(rng, *rng.integers(5, 30, 2), channels)
+        pixels = rough_picture(rng, *rng.integers(5, 30, 2), channels)
         alone = Alone(60, 80, channels - 1)
         box = alone.show(Placed(30.0, 20.0, Turned(picture(pixels, 10.0, 8.0)), None, 0.0))
         where = np.s_[12 - box.top :, 20 - box.left :]
@@ -131,7 +119,7 @@ def test_nothing_is_left_of_the_frame_before_and_a_fish_outside_is_not_there():
     alone = Alone(HEIGHT, WIDTH, 1)
     frames = [frame.copy() for frame in cut_out(rows, alone, Box(0, 0, HEIGHT, WIDTH))]
     assert np.array_equal(frames[0], frames[3]) and not frames[2].any()
-    assert centre(frames[1][..., 3].astype(float)) == pytest.approx([60, 50], abs=0.3)
+    assert mass_centre(frames[1][..., 3].astype(float)) == pytest.approx([60, 50], abs=0.3)
     assert frames[1][..., 3].sum() == frames[0][..., 3].sum()
     away = [rows[2]]
     assert next(cut_out(away, alone, bounding_box(away, alone))).shape == (1, 1, 4)
@@ -208,13 +196,7 @@ def clip(shape=(45, 71), count=6, colour=(120, 60, 200)):
         yield (np.round(frame) * (alpha >= 1)[..., None]).astype(np.uint8)
 
 
-def write(writer, frames):
-    with writer:
-        for frame in frames:
-            writer.write(frame)
-
-
-def decoded(path):
+def decode_webm(path):
     """The frames of a WebM by libvpx, which alone knows of alpha: time, RGB, alpha."""
     with av.open(str(path)) as film:
         assert film.format.name == "matroska,webm"
@@ -233,8 +215,8 @@ def decoded(path):
 @pytest.mark.parametrize("shape", [(46, 72), (45, 71)])
 def test_a_webm_comes_back_with_its_alpha(tmp_path, shape):
     given = list(clip(shape))
-    write(WebmWriter(tmp_path / "a.webm", given[0].shape, RATE, 8), given)
-    found = list(decoded(tmp_path / "a.webm"))
+    write_frames(WebmWriter(tmp_path / "a.webm", given[0].shape, RATE, 8), given)
+    found = list(decode_webm(tmp_path / "a.webm"))
     assert len(found) == len(given)
     for k, ((time, rgb, alpha), frame) in enumerate(zip(found, given, strict=True)):
         assert time == pytest.approx(k / RATE, abs=0.001)  # WebM's clock
@@ -248,14 +230,16 @@ def test_a_webm_comes_back_with_its_alpha(tmp_path, shape):
 
 
 def test_grey_stays_grey_in_a_webm(tmp_path):
-    write(WebmWriter(tmp_path / "a.webm", (46, 72, 4), RATE, 8), clip((46, 72), 2, (90, 90, 90)))
-    for _, rgb, alpha in decoded(tmp_path / "a.webm"):
+    write_frames(
+        WebmWriter(tmp_path / "a.webm", (46, 72, 4), RATE, 8), clip((46, 72), 2, (90, 90, 90))
+    )
+    for _, rgb, alpha in decode_webm(tmp_path / "a.webm"):
         assert np.ptp(rgb[alpha > 100], axis=1).max() == 0
 
 
 def test_an_animated_webp_comes_back_with_its_alpha(tmp_path):
     given = list(clip())
-    write(AlphaWebpWriter(tmp_path / "a.webp", given[0].shape, RATE, 90), given)
+    write_frames(AlphaWebpWriter(tmp_path / "a.webp", given[0].shape, RATE, 90), given)
     with Image.open(tmp_path / "a.webp") as film:
         assert (film.n_frames, film.mode, film.size, film.info["loop"]) == (6, "RGBA", (71, 45), 0)
         for k, frame in enumerate(given):
@@ -276,19 +260,19 @@ def test_an_animated_webp_comes_back_with_its_alpha(tmp_path):
 )
 def test_same_frames_same_bytes_and_whole_or_not_at_all(tmp_path, make):
     path, kind = tmp_path / "a.film", (lambda path: path.read_bytes())
-    write(make(path), clip())
+    write_frames(make(path), clip())
     first = kind(path)
-    write(make(path), clip())
+    write_frames(make(path), clip())
     assert kind(path) == first
     with pytest.raises(ValueError, match="wanted"):
-        write(make(path), [*clip(count=2), np.zeros((45, 71, 3), np.uint8)])
+        write_frames(make(path), [*clip(count=2), np.zeros((45, 71, 3), np.uint8)])
     assert kind(path) == first and len(list(tmp_path.iterdir())) == 1
 
 
 # --- tracks as poses -----------------------------------------------------------------------------
 
 
-def tracked(lengths, points=5):
+def straight_tracks(lengths, points=5):
     """Straight fish 40 px long, headed right; every second row of the backbone begins at the tail."""
     rows, features = [], []
     for track, length in lengths.items():
@@ -306,7 +290,7 @@ def tracked(lengths, points=5):
 
 @pytest.mark.parametrize("body_points", [0, 1, 2, 3])
 def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
-    found = poses(*tracked({4: 6, 8: 9}), 20, body_points, 1, 10)
+    found = poses(*straight_tracks({4: 6, 8: 9}), 20, body_points, 1, 10)
     body = [f"body_{n + 1}" for n in range(body_points)]
     assert found.individuals == ("track_4", "track_8") and found.frames == 20
     assert found.keypoints == ("head", *body, "tail", "centre")
@@ -320,7 +304,7 @@ def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
 
 
 def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
-    tables = tracked({1: 3, 2: 9, 3: 5, 4: 7})
+    tables = straight_tracks({1: 3, 2: 9, 3: 5, 4: 7})
     assert poses(*tables, 20, 1, 4, 9).individuals == ("track_2", "track_3", "track_4")
     few = poses(*tables, 20, 1, 4, 2)
     assert few.individuals == ("track_2", "track_4") and len(few.frame) == 16
@@ -331,7 +315,7 @@ def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
 
 
 def test_another_programs_animals_are_each_one_whatever_their_tracks():
-    tracks, features = tracked({1: 3, 2: 9, 3: 5, 4: 7})
+    tracks, features = straight_tracks({1: 3, 2: 9, 3: 5, 4: 7})
     tracks.loc[tracks["track_id"] == 3, "frame"] += 20
     animals = tracks["track_id"].map({1: "berta", 2: "anna", 3: "berta", 4: "carl"})
     found = poses(tracks, features, 40, 0, 8, 9, animals)
@@ -350,7 +334,7 @@ def some_poses():
     )  # fmt: skip
 
 
-def compared(dataset, given, individuals):
+def assert_holds_poses(dataset, given, individuals):
     """Whether a dataset of movement holds these poses and nothing else."""
     position = dataset.position.transpose("time", "individuals", "keypoints", "space")
     assert [str(name) for name in dataset.individuals.values] == [
@@ -387,7 +371,7 @@ def test_movements_netcdf_is_read_by_xarray_and_valid_for_movement(tmp_path):
     np.testing.assert_allclose(scaled.position_mm, 0.25 * scaled.position, rtol=1e-6)
     for engine in ("h5netcdf", "netcdf4"):
         dataset = xarray.load_dataset(tmp_path / "tracks.nc", engine=engine)
-        compared(dataset, given, [0, 1])
+        assert_holds_poses(dataset, given, [0, 1])
     ValidPosesInputs.validate(dataset)
     assert (dataset.fps, dataset.time_unit, dataset.ds_type) == (float(RATE), "seconds", "poses")
     save_poses.to_dlc_file(dataset, tmp_path / "again.csv", split_individuals=False)
@@ -418,7 +402,7 @@ def test_nwb_is_read_by_pynwb_and_by_movement(tmp_path):
         rows = given.individual == number
         np.testing.assert_allclose(head[given.frame[rows]], given.places[rows, 0])
         dataset = load_dataset(tmp_path / f"nwb/{name}.nwb", source_software="NWB")
-        compared(dataset.sel(keypoints=list(given.keypoints)), given, [number])
+        assert_holds_poses(dataset.sel(keypoints=list(given.keypoints)), given, [number])
     save_nwb(tmp_path / "scaled", given, RATE, 0.25)
     with NWBHDF5IO(tmp_path / "scaled/track_4.nwb", "r") as file:
         pose = file.read().processing["behavior"]["PoseEstimation"]
@@ -566,7 +550,7 @@ def test_the_stage_hands_everything_on(folder):
     words = ("straight", "slide", "left", "right")
     assert set(films["films"]) == {"network", *words} and films["frame_rate_hz"] == 28.07
     for name, film in films["films"].items():
-        shown = [alpha for _, _, alpha in decoded(out / f"{name}.webm")]
+        shown = [alpha for _, _, alpha in decode_webm(out / f"{name}.webm")]
         assert len(shown) == film["frames"] == (TICKS if name == "network" else 3)
         odd = film["height_px"] % 2, film["width_px"] % 2
         assert shown[0].shape == (film["height_px"] + odd[0], film["width_px"] + odd[1])
@@ -574,7 +558,7 @@ def test_the_stage_hands_everything_on(folder):
             assert webp.size == (film["width_px"], film["height_px"])
             assert webp.n_frames == (6 if name == "network" else 3)  # 0.2 s
         for k, alpha in enumerate(shown):
-            x, y = centre(alpha.astype(float))
+            x, y = mass_centre(alpha.astype(float))
             if (
                 name == "network"
             ):  # the fish is where the edit list says; a drop's centre is not amid it
@@ -648,12 +632,12 @@ def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said)
 
 def test_a_cycle_keeps_the_mass_centre_in_the_middle():
     store = [Cutout(0, 0, 35, 25, drop()) for _ in range(12 * ORIENTATIONS)]
-    own = np.array([35, 25]) + centre(drop()[..., -1].astype(float))
+    own = np.array([35, 25]) + mass_centre(drop()[..., -1].astype(float))
     gallery = Gallery({"sprite": Shelf(store, own[None].repeat(12, 0), ORIENTATIONS)})
     steps, half = cycle(sprite_table(), "left", gallery)
     alone = Alone(2 * half + 1, 2 * half + 1, 1)
     crop = bounding_box(steps, alone)
     assert len(steps) == 3 and {one.fish.scale for (one,) in steps} == {1.2}
     for frame in cut_out(steps, alone, crop):
-        at = centre(frame[..., 3].astype(float)) + (crop.left, crop.top)
+        at = mass_centre(frame[..., 3].astype(float)) + (crop.left, crop.top)
         assert at == pytest.approx([half, half], abs=0.02)

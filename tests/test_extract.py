@@ -46,14 +46,7 @@ from finloop.extract.background import (
     scale_brightness,
     survey_noise,
 )
-from finloop.extract.film import (
-    ClipStream,
-    Detector,
-    detections,
-    follow,
-    rows,
-    tracks,
-)
+from finloop.extract.film import ClipStream, Detector, detections, follow, rows, tracks
 from finloop.extract.samples import Typical, judge, survey, typical_fish
 from finloop.extract.segment import (
     Silhouette,
@@ -102,7 +95,7 @@ def coverage(x, y, degrees=0.0, long=LONG, wide=WIDE, size=SIZE):
     return cover
 
 
-def laid(tank, cover, ink):
+def lay_over(tank, cover, ink):
     """A picture of something of tone `ink` that covers the tank."""
     tank = np.asarray(tank, float)
     cover = cover if tank.ndim == 2 else cover[..., None]
@@ -137,7 +130,7 @@ def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4, shadow=0.45):
 def test_the_median_is_the_empty_tank(colour, height):
     tank = floor(colour, (height, 160))
     frames = [
-        laid(tank, coverage(20 + 15 * k, 20 + 4 * k, 20 * k, size=(height, 160)), 40)
+        lay_over(tank, coverage(20 + 15 * k, 20 + 4 * k, 20 * k, size=(height, 160)), 40)
         for k in range(9)
     ]
     before = [frame.copy() for frame in frames]
@@ -164,7 +157,7 @@ def test_a_film_in_changing_light_has_one_background():
 @pytest.mark.parametrize("colour", [False, True])
 def test_the_light_is_measured_past_the_fish(colour):
     tank = floor(colour)
-    fish = laid(tank, coverage(80, 60, 20), 30)
+    fish = lay_over(tank, coverage(80, 60, 20), 30)
     assert light(tank, tank) == 1.0
     for gain in (0.8, 0.95, 1.1, 1.3):
         assert light(scale_brightness(fish, gain), tank) == pytest.approx(gain, rel=0.01)
@@ -194,7 +187,7 @@ def test_light_alone_is_no_difference(gain):
 
 def test_polarity_says_which_differences_count():
     tank = floor()
-    frame = laid(laid(tank, coverage(40, 60), 30), coverage(120, 60), 250)
+    frame = lay_over(lay_over(tank, coverage(40, 60), 30), coverage(120, 60), 250)
     dark, bright, both = (
         difference(frame, scene_of(tank, polarity)) for polarity in ("dark", "bright", "both")
     )
@@ -223,7 +216,7 @@ def test_of_three_colours_the_strongest_difference_counts():
     for channel in range(3):
         ink = tank[60, 80].copy()
         ink[channel] -= 70
-        change = difference(laid(tank, coverage(80, 60), ink), scene_of(tank))
+        change = difference(lay_over(tank, coverage(80, 60), ink), scene_of(tank))
         assert change[60, 80] == pytest.approx(70, abs=1)
 
 
@@ -234,7 +227,7 @@ def test_the_noise_is_measured(sigma, colour):
     size = (300, 400)
     shape = (*size, 3) if colour else size
     tank = np.full(shape, 128, np.uint8)
-    fish = laid(tank, coverage(200, 150, 30, size=size), 60)  # 0.5 % of the picture
+    fish = lay_over(tank, coverage(200, 150, 30, size=size), 60)  # 0.5 % of the picture
     frames = [
         np.clip(np.round(fish + rng.normal(0, sigma, shape)), 0, 255).astype(np.uint8)
         for _ in range(5)
@@ -267,7 +260,7 @@ def test_the_noise_is_not_the_fish():
 def test_the_polarity_is_found(inks, polarity):
     tank = floor()
     frames = [
-        laid(laid(tank, coverage(40 + k, 30), inks[0]), coverage(110 - k, 90), inks[1])
+        lay_over(lay_over(tank, coverage(40 + k, 30), inks[0]), coverage(110 - k, 90), inks[1])
         for k in range(5)
     ]
     assert survey_noise(frames, tank, "auto", 5.0, 6.0).polarity == polarity
@@ -281,7 +274,7 @@ def test_a_flat_background_for_a_fish_that_stays(colour, ink):
     tone = np.array([120, 140, 130]) if colour else np.array(130)
     tank = np.broadcast_to(tone, (*SIZE, 3) if colour else SIZE)
     frames = [
-        np.round(laid(tank, coverage(80, 60 + k), ink) + rng.normal(0, 2, tank.shape)).astype(
+        np.round(lay_over(tank, coverage(80, 60 + k), ink) + rng.normal(0, 2, tank.shape)).astype(
             np.uint8
         )
         for k in range(3)
@@ -320,7 +313,7 @@ def test_how_many_frames_are_looked_at():
 
 def test_mog2_takes_in_what_stays_and_follows_the_frames():
     tank = floor()
-    stone = laid(tank, coverage(80, 60), 40)
+    stone = lay_over(tank, coverage(80, 60), 40)
     frames = [tank] * 10 + [stone] * 190
     seen = list(follow(frames, scene_of(tank), rate_hz=2.0))
     assert all(frame is given for (frame, _), given in zip(seen, frames, strict=True))
@@ -338,7 +331,7 @@ def test_mog2_takes_in_what_stays_and_follows_the_frames():
 @pytest.mark.parametrize("colour", [False, True])
 def test_a_fish_is_one_silhouette_of_its_size(degrees, colour):
     tank = floor(colour)
-    (found,) = patches(laid(tank, coverage(80.3, 59.6, degrees), 40), scene_of(tank))
+    (found,) = patches(lay_over(tank, coverage(80.3, 59.6, degrees), 40), scene_of(tank))
     true = np.pi * LONG * WIDE
     assert found.area_px == found.mask.sum() == pytest.approx(true, rel=0.05)
     assert not found.at_border
@@ -361,7 +354,7 @@ def test_no_fish_no_silhouette():
 
 def test_a_picture_on_its_side_has_the_same_silhouettes_on_their_sides():
     tank = floor()
-    frame = laid(tank, coverage(70, 60, 25), 40)
+    frame = lay_over(tank, coverage(70, 60, 25), 40)
     (found,) = patches(frame, scene_of(tank))
     for turn in (lambda z: z.T, lambda z: z[::-1], lambda z: z[:, ::-1], np.rot90):
         turned = [np.ascontiguousarray(turn(z)) for z in (frame, tank, WHOLE)]
@@ -373,7 +366,7 @@ def test_a_picture_on_its_side_has_the_same_silhouettes_on_their_sides():
 def test_a_pale_fish_and_a_strong_one_both_end_at_their_own_outline():
     tank = np.full(SIZE, 150, np.uint8)
     strong, pale = coverage(40, 40, 10), coverage(110, 80, 10)
-    found = patches(laid(laid(tank, strong, 30), pale, 125), scene_of(tank))
+    found = patches(lay_over(lay_over(tank, strong, 30), pale, 125), scene_of(tank))
     areas = sorted(s.area_px for s in found)
     assert len(areas) == 2
     assert areas[0] == pytest.approx(areas[1], rel=0.04)
@@ -382,17 +375,17 @@ def test_a_pale_fish_and_a_strong_one_both_end_at_their_own_outline():
 def test_a_soft_shadow_does_not_enter():
     tank = floor()
     shadow = cv2.GaussianBlur(coverage(88, 68, 10), (0, 0), 3)
-    shaded = laid(tank, 0.15 * shadow, 0)
+    shaded = lay_over(tank, 0.15 * shadow, 0)
     assert difference(shaded, scene_of(tank)).max() > 15  # well above the threshold
-    (plain,) = patches(laid(tank, coverage(80, 60, 10), 40), scene_of(tank))
-    (with_shadow,) = patches(laid(shaded, coverage(80, 60, 10), 40), scene_of(tank))
+    (plain,) = patches(lay_over(tank, coverage(80, 60, 10), 40), scene_of(tank))
+    (with_shadow,) = patches(lay_over(shaded, coverage(80, 60, 10), 40), scene_of(tank))
     assert with_shadow.area_px == pytest.approx(plain.area_px, rel=0.03)
 
 
 def test_two_fish_under_one_shadow_are_two_silhouettes():
     tank = np.full(SIZE, 150, np.uint8)
-    veil = laid(tank, coverage(80, 60, long=45, wide=28), 130)
-    frame = laid(laid(veil, coverage(80, 45), 30), coverage(80, 75), 30)
+    veil = lay_over(tank, coverage(80, 60, long=45, wide=28), 130)
+    frame = lay_over(lay_over(veil, coverage(80, 45), 30), coverage(80, 75), 30)
     found = patches(frame, scene_of(tank))
     assert [s.area_px for s in found] == pytest.approx([np.pi * LONG * WIDE] * 2, rel=0.12)
 
@@ -402,7 +395,7 @@ def test_a_fish_beside_a_slanting_one_is_given_once():
     tank = np.full(SIZE, 150, np.uint8)
     slanting = coverage(80, 60, 45)
     for x, y in ((98, 78), (62, 42), (112, 60)):
-        frame = laid(laid(tank, slanting, 30), coverage(x, y, 45, long=9, wide=4), 30)
+        frame = lay_over(lay_over(tank, slanting, 30), coverage(x, y, 45, long=9, wide=4), 30)
         found = patches(frame, scene_of(tank))
         times = np.zeros(SIZE, int)
         for one in found:
@@ -414,18 +407,18 @@ def test_a_fish_beside_a_slanting_one_is_given_once():
 
 def test_patterned_skin_makes_no_holes():
     tank = np.full(SIZE, 150, np.uint8)
-    koi = laid(laid(tank, coverage(80, 60), 30), coverage(85, 60, long=9, wide=3), 150)
-    (plain,) = patches(laid(tank, coverage(80, 60), 30), scene_of(tank))
+    koi = lay_over(lay_over(tank, coverage(80, 60), 30), coverage(85, 60, long=9, wide=3), 150)
+    (plain,) = patches(lay_over(tank, coverage(80, 60), 30), scene_of(tank))
     (found,) = patches(koi, scene_of(tank))
     assert np.array_equal(found.mask, plain.mask)
 
 
 def test_fish_in_several_rows_are_those_of_each_alone_from_below_up():
     tank, places = floor(), ((40, 20), (110, 60), (60, 108))
-    alone = [patches(laid(tank, coverage(x, y), 40), scene_of(tank)) for x, y in places]
+    alone = [patches(lay_over(tank, coverage(x, y), 40), scene_of(tank)) for x, y in places]
     frame = tank.copy()
     for x, y in places:
-        frame = laid(frame, coverage(x, y), 40)
+        frame = lay_over(frame, coverage(x, y), 40)
     found = patches(frame, scene_of(tank))
     assert [one.y0 for one in found] == [one.y0 for (one,) in alone[::-1]]
     for one, (other,) in zip(found, alone[::-1], strict=True):
@@ -436,7 +429,7 @@ def test_fish_in_several_rows_are_those_of_each_alone_from_below_up():
 
 def test_specks_are_left_out():
     tank = np.full(SIZE, 150, np.uint8)
-    frame = laid(tank, coverage(80, 60, long=5, wide=4), 30)  # 63 px²
+    frame = lay_over(tank, coverage(80, 60, long=5, wide=4), 30)  # 63 px²
     assert len(patches(frame, scene_of(tank), least=50)) == 1
     assert patches(frame, scene_of(tank), least=80) == []
 
@@ -448,7 +441,7 @@ def test_specks_are_left_out():
 )  # fmt: skip
 def test_what_touches_the_edge_of_the_picture(x, y, at_border):
     tank = np.full(SIZE, 150, np.uint8)
-    (found,) = patches(laid(tank, coverage(x, y), 40), scene_of(tank))
+    (found,) = patches(lay_over(tank, coverage(x, y), 40), scene_of(tank))
     assert found.at_border == at_border
 
 
@@ -457,9 +450,9 @@ def test_what_touches_the_edge_of_the_arena(x, at_border):
     tank = floor()
     arena = WHOLE.copy()
     arena[:, :26] = 0
-    (found,) = patches(laid(tank, coverage(x, 60), 40), scene_of(tank), arena)
+    (found,) = patches(lay_over(tank, coverage(x, 60), 40), scene_of(tank), arena)
     assert found.at_border == at_border
-    assert patches(laid(tank, coverage(10, 60, long=12), 40), scene_of(tank), arena) == []
+    assert patches(lay_over(tank, coverage(10, 60, long=12), 40), scene_of(tank), arena) == []
 
 
 # -- one fish measured --------------------------------------------------------------------------
@@ -469,7 +462,7 @@ def test_what_touches_the_edge_of_the_arena(x, at_border):
 def toy(request):
     """Tank, frame, silhouette and measures of a toy fish."""
     tank = floor(request.param)
-    frame = laid(tank, coverage(80.3, 59.6, 30), [40, 60, 30] if request.param else 40)
+    frame = lay_over(tank, coverage(80.3, 59.6, 30), [40, 60, 30] if request.param else 40)
     scene = scene_of(tank)
     (silhouette,) = patches(frame, scene)
     return tank, frame, silhouette, measure(silhouette, frame, scene, 33)
@@ -525,7 +518,7 @@ def test_premultiplied_by_the_true_alpha_is_exact(colour):
     tank = floor(colour)
     alpha = rng.integers(0, 256, SIZE, np.uint8)
     ink = rng.integers(0, 256, tank.shape)
-    frame = laid(tank, alpha / 255, ink)
+    frame = lay_over(tank, alpha / 255, ink)
     cutout = premultiply(frame, tank, alpha)
     assert cutout.shape == (*SIZE, 4 if colour else 2)
     assert np.all(cutout[..., :-1] <= alpha[..., None])
@@ -537,12 +530,12 @@ def test_premultiplied_by_the_true_alpha_is_exact(colour):
 def test_over_another_tank_there_is_next_to_no_fringe_of_the_first():
     tank, other, ink = np.full(SIZE, 200, np.uint8), np.full(SIZE, 90, np.uint8), 40
     scene, cover = scene_of(tank), coverage(80, 60, 30)
-    frame = laid(tank, cover, ink)
+    frame = lay_over(tank, cover, ink)
     fish = measure(patches(frame, scene)[0], frame, scene, 33)
     assert fish is not None
     moved = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(other).astype(float)
     h, w = moved.shape
-    true = laid(other, cover, ink)[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
+    true = lay_over(other, cover, ink)[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
     # Alpha comes from the difference image, which is smoothed: softer than the fish by a pixel.
     assert np.abs(moved - true).max() < 0.3 * (200 - 90)
     assert np.abs(moved - true).mean() < 0.02 * (200 - 90)
@@ -577,7 +570,7 @@ def test_alpha_is_the_difference_over_the_largest_within_two_pixels_inside():
 
 def test_a_round_thing_is_not_measured():
     tank = floor()
-    frame = laid(tank, coverage(80, 60, long=9, wide=9), 40)
+    frame = lay_over(tank, coverage(80, 60, long=9, wide=9), 40)
     (found,) = patches(frame, scene_of(tank))
     assert measure(found, frame, scene_of(tank), 33) is None
 
@@ -632,8 +625,8 @@ def test_no_fish_is_said_as_it_is():
         return caught.value.came
 
     assert "nothing differs from the background by more than 6.0 grey levels" in message(tank)
-    assert "all 1 silhouettes touch the edge" in message(laid(tank, coverage(0, 60), 40))
-    ball = laid(tank, coverage(80, 60, long=9, wide=9), 40)
+    assert "all 1 silhouettes touch the edge" in message(lay_over(tank, coverage(0, 60), 40))
+    ball = lay_over(tank, coverage(80, 60, long=9, wide=9), 40)
     assert "too round" in message(ball)
 
 
@@ -658,7 +651,7 @@ FILMS = {
 
 
 @pytest.fixture(scope="module")
-def drawn():
+def film_with_truth():
     """Frames and truth of the films, drawn when first asked for."""
     films = {}
 
@@ -672,15 +665,15 @@ def drawn():
     return draw
 
 
-def surveyed(frames, settings=SETTINGS):
+def survey_film(frames, settings=SETTINGS):
     arena = np.full(frames[0].shape[:2], 255, np.uint8)
     scene, typical = survey(frames[::4], arena, settings)
     return scene, typical, Detector(arena, typical, settings)
 
 
 @pytest.mark.parametrize("background", ["median", "auto"])
-def test_a_survey_is_the_same_by_any_number_of_threads(drawn, background):
-    frames, _ = drawn("three fish")
+def test_a_survey_is_the_same_by_any_number_of_threads(film_with_truth, background):
+    frames, _ = film_with_truth("three fish")
     arena = np.full(frames[0].shape[:2], 255, np.uint8)
     own = replace(SETTINGS, background=background)
     alone, typical = survey(frames[::8], arena, own)
@@ -690,9 +683,9 @@ def test_a_survey_is_the_same_by_any_number_of_threads(drawn, background):
         assert (scene.noise, scene.threshold, fish) == (alone.noise, alone.threshold, typical)
 
 
-def followed(frames, settings=SETTINGS, cuts=()):
+def follow_fish(frames, settings=SETTINGS, cuts=()):
     """All that is found in a film, and the verdicts on what was seen."""
-    scene, typical, detector = surveyed(frames, settings)
+    scene, typical, detector = survey_film(frames, settings)
     found, tally = [], Counter()
     seen = (detector(frame, scene) for frame in frames)
     for verdicts, some in tracks(seen, typical, settings, cuts):
@@ -702,9 +695,9 @@ def followed(frames, settings=SETTINGS, cuts=()):
 
 
 @pytest.mark.parametrize("name", FILMS)
-def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(drawn, name):
-    frames, truth = drawn(name)
-    found, tally = followed(frames)
+def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(film_with_truth, name):
+    frames, truth = film_with_truth(name)
+    found, tally = follow_fish(frames)
     assert tally == {"fish": len(truth)}
     table, backbones = features(
         rows(found).sort_values(["track_id", "frame"], ignore_index=True), 25.0, FEATURES
@@ -723,8 +716,8 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(drawn, name):
     assert errors["truth_motion_area_bend_rank_correlation"] >= 0.93
 
 
-def test_the_table_of_what_was_found_fits_its_schema(drawn, tmp_path):
-    found, _ = followed(drawn("one fish")[0])
+def test_the_table_of_what_was_found_fits_its_schema(film_with_truth, tmp_path):
+    found, _ = follow_fish(film_with_truth("one fish")[0])
     table = rows(found)
     save_table(tmp_path / "t.parquet", table, tracks_schema(SETTINGS.points))
     assert list(table) == [c.name for c in tracks_schema(SETTINGS.points).columns]
@@ -732,8 +725,8 @@ def test_the_table_of_what_was_found_fits_its_schema(drawn, tmp_path):
     save_table(tmp_path / "t.parquet", rows([]), tracks_schema(SETTINGS.points))
 
 
-def test_tracks_end_at_cuts(drawn):
-    found, _ = followed(drawn("three fish")[0], cuts=[40, 41, 90])
+def test_tracks_end_at_cuts(film_with_truth):
+    found, _ = follow_fish(film_with_truth("three fish")[0], cuts=[40, 41, 90])
     spans = rows(found).groupby("track_id")["frame"].agg(["min", "max", "size"])
     assert sorted(map(tuple, spans.to_numpy().tolist())) == sorted(
         [(0, 39, 40), (41, 89, 49), (90, 119, 30)] * 3
@@ -741,24 +734,24 @@ def test_tracks_end_at_cuts(drawn):
 
 
 @pytest.mark.parametrize(("least", "kept"), [(45, True), (46, False)])
-def test_short_tracks_are_left_out_as_a_whole(drawn, least, kept):
+def test_short_tracks_are_left_out_as_a_whole(film_with_truth, least, kept):
     settings = replace(SETTINGS, min_track_frames=least)
-    found, _ = followed(drawn("one fish")[0], settings, cuts=[45])
+    found, _ = follow_fish(film_with_truth("one fish")[0], settings, cuts=[45])
     assert len(found) == 90 * kept
 
 
-def test_a_track_appears_when_it_is_long_enough(drawn):
-    frames, _ = drawn("one fish")
-    scene, typical, detector = surveyed(frames)
+def test_a_track_appears_when_it_is_long_enough(film_with_truth):
+    frames, _ = film_with_truth("one fish")
+    scene, typical, detector = survey_film(frames)
     seen = (detector(frame, scene) for frame in frames)
     counts = [len(found) for _, found in tracks(seen, typical, SETTINGS)]
     assert counts == [0] * 9 + [10] + [1] * 80
 
 
-def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
+def test_memory_does_not_grow_with_the_film(film_with_truth, monkeypatch):
     monkeypatch.setattr(extract, "_STRETCH", 10)
-    frames, _ = drawn("one fish")
-    scene, typical, detector = surveyed(frames)
+    frames, _ = film_with_truth("one fish")
+    scene, typical, detector = survey_film(frames)
     frames = frames[:20]
     to_and_fro = [*range(len(frames)), *range(len(frames) - 1, -1, -1)]
     alive: list[int] = []
@@ -792,10 +785,10 @@ def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
 def test_the_dark_patches_of_a_white_fish_belong_to_it_and_its_shadow_does_not(colour):
     tank = np.full((*SIZE, 3) if colour else SIZE, 90, np.uint8)
     fish = coverage(80, 60)
-    picture = laid(tank, coverage(84, 68), 72)  # a shadow
-    picture = laid(picture, fish, 235)
+    picture = lay_over(tank, coverage(84, 68), 72)  # a shadow
+    picture = lay_over(picture, fish, 235)
     patch = coverage(92, 54, long=10.0, wide=6.0) * fish  # at the outline
-    picture = laid(picture, patch, 36)
+    picture = lay_over(picture, patch, 36)
     (silhouette,) = patches(picture, scene_of(tank, "both"))
     mask = np.zeros(SIZE, bool)
     h, w = silhouette.mask.shape
@@ -809,19 +802,21 @@ def test_a_fish_that_hardly_moves():
     # It beats its tail in place: a median takes most of it for tank, an even tone does not.
     tank = np.full((160, 220), 170, np.uint8)
     frames = [
-        laid(tank, coverage(110 + 3 * np.sin(k / 3), 80, 4 * np.sin(k / 2), size=tank.shape), 60)
+        lay_over(
+            tank, coverage(110 + 3 * np.sin(k / 3), 80, 4 * np.sin(k / 2), size=tank.shape), 60
+        )
         for k in range(30)
     ]
     for background in ("threshold", "auto"):
-        found, tally = followed(frames, replace(SETTINGS, background=background))
+        found, tally = follow_fish(frames, replace(SETTINGS, background=background))
         assert tally == {"fish": 30}
         assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.03)
 
 
-def test_the_background_of_fish_that_swim_is_the_median(drawn):
-    frames, _ = drawn("three fish")
+def test_the_background_of_fish_that_swim_is_the_median(film_with_truth):
+    frames, _ = film_with_truth("three fish")
     usual, auto = (
-        surveyed(frames, replace(SETTINGS, background=word))[0] for word in ("median", "auto")
+        survey_film(frames, replace(SETTINGS, background=word))[0] for word in ("median", "auto")
     )
     assert np.array_equal(usual.background, auto.background)
 
@@ -831,7 +826,7 @@ def test_the_ghost_of_a_fish_that_moves_less_than_its_length_is_painted_out():
     tank = cv2.GaussianBlur(rng.normal(170, 20, (240, 320)), (0, 0), 3).clip(0, 255)
     tank[40:60, 40:90] = 90  # a stone, which is no ghost
     frames = [
-        np.round(laid(tank, coverage(160 + k, 140, size=tank.shape), 60)).astype(np.uint8)
+        np.round(lay_over(tank, coverage(160 + k, 140, size=tank.shape), 60)).astype(np.uint8)
         for k in range(24)
     ]
     middle = median_background(frames)
@@ -840,7 +835,7 @@ def test_the_ghost_of_a_fish_that_moves_less_than_its_length_is_painted_out():
     assert (middle[body] < 100).mean() > 0.5  # the ghost
     assert (patched[body] > 130).all()
     assert np.array_equal(patched[30:70, 30:100], middle[30:70, 30:100])
-    found, tally = followed(frames, replace(SETTINGS, background="auto"))
+    found, tally = follow_fish(frames, replace(SETTINGS, background="auto"))
     assert tally["fish"] >= 24
     assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.05)
 
@@ -850,24 +845,24 @@ def test_bubbles_that_cover_more_than_the_fish_are_not_the_typical_fish():
     tank = np.full((160, 240), 150, np.uint8)
     frames = []
     for k in range(28):
-        picture = laid(tank, coverage(50 + 5 * k, 50 + 2 * k, size=tank.shape), 50)
+        picture = lay_over(tank, coverage(50 + 5 * k, 50 + 2 * k, size=tank.shape), 50)
         for at in rng.uniform((10, 10), (230, 150), (14, 2)):
-            picture = laid(picture, coverage(*at, long=5.0, wide=4.0, size=tank.shape), 130)
+            picture = lay_over(picture, coverage(*at, long=5.0, wide=4.0, size=tank.shape), 130)
         frames.append(picture)
-    assert surveyed(frames)[1].area_px == pytest.approx(np.pi * LONG * WIDE, rel=0.1)
+    assert survey_film(frames)[1].area_px == pytest.approx(np.pi * LONG * WIDE, rel=0.1)
 
 
 def test_a_fish_that_does_not_move_at_all_is_found():
     tank = np.full((160, 220), 170, np.uint8)
-    still = [laid(tank, coverage(110, 80, size=tank.shape), 60)] * 20
+    still = [lay_over(tank, coverage(110, 80, size=tank.shape), 60)] * 20
     with pytest.raises(FinloopError, match="nothing differs"):
-        surveyed(still, replace(SETTINGS, background="median"))
-    assert followed(still, replace(SETTINGS, background="auto"))[1] == {"fish": 20}
+        survey_film(still, replace(SETTINGS, background="median"))
+    assert follow_fish(still, replace(SETTINGS, background="auto"))[1] == {"fish": 20}
 
 
-def test_verdicts_are_drawn_in_their_colours(drawn):
-    frames, _ = drawn("three fish")
-    scene, typical, detector = surveyed(frames)
+def test_verdicts_are_drawn_in_their_colours(film_with_truth):
+    frames, _ = film_with_truth("three fish")
+    scene, typical, detector = survey_film(frames)
     for count, height in ((1, 1), (2, 1), (3, 2), (4, 2)):
         picture = detections_picture(
             frames[:count], list("abcd")[:count], scene, typical, detector.arena, SETTINGS
@@ -937,7 +932,7 @@ def test_pixels_that_are_not_connected_have_no_number():
     assert alone.numbers.tolist() == [0]
 
 
-def thinned(picture, tank=None):
+def thin_one_fish(picture, tank=None):
     """The one fish of a picture, as Figs. 3 and 4 have it."""
     tank = np.full(SIZE, 150, np.uint8) if tank is None else tank
     typical = Typical(660.0, 2 * LONG, 110.0, "all")
@@ -950,11 +945,11 @@ def with_open_fin(length=40):
     """A fish, and pale and thin a fin that is longer than the rest of the fish before it."""
     fin = np.zeros(SIZE, np.uint8)
     cv2.line(fin, (92, 60), (92, 60 - length), 1, 3)
-    return laid(laid(np.full(SIZE, 150, np.uint8), fin, 135), coverage(80, 60), 40)
+    return lay_over(lay_over(np.full(SIZE, 150, np.uint8), fin, 135), coverage(80, 60), 40)
 
 
 def test_the_papers_rule_keeps_an_open_fin_and_the_weighted_one_the_body():
-    fish = thinned(with_open_fin())
+    fish = thin_one_fish(with_open_fin())
     assert len(fish.side_branches) == 1 and fish.body_ends == 2
     paper, ours = fish.branches[0].path, fish.kept
     beside = ~cv2.dilate(fish.body.astype(np.uint8), np.ones((3, 3))).astype(bool)
@@ -966,14 +961,14 @@ def test_the_papers_rule_keeps_an_open_fin_and_the_weighted_one_the_body():
     assert fish.difference_px > 30
     assert np.ptp(fish.backbone[:, 0]) == pytest.approx(2 * LONG, abs=2)
     assert np.ptp(fish.backbone[:, 1]) < 3
-    short = thinned(with_open_fin(18))  # shorter than the head: both rules keep the body
+    short = thin_one_fish(with_open_fin(18))  # shorter than the head: both rules keep the body
     assert len(short.side_branches) == 1 and short.difference_px == 0
-    plain = thinned(with_open_fin(0))
+    plain = thin_one_fish(with_open_fin(0))
     assert not plain.side_branches and plain.difference_px == 0
 
 
 def test_two_fish_are_chosen_by_their_branches_and_by_what_the_rules_keep():
-    long, short, plain = (thinned(with_open_fin(length)) for length in (40, 18, 0))
+    long, short, plain = (thin_one_fish(with_open_fin(length)) for length in (40, 18, 0))
     chosen, words = choose_fish([plain, long, short, plain])
     assert chosen == [long]  # the most branched one is the one of the greatest difference
     assert "4 fish" in words and "2 have a side branch" in words and "differ for 1" in words
@@ -983,7 +978,7 @@ def test_two_fish_are_chosen_by_their_branches_and_by_what_the_rules_keep():
 
 
 def test_the_picture_shows_the_numbers_of_every_end():
-    fish = thinned(with_open_fin())
+    fish = thin_one_fish(with_open_fin())
     (part,) = figure3_4([fish], "words").subfigs
     numbered = part.axes[2]
     shown = [text.get_text() for text in numbered.texts]
@@ -997,9 +992,9 @@ def test_the_picture_shows_the_numbers_of_every_end():
 
 
 def test_a_fish_that_stands_is_laid_down():
-    lying = thinned(with_open_fin())
+    lying = thin_one_fish(with_open_fin())
     assert lie_down(lying) is lying
-    standing = thinned(np.rot90(with_open_fin()).copy(), np.full(SIZE[::-1], 150, np.uint8))
+    standing = thin_one_fish(np.rot90(with_open_fin()).copy(), np.full(SIZE[::-1], 150, np.uint8))
     fish = lie_down(standing)
     assert fish.film.shape == fish.whole.shape == standing.whole.shape[::-1]
     for points in (fish.kept, on_skeleton(fish.branches)):
@@ -1010,9 +1005,9 @@ def test_a_fish_that_stands_is_laid_down():
 
 
 @pytest.mark.parametrize("name", ["fins open", "three fish"])
-def test_branches_of_drawn_fish_cover_their_skeletons(drawn, name):
-    frames, _ = drawn(name)
-    scene, typical, detector = surveyed(frames)
+def test_branches_of_drawn_fish_cover_their_skeletons(film_with_truth, name):
+    frames, _ = film_with_truth(name)
+    scene, typical, detector = survey_film(frames)
     found = [
         fish
         for frame in frames[::8]
@@ -1037,7 +1032,7 @@ MADE = ["background.png", "cutouts.arrow", "scene.json", "tracks.parquet"]
 
 
 @pytest.fixture(scope="module")
-def extracted(tmp_path_factory):
+def extract_run(tmp_path_factory):
     """A folder in which the stage has run on a drawn carp."""
     folder = tmp_path_factory.mktemp("extracted")
     prepare(folder, *FILM)
@@ -1052,7 +1047,7 @@ def extracted(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def walked(tmp_path_factory):
+def walk_run(tmp_path_factory):
     """A folder in which the stage has run on the small toy fish that swims across."""
     folder = tmp_path_factory.mktemp("walked")
     prepare(folder, *FILM)
@@ -1065,7 +1060,7 @@ def walked(tmp_path_factory):
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
+def workspace(tmp_path, monkeypatch):
     """An empty folder to work in, with default parameters, and without further processes."""
     prepare(tmp_path, *FILM)
     monkeypatch.chdir(tmp_path)
@@ -1073,10 +1068,10 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_stage_makes_its_files(extracted):
-    data = extracted / "data/extract"
+def test_the_stage_makes_its_files(extract_run):
+    data = extract_run / "data/extract"
     assert list(content(data)) == MADE
-    assert list(content(extracted / "reports/extract")) == [
+    assert list(content(extract_run / "reports/extract")) == [
         "detections.png", "fig3_4.png", "films.csv", "metrics.json", "numbers.csv",
     ]  # fmt: skip
     facts = load_record(data / "scene.json", SceneFacts, "extract")
@@ -1084,7 +1079,7 @@ def test_the_stage_makes_its_files(extracted):
     with open_cutouts(data / "cutouts.arrow") as store:
         assert store.index[["track_id", "frame"]].equals(table[["track_id", "frame"]])
         assert set(store.index["channels"]) == {2}
-    metrics = load_numbers(extracted / "reports/extract")
+    metrics = load_numbers(extract_run / "reports/extract")
     assert metrics["fish_frames"] == metrics["silhouettes_fish"] == len(table) == 90
     assert metrics["tracks"] == metrics["tracks_of_60_frames"] == 1
     assert metrics["longest_track_frames"] == metrics["fish_frames_in_tracks_of_60_frames"] == 90
@@ -1092,10 +1087,10 @@ def test_the_stage_makes_its_files(extracted):
     assert metrics["typical_length_px"] == pytest.approx(70, rel=0.03)
 
 
-def test_cutouts_over_the_background_are_the_film(extracted):
-    data = extracted / "data/extract"
+def test_cutouts_over_the_background_are_the_film(extract_run):
+    data = extract_run / "data/extract"
     background = load_picture(data / "background.png")
-    frames = list(read_frames(extracted / "data/clip/clip.mp4"))
+    frames = list(read_frames(extract_run / "data/clip/clip.mp4"))
     with open_cutouts(data / "cutouts.arrow") as store:
         for row in (0, 40, 89):
             cutout = store[row]
@@ -1108,29 +1103,29 @@ def test_cutouts_over_the_background_are_the_film(extracted):
             assert off.mean() < 4  # around the fish there is noise, and its shadow
 
 
-def test_the_same_bytes_with_any_number_of_threads(extracted, here, monkeypatch):
-    put = here / "data/clip"
+def test_the_same_bytes_with_any_number_of_threads(extract_run, workspace, monkeypatch):
+    put = workspace / "data/clip"
     put.parent.mkdir()
-    put.symlink_to(extracted / "data/clip")
+    put.symlink_to(extract_run / "data/clip")
     monkeypatch.setattr(stages.cluster, "THREADS", 3)
     stages.extract.main()
-    assert content(here / "data/extract") == content(extracted / "data/extract")
+    assert content(workspace / "data/extract") == content(extract_run / "data/extract")
 
 
-def test_colour_film_has_colour_cutouts(here):
-    put_clip(here, walk(24, colour=True))
+def test_colour_film_has_colour_cutouts(workspace):
+    put_clip(workspace, walk(24, colour=True))
     stages.extract.main()
-    with open_cutouts(here / "data/extract/cutouts.arrow") as store:
+    with open_cutouts(workspace / "data/extract/cutouts.arrow") as store:
         assert len(store) == 24
         assert set(store.index["channels"]) == {4}
-    assert load_picture(here / "data/extract/background.png").shape == (*SIZE, 3)
+    assert load_picture(workspace / "data/extract/background.png").shape == (*SIZE, 3)
     stages.features.main()
 
 
-def test_tracks_of_the_stage_end_at_cuts(here):
-    put_clip(here, walk(24), cuts=[11])
+def test_tracks_of_the_stage_end_at_cuts(workspace):
+    put_clip(workspace, walk(24), cuts=[11])
     stages.extract.main()
-    table = load_table(here / "data/extract/tracks.parquet", tracks_schema(33))
+    table = load_table(workspace / "data/extract/tracks.parquet", tracks_schema(33))
     assert table.groupby("track_id")["frame"].agg(["min", "max"]).to_numpy().tolist() == [
         [0, 10],
         [11, 23],
@@ -1138,22 +1133,22 @@ def test_tracks_of_the_stage_end_at_cuts(here):
 
 
 @pytest.mark.parametrize("background", ["median", "threshold", "mog2"])
-def test_every_background_finds_the_fish(here, background):
-    prepare(here, *FILM, f"extract.background={background}")
-    put_clip(here, walk(30), rate=5)
+def test_every_background_finds_the_fish(workspace, background):
+    prepare(workspace, *FILM, f"extract.background={background}")
+    put_clip(workspace, walk(30), rate=5)
     stages.extract.main()
-    metrics = load_numbers(here / "reports/extract")
+    metrics = load_numbers(workspace / "reports/extract")
     assert metrics["fish_frames"] >= 28
     assert metrics["tracks"] == 1
     assert metrics["typical_length_px"] == pytest.approx(24, rel=0.06)
 
 
-def test_only_the_arena_counts(here):
+def test_only_the_arena_counts(workspace):
     arena = np.zeros(SIZE, bool)
     arena[:, 60:] = True
-    put_clip(here, walk(26), arena=arena)
+    put_clip(workspace, walk(26), arena=arena)
     stages.extract.main()
-    table = load_table(here / "data/extract/tracks.parquet", tracks_schema(33))
+    table = load_table(workspace / "data/extract/tracks.parquet", tracks_schema(33))
     assert table["backbone_x_px"].map(min).min() > 60
     assert 5 <= len(table) < 20
 
@@ -1166,7 +1161,7 @@ def walk(frames, colour=False, y=60):
     tank = np.full((*SIZE, 3) if colour else SIZE, 150, np.uint8)
     ink = [30, 60, 40] if colour else 40
     places = np.linspace(20, 140, frames)
-    return [laid(tank, coverage(x, y, long=12, wide=4), ink) for x in places]
+    return [lay_over(tank, coverage(x, y, long=12, wide=4), ink) for x in places]
 
 
 def along_the_wall():
@@ -1176,10 +1171,10 @@ def along_the_wall():
 def filling():
     tank = np.full(SIZE, 150, np.uint8)
     places = np.linspace(-90, 250, 24)
-    return [laid(tank, coverage(x, 60, long=60, wide=80), 40) for x in places]
+    return [lay_over(tank, coverage(x, 60, long=60, wide=80), 40) for x in places]
 
 
-def hidden():
+def flickering_walk():
     """Seen now and then, for a few frames."""
     return [
         frame if k % 8 < 4 else np.full(SIZE, 150, np.uint8) for k, frame in enumerate(walk(27))
@@ -1205,7 +1200,7 @@ NO_FISH = {
     "always at the border": (along_the_wall, [], "touch the edge"),
     "filling the frame": (filling, [], "touch the edge"),
     "of the wrong polarity": (lambda: walk(24), ["extract.polarity=bright"], "nothing differs"),
-    "never long in sight": (hidden, [], "could be followed for 10 frames"),
+    "never long in sight": (flickering_walk, [], "could be followed for 10 frames"),
     "too few frames": (lambda: walk(9), [], "could be followed for 10 frames"),
 }
 
@@ -1213,20 +1208,20 @@ NO_FISH = {
 @pytest.mark.parametrize(
     ("case", "before"), [("a still fish", False), *((case, True) for case in NO_FISH)]
 )
-def test_no_fish_is_one_message_and_no_half_output(here, extracted, case, before):
+def test_no_fish_is_one_message_and_no_half_output(workspace, extract_run, case, before):
     make, overrides, said = NO_FISH[case]
     if before:
-        (here / "data").mkdir()
+        (workspace / "data").mkdir()
         for part in ("data/extract", "reports"):
-            (here / part).symlink_to(extracted / part)
-    old = content(here / "data/extract/"), content(here / "reports/")
-    prepare(here, *FILM, *overrides)
-    put_clip(here, make())
+            (workspace / part).symlink_to(extract_run / part)
+    old = content(workspace / "data/extract/"), content(workspace / "reports/")
+    prepare(workspace, *FILM, *overrides)
+    put_clip(workspace, make())
     with pytest.raises(FinloopError, match=said) as caught:
         stages.extract.main()
     assert "extract." in caught.value.do or "clip" in caught.value.do
-    assert (content(here / "data/extract/"), content(here / "reports/")) == old
-    assert {path.name for path in (here / "data").iterdir()} <= {"clip", "extract"}
+    assert (content(workspace / "data/extract/"), content(workspace / "reports/")) == old
+    assert {path.name for path in (workspace / "data").iterdir()} <= {"clip", "extract"}
 
 
 def spoilt(folder, harm):
@@ -1254,24 +1249,26 @@ def spoilt(folder, harm):
      "facts of another clip", "arena of another clip"],
 )  # fmt: skip
 @pytest.mark.parametrize("before", [False, True])
-def test_a_damaged_clip_is_one_message_and_no_half_output(here, walked, harm, before):
+def test_a_damaged_clip_is_one_message_and_no_half_output(workspace, walk_run, harm, before):
     for made in ("data", "reports") if before else ("data/clip",):
-        shutil.copytree(walked / made, here / made)
-    old = content(here / "data/extract"), content(here / "reports")
-    spoilt(here, harm)
+        shutil.copytree(walk_run / made, workspace / made)
+    old = content(workspace / "data/extract"), content(workspace / "reports")
+    spoilt(workspace, harm)
     with pytest.raises(FinloopError, match="data/clip") as caught:
         stages.extract.main()
     assert caught.value.do
-    assert (content(here / "data/extract"), content(here / "reports")) == old
-    assert {path.name for path in (here / "data").iterdir()} <= {"clip", "extract"}
+    assert (content(workspace / "data/extract"), content(workspace / "reports")) == old
+    assert {path.name for path in (workspace / "data").iterdir()} <= {"clip", "extract"}
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 @pytest.mark.parametrize("where", ["film.rows", "save_record", "film_writer"])
-def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatch, error, where):
-    shutil.copytree(walked / "data/extract", here / "data/extract")
-    old = content(here / "data/extract")
-    put_clip(here, walk(20))
+def test_whatever_stops_the_stage_leaves_what_was_there(
+    workspace, walk_run, monkeypatch, error, where
+):
+    shutil.copytree(walk_run / "data/extract", workspace / "data/extract")
+    old = content(workspace / "data/extract")
+    put_clip(workspace, walk(20))
 
     def stop(*_):
         raise error
@@ -1280,19 +1277,19 @@ def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatc
     with pytest.raises((FinloopError, KeyboardInterrupt)) as caught:
         stages.extract.main()
     assert isinstance(caught.value, KeyboardInterrupt) or "disk is full" in caught.value.came
-    assert content(here / "data/extract") == old
-    left = {path.name for path in (here / "data").iterdir()} - {stages.extract.PIECES.name}
+    assert content(workspace / "data/extract") == old
+    left = {path.name for path in (workspace / "data").iterdir()} - {stages.extract.PIECES.name}
     assert left == {"clip", "extract"}
 
 
-def test_another_run_is_not_disturbed_by_what_a_killed_one_left(here):
-    put_clip(here, walk(24))
+def test_another_run_is_not_disturbed_by_what_a_killed_one_left(workspace):
+    put_clip(workspace, walk(24))
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
         pass
-    left = here / f"data/.extract.{socket.gethostname().partition('.')[0]}-{ended.pid}.part"
+    left = workspace / f"data/.extract.{socket.gethostname().partition('.')[0]}-{ended.pid}.part"
     left.mkdir()
     (left / "cutouts.arrow").write_bytes(b"half")
     (left / "other").write_bytes(b"half")
     stages.extract.main()
-    assert list(content(here / "data/extract")) == MADE
-    assert {path.name for path in (here / "data").iterdir()} == {"clip", "extract"}
+    assert list(content(workspace / "data/extract")) == MADE
+    assert {path.name for path in (workspace / "data").iterdir()} == {"clip", "extract"}

@@ -5,7 +5,6 @@ known in closed form. y is down: what is anticlockwise and left is so as seen on
 """
 
 import itertools
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,8 @@ import pytest
 from conftest import TINY_CARP
 from scipy.integrate import quad
 from scipy.interpolate import BSpline
-from scratch import content, prepare, same_but_figures
+from scratch import content, prepare
+from tiny_run import copy_of, stage_run
 
 import stages.features
 import stages.plots.features
@@ -25,14 +25,7 @@ from finloop.features.area import bend, closed_spline, control_points, signed_ar
 from finloop.features.current import through_water
 from finloop.features.head import _posterior, _viterbi, head_first
 from finloop.features.memory import block_frames, measured_delta
-from finloop.features.metrics import (
-    against_truth,
-    forwards,
-    in_mm,
-    longest_track,
-    summary,
-    table1,
-)
+from finloop.features.metrics import against_truth, forwards, in_mm, longest_track, summary, table1
 from finloop.features.swimming_type import (
     BRISK,
     LEFT,
@@ -128,7 +121,7 @@ def tracks_table(*tracks, start=0, width=WIDTH):
     return pd.DataFrame(rows)
 
 
-def shuffled(lines, width, rng):
+def shuffle_ends(lines, width, rng):
     """Each backbone with either end first; also which of them are head first."""
     first = rng.random(len(lines)) < 0.5
     width = np.broadcast_to(width, lines.shape[:2])
@@ -323,7 +316,7 @@ def test_the_head_is_found_in_every_frame(seed):
     lines = swim(80, speed=2.0, turn_deg=rng.uniform(-6, 6), wag_deg=40)
     lines = lines + rng.normal(0, 0.02 * LENGTH, lines.shape)
     width = WIDTH * rng.lognormal(0, 0.2, (80, 1)) + rng.normal(0, 0.5, (80, POINTS))
-    mixed, widths, first = shuffled(lines, width, rng)
+    mixed, widths, first = shuffle_ends(lines, width, rng)
     found, confidence = head_first(mixed, widths, RATE)
     assert np.array_equal(found, first)
     assert confidence.min() > 0.9
@@ -331,14 +324,14 @@ def test_the_head_is_found_in_every_frame(seed):
 
 def test_a_symmetric_fish_is_told_by_its_way():
     even = np.full(POINTS, 4.0)
-    mixed, widths, first = shuffled(swim(60, speed=3.0), even, np.random.default_rng(0))
+    mixed, widths, first = shuffle_ends(swim(60, speed=3.0), even, np.random.default_rng(0))
     found, confidence = head_first(mixed, widths, RATE)
     assert np.array_equal(found, first)
     assert confidence.min() > 0.9
 
 
 def test_a_fish_that_stays_is_told_by_its_shape():
-    mixed, widths, first = shuffled(swim(60, speed=0.0), WIDTH, np.random.default_rng(0))
+    mixed, widths, first = shuffle_ends(swim(60, speed=0.0), WIDTH, np.random.default_rng(0))
     found, confidence = head_first(mixed, widths, RATE)
     assert np.array_equal(found, first)
     assert confidence.min() > 0.9
@@ -367,7 +360,7 @@ def test_one_wild_frame_does_not_outvote_a_track():
 
 def test_the_other_end_first_is_the_same_answer():
     rng = np.random.default_rng(3)
-    mixed, widths, _ = shuffled(swim(40, speed=1.0), WIDTH, rng)
+    mixed, widths, _ = shuffle_ends(swim(40, speed=1.0), WIDTH, rng)
     found, confidence = head_first(mixed, widths, RATE)
     other, as_sure = head_first(mixed[:, ::-1], widths[:, ::-1], RATE)
     assert np.array_equal(other, ~found)
@@ -590,7 +583,7 @@ def test_what_lies_beyond_the_end_of_a_track_is_null_and_not_zero(tmp_path, fram
 
 def test_which_end_a_backbone_begins_with_does_not_matter():
     lines = swim(40, 3.0, 4.0, wag_deg=50)
-    mixed, widths, _ = shuffled(lines, WIDTH, np.random.default_rng(7))
+    mixed, widths, _ = shuffle_ends(lines, WIDTH, np.random.default_rng(7))
     tracks = tracks_table(mixed).assign(half_width_px=list(widths))
     table, backbones = features(tracks, RATE, SETTINGS)
     plain, same = features(tracks_table(lines), RATE, SETTINGS)
@@ -642,16 +635,16 @@ def test_the_same_film_seen_otherwise(view):
     see, point, side = SEEN[view]
     rng = np.random.default_rng(6)
     films = [
-        shuffled(swim(40, 3, turn_deg, heading_deg, wag_deg=50), WIDTH, rng)
+        shuffle_ends(swim(40, 3, turn_deg, heading_deg, wag_deg=50), WIDTH, rng)
         for turn_deg, heading_deg in ((2, 0), (-6, 77), (8, 200))
     ]
 
-    def measured(change):
+    def measure_changed(change):
         tracks = tracks_table(*(change(lines) for lines, _, _ in films))
         tracks["half_width_px"] = [w for _, widths, _ in films for w in widths]
         return features(tracks, RATE, SETTINGS)[0]
 
-    one, other = measured(lambda p: p), measured(see)
+    one, other = measure_changed(lambda p: p), measure_changed(see)
     assert {LEFT, RIGHT, STRAIGHT} == set(one["swimming_type"])
     assert wrap_deg(other["heading_deg"] - point(one["heading_deg"])) == pytest.approx(0, abs=1e-3)
     for column in ("bend", "included_angle_deg"):
@@ -780,15 +773,15 @@ def truth_of(table, backbones):
 
 
 @pytest.fixture(scope="module")
-def known():
+def swimmers_with_truth():
     """A table of two swimmers, its backbones, and the truth that it agrees with."""
     wagging = swim(40, 3.0, 4.0, wag_deg=60), swim(30, 3.0, -6.0, 90, arc_deg=-40) + (300, 0)
     table, backbones = features(tracks_table(*wagging), RATE, SETTINGS)
     return table, backbones, truth_of(table, backbones)
 
 
-def test_against_itself_nothing_is_wrong(known):
-    found = against_truth(*known)
+def test_against_itself_nothing_is_wrong(swimmers_with_truth):
+    found = against_truth(*swimmers_with_truth)
     assert found["truth_found_pct"] == 100
     for name in ("centre_error_median_px", "centre_error_p95_px", "heading_error_median_deg",
                  "heading_error_p95_deg", "head_tail_swaps", "identity_changes"):  # fmt: skip
@@ -799,8 +792,8 @@ def test_against_itself_nothing_is_wrong(known):
     assert found["truth_motion_area_bend_rank_correlation"] == pytest.approx(1)
 
 
-def test_errors_are_counted(known):
-    table, backbones, truth = known
+def test_errors_are_counted(swimmers_with_truth):
+    table, backbones, truth = swimmers_with_truth
     moved = table.assign(
         x_px=table["x_px"] + 3.0,
         y_px=table["y_px"] - 4.0,
@@ -822,8 +815,8 @@ def test_errors_are_counted(known):
     assert found["truth_right_recall_pct"] == 0
 
 
-def test_lost_and_confused_fish_are_counted(known):
-    table, backbones, truth = known
+def test_lost_and_confused_fish_are_counted(swimmers_with_truth):
+    table, backbones, truth = swimmers_with_truth
     keep = (table["frame"] % 2 == 0).to_numpy()
     found = against_truth(table[keep].reset_index(drop=True), backbones[keep], truth)
     assert found["truth_found_pct"] == pytest.approx(100 * keep.mean())
@@ -848,16 +841,16 @@ def specimen(table, backbones, row, colour=False):
 
 @pytest.mark.parametrize("count", [1, 5, 6, 7])
 @pytest.mark.parametrize("colour", [False, True])
-def test_the_size_of_a_contact_sheet(known, count, colour):
-    table, backbones, _ = known
+def test_the_size_of_a_contact_sheet(swimmers_with_truth, count, colour):
+    table, backbones, _ = swimmers_with_truth
     shown = (specimen(table, backbones, row, colour) for row in range(count))
     sheet = contact_sheet(shown, columns=3, size=150)
     assert sheet.shape == (24 + 150 * -(-count // 3), 450, 3)
     assert sheet.dtype == np.uint8
 
 
-def test_what_a_contact_sheet_draws(known):
-    table, backbones, _ = known
+def test_what_a_contact_sheet_draws(swimmers_with_truth):
+    table, backbones, _ = swimmers_with_truth
     tile = contact_sheet([specimen(table, backbones, 5)], columns=1, size=300)[24:]
 
     def places(colour):
@@ -872,8 +865,8 @@ def test_what_a_contact_sheet_draws(known):
     assert np.ptp(backbone, axis=0).max() > 200  # head to tail, as large as the tile allows
 
 
-def test_the_most_doubtful_come_first(known):
-    table, _, _ = known
+def test_the_most_doubtful_come_first(swimmers_with_truth):
+    table, _, _ = swimmers_with_truth
     doubt = table.assign(head_confidence=1.0)
     doubt.loc[[3, 50, 11, 12, 13, 14], "head_confidence"] = [0.5, 0.6, 0.7, 0.71, 0.72, 0.73]
     chosen = most_doubtful(doubt, 12)
@@ -907,8 +900,8 @@ def test_figures_of_any_table(tmp_path, variant):
         assert picture.std() > 5
 
 
-def test_fig_7_shows_the_longest_track(known):
-    table, _, _ = known
+def test_fig_7_shows_the_longest_track(swimmers_with_truth):
+    table, _, _ = swimmers_with_truth
     assert set(longest_track(table)["track_id"]) == {0}
     upper, lower = figure7(table).axes
     (area,) = upper.lines
@@ -982,8 +975,8 @@ def test_fig_5_draws_the_area_and_the_angles_of_the_table():
     assert turned[frames == rows[2]] == pytest.approx(angles.sum(), abs=1e-3)
 
 
-def test_the_rose_adds_up_to_100(known):
-    table, _, _ = known
+def test_the_rose_adds_up_to_100(swimmers_with_truth):
+    table, _, _ = swimmers_with_truth
     (axes,) = rose(table).axes
     assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100)
 
@@ -997,28 +990,15 @@ MADE = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def extracted(tmp_path_factory, tiny_run):
-    """A folder in which the three stages, and its pictures, have run on a drawn carp."""
-    folder = tmp_path_factory.mktemp("extracted")
-    prepare(folder, *TINY_CARP)
-    tiny_run.bring(folder, ["plots-film"])
-    return folder
+film_run = stage_run("plots-film")
+workspace = copy_of("film_run", "no_drawing")
 
 
-@pytest.fixture
-def here(extracted, tmp_path, monkeypatch, no_drawing):
-    """A copy of it to work in."""
-    shutil.copytree(extracted, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def test_the_stage_makes_its_table_and_reports(here):
-    report = here / "reports/features"
+def test_the_stage_makes_its_table_and_reports(workspace):
+    report = workspace / "reports/features"
     assert {path.name for path in report.iterdir()} == MADE
-    assert list(content(here / "data/features")) == ["features.parquet"]
-    table = load_table(here / "data/features/features.parquet", FEATURES)
+    assert list(content(workspace / "data/features")) == ["features.parquet"]
+    table = load_table(workspace / "data/features/features.parquet", FEATURES)
     assert len(table) == 100
     metrics = load_numbers(report)
     assert metrics["fish_frames"] == metrics["truth_found_pct"] == 100
@@ -1032,24 +1012,18 @@ def test_the_stage_makes_its_table_and_reports(here):
     assert sheet.shape == (24 + 8 * 220, 6 * 220, 3) and sheet.std() > 10
 
 
-def test_the_stage_makes_the_same_again(here):
-    once = content(here / "data") | content(here / "reports")
+def test_film_without_truth_has_no_errors_against_it(workspace):
+    (workspace / "data/clip/truth.parquet").unlink()
     stages.features.main()
-    assert same_but_figures(once, content(here / "data") | content(here / "reports"))
-
-
-def test_film_without_truth_has_no_errors_against_it(here):
-    (here / "data/clip/truth.parquet").unlink()
-    stages.features.main()
-    metrics = load_numbers(here / "reports/features")
+    metrics = load_numbers(workspace / "reports/features")
     assert metrics["fish_frames"] == 100
     assert not [name for name in metrics if name.startswith("truth")]
 
 
-def test_delta_follows_the_parameter(here):
-    prepare(here, *TINY_CARP, "features.delta_s=0.4")
+def test_delta_follows_the_parameter(workspace):
+    prepare(workspace, *TINY_CARP, "features.delta_s=0.4")
     stages.features.main()
-    table = load_table(here / "data/features/features.parquet", FEATURES)
+    table = load_table(workspace / "data/features/features.parquet", FEATURES)
     assert table["displacement"].isna().sum() == 10
 
 
@@ -1057,9 +1031,9 @@ def test_delta_follows_the_parameter(here):
     "name", ["tracks.parquet", "cutouts.arrow", "scene.json", "background.png"]
 )
 @pytest.mark.parametrize("harm", ["missing", "cut short"])
-def test_a_damaged_file_is_one_message_and_leaves_no_half_table(here, name, harm):
-    before = content(here / "data/features")
-    path = here / "data/extract" / name
+def test_a_damaged_file_is_one_message_and_leaves_no_half_table(workspace, name, harm):
+    before = content(workspace / "data/features")
+    path = workspace / "data/extract" / name
     whole = path.read_bytes()
     path.unlink()
     if harm == "cut short":
@@ -1067,7 +1041,7 @@ def test_a_damaged_file_is_one_message_and_leaves_no_half_table(here, name, harm
     with pytest.raises(FinloopError, match=rf"{name} cannot be read(.|\n)*dvc repro"):
         stages.features.main()
         stages.plots.features.main()
-    assert content(here / "data/features") == before
+    assert content(workspace / "data/features") == before
 
 
 def test_a_ruler_gives_lengths_and_speeds_in_millimetres():
@@ -1086,7 +1060,7 @@ def test_a_ruler_gives_lengths_and_speeds_in_millimetres():
 # -- a current ---------------------------------------------------------------------------------------
 
 
-def held(current=0.0, heading_deg=30.0):
+def station_features(current=0.0, heading_deg=30.0):
     """The features of a fish that beats its tail on the spot."""
     lines = swim(100, speed=0.0, heading_deg=heading_deg, wag_deg=40.0)
     lines -= lines.mean(axis=1, keepdims=True) - (400, 300)
@@ -1095,14 +1069,14 @@ def held(current=0.0, heading_deg=30.0):
 
 
 def test_in_still_water_places_are_as_filmed():
-    table = held()
+    table = station_features()
     assert np.array_equal(through_water(table), table[["x_px", "y_px"]].to_numpy())
     assert table["displacement"].max() < 1e-3
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, -150.0])
 def test_a_fish_in_a_current_gets_on_along_its_heading(heading_deg):
-    table = held(1.5, heading_deg)
+    table = station_features(1.5, heading_deg)
     way = through_water(table)
     far = way[-1] - way[0]
     assert np.hypot(*far) == pytest.approx(1.5 * LENGTH * 99 / RATE, rel=0.02)
@@ -1113,16 +1087,18 @@ def test_a_fish_in_a_current_gets_on_along_its_heading(heading_deg):
 
 
 def test_the_current_is_found_and_a_number_overrides_it():
-    found = held("auto")["current"]
+    found = station_features("auto")["current"]
     assert found.nunique() == 1 and 0.3 < found.iloc[0] < 1.6
     lines = swim(200, speed=4.0, wag_deg=40.0)
-    table = tracks_table(shuffled(lines, np.ones(33), np.random.default_rng(0))[0])
+    table = tracks_table(shuffle_ends(lines, np.ones(33), np.random.default_rng(0))[0])
     assert (features(table, RATE, settings("features"))[0]["current"] == 0).all()
     assert (features(table, RATE, SETTINGS)[0]["current"] == 0).all()
 
 
 def test_tracks_are_moved_on_each_by_itself():
-    both = pd.concat([held(1.0), held(1.0).assign(track_id=1)], ignore_index=True)
+    both = pd.concat(
+        [station_features(1.0), station_features(1.0).assign(track_id=1)], ignore_index=True
+    )
     way = through_water(both)
     steps = np.diff(way, axis=0)
     assert np.allclose(steps[:99], steps[100:], atol=1e-6)

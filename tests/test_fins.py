@@ -25,7 +25,7 @@ def tank():
     return np.clip(TONE + 5 * rough / np.abs(rough).max(), 0, 255).astype(np.uint8)
 
 
-def covered(corners):
+def pixel_shares(corners):
     """The share (h, w) of each pixel inside a polygon (n, 2) x, y px."""
     big = np.zeros((SIZE[0] * FINE, SIZE[1] * FINE), np.uint8)
     fine = np.round((np.asarray(corners) + 0.5) * FINE - 0.5).astype(np.int32)
@@ -43,7 +43,7 @@ def fish_at(x, y, deg):
     others = [(x, y) + LONG * a * ahead - w * left for a, w in zip(s, half, strict=True)]
     root, tip = LONG - 6, LONG + FIN
     fin = [(x, y) - a * ahead + w * left for a, w in ((root, 2), (tip, 5), (tip, -5), (root, -2))]
-    return covered(flanks + others[::-1]), covered(fin)
+    return pixel_shares(flanks + others[::-1]), pixel_shares(fin)
 
 
 def film(fishes, fin=0.0, shadow=0.0, tone=BODY, fin_tone=BODY, gloom=0.0):
@@ -66,7 +66,7 @@ def scene(polarity="dark"):
     return Scene(tank(), polarity, 1.2, 6.0)
 
 
-def found(frame, fins, polarity="dark"):
+def measure_patches(frame, fins, polarity="dark"):
     patches = silhouettes(frame, scene(polarity), WHOLE, 60.0, SilhouetteEdge(0.4, 0.45, fins))
     return [measure(one, frame, scene(polarity), 33) for one in patches]
 
@@ -89,7 +89,7 @@ def wheel(**how):
 @pytest.mark.parametrize("deg", [0, 70, 200])
 def test_the_cutout_with_its_fin_is_the_film_and_no_measure_changes(deg):
     frame = film([(160, 120, deg)], fin=0.2)
-    (shown,), (without,) = found(frame, "all"), found(frame, "none")
+    (shown,), (without,) = measure_patches(frame, "all"), measure_patches(frame, "none")
     body, tail = fish_at(160, 120, deg)
     fin = (tail == 1) & (body == 0)
     assert fin.sum() > 100
@@ -102,14 +102,14 @@ def test_the_cutout_with_its_fin_is_the_film_and_no_measure_changes(deg):
 
 
 def test_a_fin_is_as_opaque_as_it_is_paler_than_the_fish():
-    (fish,) = found(film([(160, 120, 0)], fin=0.2), "all")
+    (fish,) = measure_patches(film([(160, 120, 0)], fin=0.2), "all")
     alpha = fish.cutout[120 - fish.y0 - 1 : 120 - fish.y0 + 2, : int(FIN) - 4, -1] / 255
     assert alpha.max() < 0.35
     assert np.median(alpha[:, 4:]) == pytest.approx(0.2, abs=0.05)
 
 
 def test_over_another_tank_the_fin_is_as_translucent():
-    (fish,) = found(film([(160, 120, 0)], fin=0.2), "all")
+    (fish,) = measure_patches(film([(160, 120, 0)], fin=0.2), "all")
     other = np.full(SIZE, 120, np.uint8)
     row = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(other)[120 - fish.y0]
     assert np.median(row[6:12]) == pytest.approx(0.2 * BODY + 0.8 * 120, abs=4)
@@ -117,7 +117,7 @@ def test_over_another_tank_the_fin_is_as_translucent():
 
 def test_a_pale_pixel_belongs_to_the_nearest_fish():
     frame = film([(100, 120, 0), (100 - 2 * LONG - FIN - 1, 120, 0)], fin=0.2)
-    both = found(frame, "all")
+    both = measure_patches(frame, "all")
     assert len(both) == 2
     whole = np.zeros(SIZE, int)
     for fish in both:
@@ -130,19 +130,14 @@ def test_a_pale_pixel_belongs_to_the_nearest_fish():
 def test_what_is_far_from_the_silhouette_is_no_part_of_the_fish():
     frame = film([(220, 120, 0)])
     frame[118:122, 20:185] -= 15  # a pale stalk, thrice as long as a fin may be
-    (fish,) = found(frame, "all")
+    (fish,) = measure_patches(frame, "all")
     behind = 220 - LONG - fish.x0
     assert 0.25 * 2 * LONG < behind < 0.45 * 2 * LONG
 
 
 @pytest.mark.parametrize(
     ("how", "fins"),
-    [
-        ({"fin": 0.2}, "all"),
-        ({"shadow": 0.4}, "none"),
-        ({"gloom": 0.3}, "none"),
-        ({}, "all"),
-    ],
+    [({"fin": 0.2}, "all"), ({"shadow": 0.4}, "none"), ({"gloom": 0.3}, "none"), ({}, "all")],
 )
 def test_fins_are_told_from_shadows_and_gloom_by_many_fish(how, fins):
     typical = survey(wheel(**how), WHOLE, settings("extract"))[1]

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, swum, unseen
+from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, random_swimmer, unseen
 
 from finloop.base.errors import FinloopError
 from finloop.base.nearest import parts_of
@@ -28,21 +28,12 @@ from finloop.forecast.learning import learn
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split
-from finloop.forecast.sampling import (
-    begin,
-    follow,
-    free_run,
-    go_over,
-    means,
-    sampler,
-    step,
-    ways,
-)
+from finloop.forecast.sampling import begin, follow, free_run, go_over, means, sampler, step, ways
 
 
 @pytest.fixture(scope="module")
 def film():
-    return film_states(*swum(), MIRROR, RATE, HOW)
+    return film_states(*random_swimmer(), MIRROR, RATE, HOW)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +55,7 @@ def rng(seed=0):
 
 
 def test_a_state_is_the_posture_and_how_the_fish_came_here(film):
-    features, codes = swum()
+    features, codes = random_swimmer()
     row = 700
     assert np.allclose(film.states[row, :2], codes[row])
     forward, sideways, turning = film.states[row, -MOTION:]
@@ -81,7 +72,7 @@ def test_the_mirror_image_turns_the_other_way(film):
 
 
 def test_rows_at_the_ends_of_tracks_cannot_be_learnt_from():
-    film = film_states(*swum(tracks=3), MIRROR, RATE, HOW)
+    film = film_states(*random_swimmer(tracks=3), MIRROR, RATE, HOW)
     last = film.lags[-1]
     for begins in (0, 1000, 2000):
         assert not film.usable[begins : begins + last + 1].any()
@@ -90,7 +81,7 @@ def test_rows_at_the_ends_of_tracks_cannot_be_learnt_from():
 
 
 def test_a_fish_whose_sides_differ_is_not_mirrored():
-    film = film_states(*swum(), None, RATE, HOW)
+    film = film_states(*random_swimmer(), None, RATE, HOW)
     assert len(film.states) == film.count
     assert film.side.tolist() == [1, 1]
     assert np.array_equal(film.mirror, np.eye(len(film.scale)))
@@ -98,7 +89,7 @@ def test_a_fish_whose_sides_differ_is_not_mirrored():
 
 @pytest.mark.parametrize("fault", ["short", "still", "straight"])
 def test_a_film_that_shows_too_little_is_refused_in_a_sentence(fault):
-    features, codes = swum(80 if fault == "short" else 400)
+    features, codes = random_swimmer(80 if fault == "short" else 400)
     if fault == "still":
         features["displacement"] *= 0
     if fault == "straight":
@@ -214,11 +205,11 @@ def test_of_a_long_film_so_many_rows_are_learnt_from_and_held_out(film, monkeypa
 def test_rows_that_are_apart_to_the_eye_are_no_neighbours(film):
     asked = []
 
-    def seen(rows, to, mirrored):
+    def record_discontinuities(rows, to, mirrored):
         asked.append((rows, to, mirrored))
         return 9.0 * (to % 2 == 0)
 
-    start, to = similar_rows(film, plain(film), seen, HOW)
+    start, to = similar_rows(film, plain(film), record_discontinuities, HOW)
     one = np.repeat(np.arange(len(film.states)), np.diff(start))
     assert len(one) and ((one % film.count % 2 == 0) | (to % film.count % 2 == 0)).all()
     with pytest.raises(FinloopError, match="look alike"):
@@ -228,14 +219,16 @@ def test_rows_that_are_apart_to_the_eye_are_no_neighbours(film):
 
 
 def test_similar_rows_do_not_depend_on_how_many_are_looked_at_at_a_time(film, monkeypatch):
-    def seen(rows, to, mirrored):
+    def toy_discontinuities(rows, to, mirrored):
         return np.where((rows + to) % 3 == 0, 9.0, 0.0)
 
-    whole = similar_rows(film, plain(film), seen, HOW)
+    whole = similar_rows(film, plain(film), toy_discontinuities, HOW)
     monkeypatch.setattr(neighbours, "_LOT", 7)
     monkeypatch.setattr(neighbours, "_BLOCK", 50)
     assert len(film.rows) > 100
-    for one, other in zip(whole, similar_rows(film, plain(film), seen, HOW), strict=True):
+    for one, other in zip(
+        whole, similar_rows(film, plain(film), toy_discontinuities, HOW), strict=True
+    ):
         assert np.array_equal(one, other)
 
 

@@ -8,14 +8,7 @@ from toy_dog import fill, true_masks
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area, centroid
 from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, truth
-from finloop.gait.limbs import (
-    BORDER,
-    EMPTY,
-    corresponding,
-    limbs,
-    region_contour,
-    smooth_track,
-)
+from finloop.gait.limbs import BORDER, EMPTY, corresponding, limbs, region_contour, smooth_track
 from finloop.gait.truth import true_gamma
 
 DOG = DogFilm(frames=32, frame_rate_hz=16.0, cycles=2.0, width_px=240, height_px=160, trunk_px=85.0)

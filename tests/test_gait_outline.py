@@ -32,7 +32,7 @@ FRAMES = 70
 BEAT = 2.2 * np.arange(FRAMES) / RATE  # cycles
 
 
-def drawn(line: np.ndarray) -> np.ndarray:
+def carp_outline(line: np.ndarray) -> np.ndarray:
     """Outline (128, 2) about a midline (65, 2), both in body lengths; begins at the tail."""
     along = np.gradient(line, axis=0)
     normal = along[:, ::-1] * [1, -1] / np.hypot(*along.T)[:, None]
@@ -47,11 +47,11 @@ def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndar
     lines = np.stack(
         [midline(speed * t, 0.0, turn * t, b, 1.0, 0.0) for t, b in zip(time, BEAT, strict=True)]
     )
-    return np.stack([drawn(line) for line in lines]) * LENGTH, lines * LENGTH
+    return np.stack([carp_outline(line) for line in lines]) * LENGTH, lines * LENGTH
 
 
 @cache
-def swum(speed: float = 0.0, turn: float = 0.0) -> TrackContours:
+def swim_contours(speed: float = 0.0, turn: float = 0.0) -> TrackContours:
     """What is measured of `swimming`."""
     return swim(*swimming(speed, turn), RATE)
 
@@ -74,7 +74,7 @@ def test_contours_begin_at_the_snout_and_run_clockwise() -> None:
 
 
 def test_the_beat_of_a_drawn_fish_is_found() -> None:
-    found = swum()
+    found = swim_contours()
     assert found.period.frequency_hz == pytest.approx(2.2, rel=0.01)
     assert found.period.confidence > 0.98
     assert found.period.steady.all()
@@ -89,16 +89,16 @@ def test_the_beat_of_a_drawn_fish_is_found() -> None:
 
 def test_the_way_is_dropped_and_the_beat_kept() -> None:
     """Swimming ahead and in a wide turn gives the contours of swimming in place."""
-    here = swum()
+    here = swim_contours()
     for way in ({"speed": 1.5}, {"speed": 1.0, "turn": 0.4}):
-        there = swum(**way)
+        there = swim_contours(**way)
         assert np.sqrt(((there.points - here.points) ** 2).sum(-1).mean()) < 0.005
         np.testing.assert_allclose(off(there.period.phase, here.period.phase), 0, atol=0.02)
 
 
 def test_the_yaw_of_the_head_is_kept() -> None:
     """The head swings in the body frame as it does on the film of a fish that stays in place."""
-    found, (_, line) = swum(), swimming()
+    found, (_, line) = swim_contours(), swimming()
     wanted = line[:, 0, 1] / LENGTH
     np.testing.assert_allclose(found.points[:, 0, 1], wanted - wanted.mean(), atol=0.004)
     assert np.ptp(wanted) > 0.02
@@ -108,7 +108,7 @@ def test_place_direction_and_size_on_the_screen_do_not_matter() -> None:
     outline, line = swimming(speed=1.0, turn=0.4)
     cos, sin = np.cos(2.1), np.sin(2.1)
     turn = 3 * np.array([[cos, sin], [-sin, cos]])
-    one = swum(speed=1.0, turn=0.4)
+    one = swim_contours(speed=1.0, turn=0.4)
     other = swim(outline @ turn + [700, -20], line @ turn + [700, -20], RATE)
     np.testing.assert_allclose(one.points, other.points, atol=1e-9)
     np.testing.assert_allclose(one.period.phase, other.period.phase, atol=1e-9)
@@ -116,7 +116,7 @@ def test_place_direction_and_size_on_the_screen_do_not_matter() -> None:
 
 def test_in_a_mirror_it_is_half_a_beat_later() -> None:
     outline, line = swimming(speed=1.0, turn=0.4)
-    one, other = swum(speed=1.0, turn=0.4), swim(outline * [1, -1], line * [1, -1], RATE)
+    one, other = swim_contours(speed=1.0, turn=0.4), swim(outline * [1, -1], line * [1, -1], RATE)
     image = one.points[:, -np.arange(one.points.shape[1])] * [1, -1]
     np.testing.assert_allclose(image, other.points, atol=1e-9)
     np.testing.assert_allclose(off(one.period.phase + 0.5, other.period.phase), 0, atol=1e-9)
@@ -125,7 +125,7 @@ def test_in_a_mirror_it_is_half_a_beat_later() -> None:
 def test_a_straight_fish_is_its_own_mirror_image() -> None:
     still, curled = midline(0, 0, 0, 0, 0, 0), midline(0, 0, 0, 0, 0, 1.0)
     lines = np.stack([still, curled])
-    found = contours(np.stack([drawn(line) for line in lines]), lines[:, 0], 128)
+    found = contours(np.stack([carp_outline(line) for line in lines]), lines[:, 0], 128)
     centre, angle = pose(found, lines)
     far = asymmetry(in_body_frame(found, centre, angle))
     assert far[0] < 1e-3
@@ -145,7 +145,7 @@ def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> Non
             for i in range(len(carp.x))
         ]
     )  # fmt: skip
-    found = swim(np.stack([drawn(line) for line in lines]), lines, 25.0).period
+    found = swim(np.stack([carp_outline(line) for line in lines]), lines, 25.0).period
     beat, both = carp.beat[:, 0], found.steady[1:] & found.steady[:-1]
     assert found.why == ""
     assert found.cycles > 4
@@ -165,7 +165,7 @@ def test_a_glide_has_no_beat() -> None:
 
 
 def test_steady_frames_of_several_tracks_follow_each_other() -> None:
-    one = swum()
+    one = swim_contours()
     gap = one.period.steady.copy()
     gap[30:40] = False
     holed = replace(one, period=replace(one.period, steady=gap))

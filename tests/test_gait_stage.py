@@ -9,6 +9,7 @@ import pytest
 import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, put_clip
+from tiny_run import stage_run
 
 import stages.gait
 from finloop.base.errors import FinloopError
@@ -89,12 +90,7 @@ def no_figures(monkeypatch) -> None:
     monkeypatch.setattr(stages.gait, "figures", lambda *_: iter(()))
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory, tiny_run) -> Path:
-    """What the stage has made in another folder, perhaps of another process."""
-    path = tmp_path_factory.mktemp("made")
-    tiny_run.bring(path, ["gait"])
-    return path
+gait_run = stage_run("gait")
 
 
 def drawings() -> set[str]:
@@ -102,8 +98,8 @@ def drawings() -> set[str]:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_stage_makes_what_dvc_expects_the_same_each_time(made, folder):
-    shutil.copytree(made, folder, dirs_exist_ok=True)
+def test_stage_makes_what_dvc_expects_the_same_each_time(gait_run, folder):
+    shutil.copytree(gait_run, folder, dirs_exist_ok=True)
     first = content(folder / "data/gait") | content(folder / "reports/gait")
     stage = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["gait"]
     named = [next(iter(o)) if isinstance(o, dict) else o for o in stage["outs"] + stage["metrics"]]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT
+from scratch import save_svg
 
 from finloop.base.errors import FinloopError
 from finloop.gait.tool import SHIPPED, gaits, load_gait, main, path_of, timing
@@ -16,13 +17,6 @@ from finloop.io.svg import load_svg
 
 DOG = [str(ROOT / f"data/drawings/dog_{key}.svg") for key in (1, 2)]
 SMALL = ["--points", "32", "--frames", "4"]
-
-
-def svg(path: Path, inside: str) -> str:
-    path.write_text(
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99">{inside}</svg>', "utf-8"
-    )
-    return str(path)
 
 
 def leg(name: str, x: int = 9) -> str:
@@ -65,8 +59,8 @@ def test_an_animated_picture_goes_on_from_its_last_frame_to_its_first(tmp_path):
 
 
 def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
-    key1 = svg(tmp_path / "1.svg", leg("fore_left", -5) + leg("fore_right", 60))
-    key2 = svg(tmp_path / "2.svg", leg("fore_left", 20) + leg("fore_right", 20))
+    key1 = save_svg(tmp_path / "1.svg", leg("fore_left", -5) + leg("fore_right", 60))
+    key2 = save_svg(tmp_path / "2.svg", leg("fore_left", 20) + leg("fore_right", 20))
     assert main([key1, key2, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
     assert (
         "leaves the picture: fore_left in 1, fore_right in 1 of 4 frames" in capsys.readouterr().out
@@ -74,10 +68,10 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
     assert main([key2, key1, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
     assert "should stand" not in capsys.readouterr().out
     lame = leg("fore_left", 20) + '<path id="fore_right" d="M20 9H29V50H20z"/>'
-    key2 = svg(tmp_path / "2.svg", lame)
+    key2 = save_svg(tmp_path / "2.svg", lame)
     assert main([key1, key2, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
     assert "in key 2 fore_right should stand" in capsys.readouterr().out
-    other = svg(tmp_path / "3.svg", leg("arm"))
+    other = save_svg(tmp_path / "3.svg", leg("arm"))
     assert main([other, other, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
     assert "no contour is a foot of dog_walk" in capsys.readouterr().out
 
@@ -147,7 +141,7 @@ def test_tempo(hz, frames, rate, wanted):
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_and_nothing_is_left(tmp_path, one, two, given, says, capsys):
-    keys = [svg(tmp_path / f"{k}.svg", inside) for k, inside in enumerate((one, two))]
+    keys = [save_svg(tmp_path / f"{k}.svg", inside) for k, inside in enumerate((one, two))]
     out = str(tmp_path / "out.svg")
     assert main([*keys, "--gait", "dog_walk", "-o", out, *SMALL, *given]) == 1
     said = capsys.readouterr()

@@ -42,7 +42,7 @@ def legs(**where: tuple[float, float]) -> Drawing:
     return Drawing({name: Curve(BOOT + at, True) for name, at in where.items()}, 100, 60)
 
 
-def turned(points: np.ndarray, degrees: float) -> np.ndarray:
+def rotate(points: np.ndarray, degrees: float) -> np.ndarray:
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return points @ np.array([[c, s], [-s, c]])
 
@@ -159,9 +159,9 @@ def test_cycles_in_a_row():
 @pytest.mark.parametrize("degrees", [0, 35, -60])
 def test_a_turned_contour_is_numbered_alike(degrees):
     model = renumber_curve(np.zeros((64, 2)), Curve(BOOT, True))
-    other = turned(np.roll(BOOT, 2, axis=0) * 1.2, degrees) + [300, -20]
+    other = rotate(np.roll(BOOT, 2, axis=0) * 1.2, degrees) + [300, -20]
     found = renumber_curve(model, Curve(other[::-1], True))
-    assert found == pytest.approx(turned(model * 1.2, degrees) + [300, -20], abs=0.5)
+    assert found == pytest.approx(rotate(model * 1.2, degrees) + [300, -20], abs=0.5)
 
 
 def test_a_contour_may_start_between_the_points_of_another():
@@ -172,11 +172,11 @@ def test_a_contour_may_start_between_the_points_of_another():
 
 
 def test_left_and_right_limbs_are_numbered_alike():
-    left = Curve(turned(BOOT, 20), True)
-    right = Curve(np.roll(turned(BOOT, -15), 3, axis=0)[::-1] + [50, 0], True)
+    left = Curve(rotate(BOOT, 20), True)
+    right = Curve(np.roll(rotate(BOOT, -15), 3, axis=0)[::-1] + [50, 0], True)
     pair = Drawing({"fore_left": left, "fore_right": right}, 100, 60)
     first, second = corresponding(pair, pair, "swap", 64)
-    assert turned(first["fore_right"] - [50, 0], 35) == pytest.approx(first["fore_left"], abs=0.7)
+    assert rotate(first["fore_right"] - [50, 0], 35) == pytest.approx(first["fore_left"], abs=0.7)
     assert second == {name: pytest.approx(points) for name, points in first.items()}
 
 
@@ -190,23 +190,23 @@ def test_a_round_eye_does_not_turn():
 def test_an_open_contour_may_be_drawn_from_either_end():
     line = np.array([[0, 0], [10, 3], [30, 0]], float)
     model = renumber_curve(np.zeros((16, 2)), Curve(line, False))
-    other = renumber_curve(model, Curve(turned(line[::-1], 40), False))
-    assert other == pytest.approx(turned(model, 40))
+    other = renumber_curve(model, Curve(rotate(line[::-1], 40), False))
+    assert other == pytest.approx(rotate(model, 40))
 
 
 def test_mirror_orders_find_the_other_side_of_a_turned_tail():
     """A fork lies along the axis, turned by 30° to one side, then to the other."""
     fork = np.array([[0, 5], [-40, 14], [-30, 0], [-40, -14], [0, -5]], float)
     key = renumber_curve(np.zeros((64, 2)), Curve(fork, True))
-    one, two = turned(key, 30), turned(key, -20)
+    one, two = rotate(key, 30), rotate(key, -20)
     order = mirror_orders({"tail": one}, {"tail": two}, {"tail": True})["tail"]
-    assert mirror_contours(one, 0.0, order) == pytest.approx(turned(key, -30), abs=1.5)
+    assert mirror_contours(one, 0.0, order) == pytest.approx(rotate(key, -30), abs=1.5)
 
 
 # --- the ground
 
 
-def planted(slip: float, sink: float) -> np.ndarray:
+def boot_cycle(slip: float, sink: float) -> np.ndarray:
     """A boot (16, 6, 2) whose foot goes back by 2 a frame for half a cycle, and slips and sinks."""
     k = np.arange(17)
     x = np.where(k <= 8, -2.0 * k + slip * np.sin(np.pi * k / 8), -16 + 2.0 * (k - 8))
@@ -236,12 +236,12 @@ def test_a_foot_that_rolls_does_not_slide():
     """The toe stays where it is, the heel rises."""
     boot = resample_curve(Curve(BOOT, True), 256).points
     toe = boot[np.argmax(boot @ [1, 1])]
-    rolls = np.stack([turned(boot - toe, degrees) for degrees in np.linspace(0, 20, 9)])
+    rolls = np.stack([rotate(boot - toe, degrees) for degrees in np.linspace(0, 20, 9)])
     assert abs(path(rolls)[-1]) < 1 < abs(np.ptp(rolls[..., 0].mean(axis=1)))
 
 
 def test_a_good_foot_is_left_alone():
-    stack = planted(0, 0)
+    stack = boot_cycle(0, 0)
     found = ground({"foot": stack}, {"foot": FIRST})
     assert found.speed == pytest.approx(-2)
     assert found.slide["foot"] == pytest.approx(0, abs=1e-9)
@@ -249,7 +249,7 @@ def test_a_good_foot_is_left_alone():
 
 
 def test_a_bad_foot_is_mended_and_its_hip_is_not_moved():
-    stack, good = planted(3, 2), planted(0, 0) + [1, 0]
+    stack, good = boot_cycle(3, 2), boot_cycle(0, 0) + [1, 0]
     limbs, support = {"foot": stack, "good": good}, {"foot": FIRST, "good": FIRST}
     before = ground(limbs, support)
     done = plant_feet(limbs, support)
@@ -265,7 +265,7 @@ def test_a_bad_foot_is_mended_and_its_hip_is_not_moved():
 
 def test_the_correction_fades_over_the_swing():
     """One foot goes back by 2 a frame, one by 3: both end up wrong by 4, to either side."""
-    limbs = {"slow": planted(0, 0), "fast": planted(0, 0) * [1.5, 1]}
+    limbs = {"slow": boot_cycle(0, 0), "fast": boot_cycle(0, 0) * [1.5, 1]}
     done = plant_feet(limbs, dict.fromkeys(limbs, FIRST))
     moved = (done["slow"] - limbs["slow"])[:, -1, 0]
     assert moved[[0, 8]] == pytest.approx([2, -2], rel=0.05)
@@ -274,7 +274,7 @@ def test_the_correction_fades_over_the_swing():
 
 
 def test_a_swing_does_not_dip_into_the_ground():
-    stack = planted(0, 0)
+    stack = boot_cycle(0, 0)
     stack[10:14, :, 1] += 12
     done = plant_feet({"foot": stack}, {"foot": FIRST})["foot"]
     assert stack[..., 1].max() > 45 and done[..., 1].max() == pytest.approx(40)
@@ -288,7 +288,7 @@ def test_the_second_pose_may_have_another_size():
 
 
 def test_limbs_without_a_support_stay_as_they_are():
-    stack = planted(3, 2)
+    stack = boot_cycle(3, 2)
     assert plant_feet({"tail": stack}, {"foot": FIRST})["tail"] is stack
     assert ground({"tail": stack}, {"foot": FIRST}) == (0.0, {})
 

@@ -193,7 +193,7 @@ def world(tmp_path_factory, film):
 
 
 @pytest.fixture(scope="module")
-def filmed(tmp_path_factory, film):
+def film_world(tmp_path_factory, film):
     """The same as filmed; headings of the sprites are their orientations'."""
     features, cutouts = film
     exact = features.assign(heading_deg=15.0 * np.round(features["heading_deg"] / 15))
@@ -221,7 +221,7 @@ def test_the_frame_before_a_sprite_s_own_leads_first_to_it(world):
         assert first.loc[row - 1, "turn_deg"] == pytest.approx(-drawn_deg, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["world", "filmed"])
+@pytest.mark.parametrize("name", ["world", "film_world"])
 @pytest.mark.parametrize("direction", [IN, OUT])
 def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, request):
     """Eq. 5 as it looks, in whatever orientation the sprite is drawn."""
@@ -245,7 +245,7 @@ def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, r
             assert far == pytest.approx(way.distance, abs=0.25 * of.step)
 
 
-@pytest.mark.parametrize("name", ["world", "filmed"])
+@pytest.mark.parametrize("name", ["world", "film_world"])
 def test_every_distance_is_that_of_the_two_pictures(name, request):
     of = request.getfixturevalue(name)
     number = np.maximum(of.near.orientation, 1)
@@ -258,23 +258,23 @@ def test_every_distance_is_that_of_the_two_pictures(name, request):
                 np.testing.assert_allclose(found[:, number == one], want, atol=1e-4)
 
 
-def test_as_filmed_a_sprite_meets_only_frames_of_its_orientation(filmed):
-    table = filmed.table(distance_threshold=100.0)
+def test_as_filmed_a_sprite_meets_only_frames_of_its_orientation(film_world):
+    table = film_world.table(distance_threshold=100.0)
     compared = table["row"] + (table["direction"] == OUT)
-    assert (table["orientation"] == filmed.features["orientation"].to_numpy()[compared]).all()
+    assert (table["orientation"] == film_world.features["orientation"].to_numpy()[compared]).all()
     assert (table["orientation"] >= 1).all() and table["orientation"].nunique() > 5
-    turned = np.where(table["direction"] == IN, filmed.sprites["turn_deg"][table["sprite"]], 0)
+    turned = np.where(table["direction"] == IN, film_world.sprites["turn_deg"][table["sprite"]], 0)
     want = wrap_deg(turned - 15.0 * (table["orientation"] - 1))
     np.testing.assert_allclose(wrap_deg(table["turn_deg"] - want), 0, atol=1e-4)
 
 
-def test_as_filmed_too_a_sprite_leads_to_the_frame_after_it(filmed):
-    ways = filmed.ways(IN)
+def test_as_filmed_too_a_sprite_leads_to_the_frame_after_it(film_world):
+    ways = film_world.ways(IN)
     for sprite, row in enumerate(PICKED + TURN):
-        number = filmed.features["orientation"][row + 1]
+        number = film_world.features["orientation"][row + 1]
         best = ways[(ways["sprite"] == sprite) & (ways["orientation"] == number)].iloc[0]
         assert best["rank"] == 1 and best["row"] == row + 1
-        assert best["distance"] < filmed.step
+        assert best["distance"] < film_world.step
 
 
 def test_in_the_pose_body_the_orientation_does_not_matter(world):
@@ -449,7 +449,7 @@ def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film
     assert len(leads_in) and np.isin(leads_in["row"], rows).all()
 
 
-@pytest.mark.parametrize("name", ["world", "filmed"])
+@pytest.mark.parametrize("name", ["world", "film_world"])
 def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     monkeypatch.setattr(gateways_plots, "TILE", SIZE)
     of = request.getfixturevalue(name)

@@ -112,7 +112,7 @@ def trex(folder: Path, poses: Poses, cm_per_pixel: float = 0.02) -> Path:
 
 
 @pytest.fixture(scope="module")
-def extracted(film, tmp_path_factory):
+def tracks_run(film, tmp_path_factory):
     """The clip extracted and measured by tracks of a file, here TRex's."""
     source, poses = film
     folder = tmp_path_factory.mktemp("extracted")
@@ -139,8 +139,8 @@ def numbers(folder, stage):
 # --- a whole film --------------------------------------------------------------------------------
 
 
-def test_identities_are_those_of_the_file(extracted, film):
-    tracks, given, poses = table(extracted, "tracks"), table(extracted, "given"), film[1]
+def test_identities_are_those_of_the_file(tracks_run, film):
+    tracks, given, poses = table(tracks_run, "tracks"), table(tracks_run, "given"), film[1]
     assert tracks[["track_id", "frame"]].equals(given[["track_id", "frame"]])
     assert set(given["animal"]) == set(NAMES)
     places = arrays(poses)
@@ -155,28 +155,28 @@ def test_identities_are_those_of_the_file(extracted, film):
     assert ways[ways > 0].min() > LENGTH / 2  # no carp could have been taken for another
 
 
-def test_what_became_of_the_places_is_counted(extracted):
-    made = numbers(extracted, "extract")
+def test_what_became_of_the_places_is_counted(tracks_run):
+    made = numbers(tracks_run, "extract")
     assert made["places"] == FRAMES_OF_FILM * FISH
     kinds = ("used", "no_silhouette", "shared", "not_isolated")
     assert sum(made[f"places_{kind}"] for kind in kinds) == made["places"]
     assert made["fish_frames"] == made["places_used"] - made["places_in_short_runs"]
-    assert made["fish_frames"] == len(table(extracted, "tracks"))
+    assert made["fish_frames"] == len(table(tracks_run, "tracks"))
     assert made["places_used_share"] > 0.95
     assert made["animals"] == made["animals_used"] == FISH
     assert made["places_near_a_silhouette_share"] == 1.0
 
 
-def test_heads_of_the_file_agree_with_those_found(extracted):
-    made = numbers(extracted, "features")
+def test_heads_of_the_file_agree_with_those_found(tracks_run):
+    made = numbers(tracks_run, "features")
     assert made["head_told_share"] == 1.0
     assert made["head_disagreement_share"] == 0.0
     assert made["head_disagreement_median_deg"] < 15
     assert made["truth_head_tail_swaps"] == made["truth_identity_changes"] == 0
 
 
-def test_swapped_heads_decide_and_are_reported(extracted):
-    tracks, given = table(extracted, "tracks"), table(extracted, "given")
+def test_swapped_heads_decide_and_are_reported(tracks_run):
+    tracks, given = table(tracks_run, "tracks"), table(tracks_run, "given")
     swapped = (given["track_id"] == 1).to_numpy()
     line = lists_to_points(tracks, "backbone")
     told = match_head_end(
@@ -196,14 +196,14 @@ def test_swapped_heads_decide_and_are_reported(extracted):
     assert np.allclose(total[swapped], 1.0, atol=1e-5)  # ours stays: it says that they are wrong
 
 
-def test_the_same_again_and_nothing_where_it_fails(extracted, monkeypatch):
-    monkeypatch.chdir(extracted)
-    first = content(extracted / "data/extract")
+def test_the_same_again_and_nothing_where_it_fails(tracks_run, monkeypatch):
+    monkeypatch.chdir(tracks_run)
+    first = content(tracks_run / "data/extract")
     assert "given.parquet" in first
-    prepare(extracted, *CARP, "extract.tracks_path=/nowhere")
+    prepare(tracks_run, *CARP, "extract.tracks_path=/nowhere")
     with pytest.raises(FinloopError, match="nothing at"):
         stages.extract.main()
-    assert content(extracted / "data/extract") == first
+    assert content(tracks_run / "data/extract") == first
 
 
 def test_the_verbs_take_tracks_of_centres_alone(film, tmp_path):
@@ -247,7 +247,7 @@ def test_each_of_several_films_has_its_tracks(tmp_path):
 
 
 def test_several_films_of_another_programs_tracks_become_one(
-    film, extracted, tmp_path, monkeypatch
+    film, tracks_run, tmp_path, monkeypatch
 ):
     """The same film and tracks twice; a third film has no tracks, and is left out."""
     clip, code = tmp_path / "data/clip", "{folder}/{name}"
@@ -255,7 +255,7 @@ def test_several_films_of_another_programs_tracks_become_one(
         shutil.copytree(film[0] / "data/clip", clip / "films" / name)
         (clip / "films" / name / "made_from.json").write_text("{}")
         if name < "c":
-            shutil.copytree(extracted / "trex", tmp_path / name)
+            shutil.copytree(tracks_run / "trex", tmp_path / name)
     join_clips(clip, [FilmPart(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])
     prepare(tmp_path, *CARP, f"extract.tracks_path='{code}'")
     monkeypatch.chdir(tmp_path)
@@ -263,7 +263,7 @@ def test_several_films_of_another_programs_tracks_become_one(
     tracks, given, alone = (
         table(tmp_path, "tracks"),
         table(tmp_path, "given"),
-        table(extracted, "given"),
+        table(tracks_run, "given"),
     )
     assert tracks[["track_id", "frame"]].equals(given[["track_id", "frame"]])
     assert set(given["animal"]) == {f"{name}-{animal}" for name in "ab" for animal in NAMES}
@@ -291,7 +291,7 @@ def spot(x, y, isolated=True, long=10, wide=4):
     return SilhouettePlace(x, y, 4.0 * long * wide, box, isolated, outline)
 
 
-def at(*places):
+def place_array(*places):
     return np.array(places, float)[:, None]
 
 
@@ -312,13 +312,13 @@ def at(*places):
 )
 def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outcomes):
     silhouettes = [spot(*one) for one in spots]
-    assert match_silhouettes(at(*places), silhouettes, 20.0) == outcomes
-    mirrored = match_silhouettes(at(*places[::-1]), silhouettes, 20.0)
+    assert match_silhouettes(place_array(*places), silhouettes, 20.0) == outcomes
+    mirrored = match_silhouettes(place_array(*places[::-1]), silhouettes, 20.0)
     assert mirrored == outcomes[::-1]
 
 
 def test_no_animal_is_taken_from_where_none_is_isolated():
-    assert match_silhouettes(at((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [
+    assert match_silhouettes(place_array((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [
         ("not isolated", 0)
     ]
 
@@ -340,7 +340,7 @@ def file_settings(**changes):
     return settings("extract", tracks_path="somewhere", **changes)
 
 
-def given(poses, shown=None, size=(200, 150), frames=None, **changes):
+def map_poses(poses, shown=None, size=(200, 150), frames=None, **changes):
     shown = np.arange(poses.frames) if shown is None else np.asarray(shown)
     film_size = FilmSize(int(shown.max()) + 1 if frames is None else frames, *size)
     return map_poses_to_clip(poses, shown, film_size, file_settings(**changes))[0]
@@ -365,7 +365,7 @@ def test_a_gap_or_a_cut_ends_a_track_and_the_animal_stays():
     )
     places[8:10, 1] = np.nan
     film = [[spot(*map(int, place)) for place in (frame[0], (frame[0][0], 90))] for frame in places]
-    rows, followed = run(given(poses_at(places)), film, cuts=[15])
+    rows, followed = run(map_poses(poses_at(places)), film, cuts=[15])
     assert {track for track, _ in rows} == {0, 2, 1, 3, 5}
     frames = {k: [frame for track, frame in rows if track == k] for k in range(6)}
     assert frames[0] == list(range(15)) and frames[2] == list(range(15, 20))
@@ -376,7 +376,7 @@ def test_a_gap_or_a_cut_ends_a_track_and_the_animal_stays():
 def test_short_runs_are_dropped_and_counted():
     places = np.full((10, 1, 2), np.nan)
     places[[0, 1, 4, 5, 6]] = 50
-    rows, followed = run(given(poses_at(places)), [[spot(50, 50)]] * 10)
+    rows, followed = run(map_poses(poses_at(places)), [[spot(50, 50)]] * 10)
     assert rows == [(0, 4), (0, 5), (0, 6)] and followed.short == 2
 
 
@@ -384,7 +384,7 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
     """Every 7th place is infinite: no run is as long as a track."""
     places = np.full((30, 2, 2), 50.0) + [[0, 0], [40, 40]]
     places[::7] = np.inf
-    told = given(poses_at(places))
+    told = map_poses(poses_at(places))
     rows, followed = run(told, [[spot(50, 50), spot(90, 90)]] * 30, least=8)
     assert not rows and longest_run(told) == 6
     error = no_silhouette_error(told, followed, 8)
@@ -394,7 +394,7 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
 
 
 def test_places_without_gaps_are_not_told_to_fill_them():
-    told = given(poses_at(np.full((30, 1, 2), 50.0)))
+    told = map_poses(poses_at(np.full((30, 1, 2), 50.0)))
     rows, followed = run(told, [[spot(50, 50, isolated=False)]] * 30)
     error = no_silhouette_error(told, followed, 3)
     assert not rows and longest_run(told) == 30
@@ -405,7 +405,7 @@ def test_places_without_gaps_are_not_told_to_fill_them():
 def test_runs_of_two_animals_are_not_added_up():
     places = np.full((12, 2, 2), np.nan)
     places[:6, 0] = places[6:, 1] = 50.0
-    assert longest_run(given(poses_at(places))) == 6
+    assert longest_run(map_poses(poses_at(places))) == 6
 
 
 def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypatch):
@@ -425,7 +425,7 @@ def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypat
 def test_frames_of_the_film_are_found_in_a_clip_that_begins_late_repeats_and_drops():
     places = np.stack([np.arange(20.0) * 5 + 20, np.full(20, 40.0)], 1)[:, None]
     shown = [5, 6, 6, 8, 9]
-    told = given(poses_at(places), shown, frames=20)
+    told = map_poses(poses_at(places), shown, frames=20)
     assert [told.points[told.rows(k)][0, 0, 0] for k in range(5)] == [45, 50, 50, 60, 65]
     rows = told.row_of(np.arange(5), np.zeros(5, int))
     assert told.points[rows, 0, 0].tolist() == [45, 50, 50, 60, 65]
@@ -434,14 +434,14 @@ def test_frames_of_the_film_are_found_in_a_clip_that_begins_late_repeats_and_dro
 def test_points_of_little_confidence_count_as_not_given(monkeypatch):
     poses = poses_at(np.full((4, 1, 2), 50.0))
     doubtful = Poses(**vars(poses) | {"confidence": np.array([[0.1], [0.9], [np.nan], [0.2]])})
-    assert np.diff(given(doubtful).stop).sum() == 3 and len(given(doubtful).points) == 3
+    assert np.diff(map_poses(doubtful).stop).sum() == 3 and len(map_poses(doubtful).points) == 3
     monkeypatch.setattr(ExtractSettings, "tracks_least_confidence", 0.95)
     with pytest.raises(FinloopError, match=r"confidence of 0\.95"):
-        given(Poses(**vars(doubtful) | {"confidence": np.full((4, 1), 0.5)}))
+        map_poses(Poses(**vars(doubtful) | {"confidence": np.full((4, 1), 0.5)}))
 
 
 def test_places_are_scaled():
-    told = given(poses_at(np.full((4, 1, 2), 50.0)), tracks_px_per_unit=2.0)
+    told = map_poses(poses_at(np.full((4, 1, 2), 50.0)), tracks_px_per_unit=2.0)
     assert (told.points == 100).all()
 
 
@@ -504,8 +504,8 @@ def moving(frames=30, animals=3, seed=0):
     return places, [[spot(*place.astype(int)) for place in frame] for frame in places]
 
 
-def found(places, film, names=None):
-    told = given(poses_at(places, names=names))
+def map_and_fit(places, film, names=None):
+    told = map_poses(poses_at(places, names=names))
     frames = list(range(len(film)))
     return told, fit(told, frames, film, 12.0)
 
@@ -513,17 +513,17 @@ def found(places, film, names=None):
 def test_tracks_of_this_film_fit_and_those_of_another_do_not():
     places, film = moving()
     size = FilmSize(30, 200, 150)
-    told, good = found(places, film)
+    told, good = map_and_fit(places, film)
     assert good.share == 1.0 > good.least_share > good.chance
     refuse_other_film(told, good, size)
-    told, bad = found(moving(seed=5)[0] + 3, film)
+    told, bad = map_and_fit(moving(seed=5)[0] + 3, film)
     with pytest.raises(FinloopError, match=f"{bad.share:.0%} show an animal"):
         refuse_other_film(told, bad, size)
 
 
 def test_animals_that_rest_fit_at_all_moments():
     places = np.tile([[[50.0, 50.0], [120.0, 90.0]]], (20, 1, 1))
-    told, good = found(places, [[spot(50, 50), spot(120, 90)]] * 20)
+    told, good = map_and_fit(places, [[spot(50, 50), spot(120, 90)]] * 20)
     assert good.chance == good.share == 1.0
     refuse_other_film(told, good, FilmSize(20, 200, 150))
 
@@ -531,7 +531,7 @@ def test_animals_that_rest_fit_at_all_moments():
 def test_more_animals_than_there_are_is_said():
     places, film = moving()
     ghosts = np.stack([np.tile([5.0 + 35 * k, 5.0], (30, 1)) for k in range(5)], axis=1)
-    told, bad = found(np.concatenate([places, ghosts], axis=1), film, tuple("abcdefgh"))
+    told, bad = map_and_fit(np.concatenate([places, ghosts], axis=1), film, tuple("abcdefgh"))
     assert bad.lost == (3, 4, 5, 6, 7) and bad.seen == 3
     with pytest.raises(
         FinloopError, match=r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
@@ -553,14 +553,14 @@ def test_more_animals_than_there_are_is_said():
 )
 def test_other_units_and_other_lengths_are_said(places, changes, said):
     with pytest.raises(FinloopError) as caught:
-        given(poses_at(places), **changes)
+        map_poses(poses_at(places), **changes)
     assert said in str(caught.value)
 
 
 def test_a_few_frames_more_or_fewer_are_no_fault():
     places = np.full((40, 1, 2), 50.0)
-    assert given(poses_at(places), range(38), frames=38).stop[-1] == 38
-    assert given(poses_at(places), range(60), frames=60).stop[-1] == 40
+    assert map_poses(poses_at(places), range(38), frames=38).stop[-1] == 38
+    assert map_poses(poses_at(places), range(60), frames=60).stop[-1] == 40
 
 
 def test_the_share_needed_lies_between_chance_and_all():
@@ -604,10 +604,10 @@ def test_the_missing_extra_is_named(tmp_path, monkeypatch, film):
     assert caught.value.do == "make tracks"
 
 
-def test_a_clip_without_its_frames_is_said(film, extracted, tmp_path, monkeypatch):
+def test_a_clip_without_its_frames_is_said(film, tracks_run, tmp_path, monkeypatch):
     shutil.copytree(film[0] / "data/clip", tmp_path / "data/clip")
     (tmp_path / "data/clip/frames.parquet").unlink()
-    path = extracted / "trex"
+    path = tracks_run / "trex"
     prepare(tmp_path, *CARP, f"extract.tracks_path={path}")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FinloopError, match=r"frames\.parquet"):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import scipy
 from scratch import prepare, put_clip
-from toy_fish import filled, line, outline
+from toy_fish import line, outline, polygon_mask
 
 import stages.extract
 import stages.features
@@ -167,21 +167,21 @@ def test_tracks_that_are_joined_tell_more_together(rng):
         pairs = Pairs(np.array([0, 1, 0]), np.array([1, 2, 2]))
         return pairs, np.array([20.0, -20.0, -20.0])
 
-    def of(count, pairs, log_ratio):
+    def best_names(count, pairs, log_ratio):
         return best(count, pairs, log_ratio, 0.01, 0.5, rng)
 
-    assert of(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
-    assert in_passes(3, scores, 0.9, of).before.tolist() == [-1, 0, 1]
+    assert best_names(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
+    assert in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
 
 
 def test_where_no_join_is_sure_passes_are_one(rng):
     pairs = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3]))
     once = best(4, pairs, np.full(4, 6.0), 1e-6, 0.3, np.random.default_rng(0))
 
-    def of(count, pairs, log_ratio):
+    def best_names(count, pairs, log_ratio):
         return best(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
 
-    joins = in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, of)
+    joins = in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, best_names)
     np.testing.assert_array_equal(joins, once)
 
 
@@ -253,7 +253,9 @@ def crossing(frames=60):
         middles = [(34 + 3.2 * k, 40 + 1.15 * k), (34 + 3.2 * k, 110 - 1.15 * k)]
         for number, (x, y) in enumerate(middles):
             local = line(0.5 * np.sin(0.9 * k + number)) * 0.4
-            mask = filled(outline(local * (1, -1) + (x, y), 2.6 * WIDE), picture.shape) / 255.0
+            mask = (
+                polygon_mask(outline(local * (1, -1) + (x, y), 2.6 * WIDE), picture.shape) / 255.0
+            )
             picture = np.minimum(picture, 180 - 120 * mask)
         made.append(np.rint(picture).astype(np.uint8))
         truth.append(middles)

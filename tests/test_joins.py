@@ -22,14 +22,7 @@ from finloop.animate.shoal import play
 from finloop.base.settings import settings
 from finloop.edit.joins import Joins, PictureSequence, inertialize, joins, sum_past
 from finloop.edit.modes import MODES
-from finloop.edit.schema import (
-    CUT,
-    FADE,
-    FRAME,
-    INERTIAL,
-    SPRITE,
-    Goal,
-)
+from finloop.edit.schema import CUT, FADE, FRAME, INERTIAL, SPRITE, Goal
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0
@@ -46,16 +39,16 @@ def frames(*runs, mirrored=False, rot=0.0):
     )
 
 
-def own(shown):
+def shown_bodies(shown):
     return BODIES.picture_bodies(shown.frame, shown.number, shown.rot, shown.mirrored)
 
 
-def made(shown, how=HOW):
+def inertialize_shown(shown, how=HOW):
     return inertialize(shown, np.zeros(len(shown.number)), how)
 
 
 def heading(shown, found):
-    return own(shown).heading_deg + found.turn_deg
+    return shown_bodies(shown).heading_deg + found.turn_deg
 
 
 FREE = replace(
@@ -65,15 +58,17 @@ FREE = replace(
 
 
 def test_the_film_itself_is_in_no_pose():
-    found = made(frames((10, 60)))
+    found = inertialize_shown(frames((10, 60)))
     assert not found.posed.any() and not found.turn_deg.any() and not len(found.begins)
-    assert not made(frames((10, 5), (15, 40))).posed.any()  # a jump to the very next row
+    assert not inertialize_shown(
+        frames((10, 5), (15, 40))
+    ).posed.any()  # a jump to the very next row
 
 
 def test_posture_velocity_and_heading_go_on_across_a_join_and_die_away():
     how = replace(HOW, bodies=FREE)
     shown = frames((10, 30), (310, 40))
-    found, codes = made(shown, how), BODIES.codes(own(shown))
+    found, codes = inertialize_shown(shown, how), BODIES.codes(shown_bodies(shown))
     assert list(np.flatnonzero(found.posed)) == list(range(30, 30 + how.reach - 3))
     assert list(found.begins) == [30]
     film = BODIES.poses.codes
@@ -102,18 +97,18 @@ def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
 
 def test_a_posture_that_says_little_is_left_as_it_is():
     shown = frames((10, 30), (310, 40))
-    found = made(shown, replace(HOW, bodies=FREE, helps=lambda *_: False))
+    found = inertialize_shown(shown, replace(HOW, bodies=FREE, helps=lambda *_: False))
     assert found.posed.any()
-    assert np.allclose(found.codes, BODIES.codes(own(shown)), atol=1e-6)
-    assert np.allclose(found.turn_deg, made(shown, replace(HOW, bodies=FREE)).turn_deg)
+    assert np.allclose(found.codes, BODIES.codes(shown_bodies(shown)), atol=1e-6)
+    assert np.allclose(found.turn_deg, inertialize_shown(shown, replace(HOW, bodies=FREE)).turn_deg)
 
 
 def test_a_picture_that_is_held_does_not_bend_on_and_on():
     rows = np.r_[10:20, np.full(30, 19), 20:30]
     n = len(rows)
     shown = PictureSequence(np.ones(n, bool), rows, np.zeros(n), np.zeros(n, bool))
-    found = made(shown, replace(HOW, bodies=FREE))
-    apart = np.linalg.norm(found.codes - BODIES.codes(own(shown)), axis=1)
+    found = inertialize_shown(shown, replace(HOW, bodies=FREE))
+    apart = np.linalg.norm(found.codes - BODIES.codes(shown_bodies(shown)), axis=1)
     step = np.linalg.norm(np.diff(BODIES.poses.codes[10:30], axis=0), axis=1).max()
     assert apart.max() < 3 * step and not found.posed[25:39].any()
 
@@ -123,8 +118,11 @@ def test_while_the_film_rests_what_a_join_left_stays_as_it_is():
     rest[315:325] = True
     moving, resting = (replace(HOW, bodies=FREE, rests=each) for each in (HOW.rests, rest))
     shown = frames((10, 30), (310, 60))
-    codes, turn = BODIES.codes(own(shown)), heading(shown, made(shown)) - own(shown).heading_deg
-    free, held = (made(shown, how) for how in (moving, resting))
+    codes, turn = (
+        BODIES.codes(shown_bodies(shown)),
+        heading(shown, inertialize_shown(shown)) - shown_bodies(shown).heading_deg,
+    )
+    free, held = (inertialize_shown(shown, how) for how in (moving, resting))
     left, stays = free.codes - codes, held.codes - codes
     count = len(shown.number) - 10
     assert np.allclose(np.delete(stays, np.r_[35:45], 0), left[:count], atol=1e-6)
@@ -137,12 +135,15 @@ def test_while_the_film_rests_what_a_join_left_stays_as_it_is():
 def test_two_joins_in_a_row_carry_the_rest():
     how = replace(HOW, bodies=FREE)
     shown = frames((10, 30), (310, 3), (700, 40))
-    found, alone = made(shown, how), made(frames((10, 30), (310, 40)), how)
+    found, alone = (
+        inertialize_shown(shown, how),
+        inertialize_shown(frames((10, 30), (310, 40)), how),
+    )
     # What would have come: the second run's next row, bent by what was left of the first join.
     expected = alone.codes[33]
     assert found.codes[33] == pytest.approx(expected, abs=1e-5)
     assert np.linalg.norm(expected - BODIES.poses.codes[313]) > 0.05
-    plain = made(frames((310, 3), (700, 40)), how)
+    plain = inertialize_shown(frames((310, 3), (700, 40)), how)
     assert not np.allclose(found.codes[34], plain.codes[4], atol=1e-3)
 
 
@@ -151,18 +152,20 @@ def test_mirrored_frames_are_mirrored_and_twice_is_themselves():
     mirror = BODIES.poses.shapes.mirror
     assert mirror @ mirror == pytest.approx(np.eye(len(mirror)), abs=1e-9)
     plain, other = (frames((10, 30), (310, 40), mirrored=flip) for flip in (False, True))
-    one, two = made(plain, how), made(other, how)
+    one, two = inertialize_shown(plain, how), inertialize_shown(other, how)
     assert two.codes[one.posed] == pytest.approx(one.codes[one.posed] @ mirror, abs=1e-5)
     mixed = replace(plain, mirrored=np.arange(70) >= 30)
-    assert made(mixed, how).codes[30] == pytest.approx(one.codes[30], abs=1e-5)
+    assert inertialize_shown(mixed, how).codes[30] == pytest.approx(one.codes[30], abs=1e-5)
     flipped = frames((10, 60))
     flipped = replace(flipped, mirrored=np.arange(60) >= 30)
-    assert made(flipped, how).begins.tolist() == [30]  # the same row, but the other way round
+    assert inertialize_shown(flipped, how).begins.tolist() == [
+        30
+    ]  # the same row, but the other way round
 
 
 def test_what_no_animal_of_the_film_can_do_is_not_drawn():
     shown = frames((10, 30), (310, 40))
-    found = made(shown)
+    found = inertialize_shown(shown)
     codes = found.codes[found.posed].astype(float)
     assert not BODIES.poses.shapes.nearest_codes(codes).clamped.any()
     far = found.codes[30] + 50.0
@@ -219,7 +222,7 @@ def test_sprites_and_frames_join_alike():
 def test_a_fish_that_never_bends_joins_too():
     poses = BODIES.poses
     stiff = replace(BODIES, poses=replace(poses, codes=np.zeros_like(poses.codes)))
-    found = made(frames((10, 30), (310, 40)), replace(HOW, bodies=stiff))
+    found = inertialize_shown(frames((10, 30), (310, 40)), replace(HOW, bodies=stiff))
     assert found.posed.any() and not found.codes.any()
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from toy_film import matching_of, swum, table_of, waters_of
+from toy_film import arc_track, matching_of, table_of, waters_of
 
 from finloop.base.nearest import parts_of
 from finloop.base.settings import settings
@@ -230,18 +230,14 @@ def test_who_turns_one_way_more_often_is_handed(rng, rates, least, most):
 
 def both_sides():
     """A film of two circles and a line, which can go on anywhere as its mirror image."""
-    table = table_of(*(swum([rate] * 149) for rate in (0.0, 3.0, -5.0)))
+    table = table_of(*(arc_track([rate] * 149) for rate in (0.0, 3.0, -5.0)))
     n, rows = len(table), np.arange(10, 440, 10)
     jumps = pd.DataFrame(
         {"row": rows, "to": (rows + 37) % 430, "mirrored": rows % 20 == 0, "seam": 0.5}
     )
     ways = neighbour_jumps(jumps, n)
     motion = waters_of().motion
-    return (
-        table,
-        jumps,
-        motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)),
-    )
+    return (table, jumps, motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)))
 
 
 def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():

@@ -75,7 +75,7 @@ def settings(**asked):
     return with_constants(EASY, **asked)
 
 
-def swum(x, y, heading=0.0, track=0, length=50.0):
+def features_at(x, y, heading=0.0, track=0, length=50.0):
     """A feature table of fish at places (y up here) with headings; only what loops look at."""
     n = len(x)
     track = np.broadcast_to(track, n).astype(np.int32)
@@ -92,7 +92,7 @@ def swum(x, y, heading=0.0, track=0, length=50.0):
 
 
 def still(n, track=0):
-    return swum(np.zeros(n), np.zeros(n), track=track)
+    return features_at(np.zeros(n), np.zeros(n), track=track)
 
 
 def film_map(film, keep=np.inf):
@@ -191,7 +191,7 @@ def test_dynamics_keep_the_direction_of_motion():
     speed = np.gradient(film[:, 0])
     step = np.median(np.abs(np.diff(film[:, 0])))
 
-    def opposed(n):
+    def opposed_share(n):
         loops, _ = find(
             film_map(film),
             still(120),
@@ -202,8 +202,8 @@ def test_dynamics_keep_the_direction_of_motion():
         fast = (np.abs(speed[loops["a"]]) > step / 2) & (np.abs(speed[loops["b"]]) > step / 2)
         return (np.sign(speed[loops["a"]]) != np.sign(speed[loops["b"]]))[fast].mean()
 
-    assert opposed(0) > 0.2  # without it, as often as not
-    assert opposed(1) == 0
+    assert opposed_share(0) > 0.2  # without it, as often as not
+    assert opposed_share(1) == 0
 
 
 def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
@@ -254,18 +254,18 @@ LINE = np.arange(40) * 3.0
 )
 def test_a_loop_is_improper_if_it_travels_against_the_heading(heading, bad):
     """The fish drifts to the right; each end does too, so look at each test alone."""
-    table = swum(LINE, np.zeros(40), heading)
+    table = features_at(LINE, np.zeros(40), heading)
     assert improper(np.array([5]), np.array([30]), table, 90.0)[0] == bad
-    across = swum(np.r_[LINE[:20], LINE[:20]], np.zeros(40), heading, np.repeat([0, 1], 20))
+    across = features_at(np.r_[LINE[:20], LINE[:20]], np.zeros(40), heading, np.repeat([0, 1], 20))
     assert improper(np.array([5]), np.array([30]), across, 90.0)[0] == bad  # by its ends alone
     # ... and by its whole way alone: at its ends the fish stays where it is.
     held = np.r_[np.zeros(10), np.arange(20) * 3.0, np.full(10, 57.0)]
-    table = swum(held, np.zeros(40), heading)
+    table = features_at(held, np.zeros(40), heading)
     assert improper(np.array([5]), np.array([35]), table, 90.0)[0] == bad
 
 
 def test_the_threshold_of_improper_is_an_angle():
-    table = swum(LINE, np.zeros(40), 60.0)
+    table = features_at(LINE, np.zeros(40), 60.0)
     assert improper(np.array([5]), np.array([30]), table, 50.0)[0]
     assert not improper(np.array([5]), np.array([30]), table, 70.0)[0]
 
@@ -273,18 +273,20 @@ def test_the_threshold_of_improper_is_an_angle():
 def test_a_fish_that_turned_round_or_stayed_is_not_tested():
     # Nearly a full circle: what is left of its headings says nothing of where it gets to.
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    circle = swum(
+    circle = features_at(
         100 * np.sin(angle) + 3 * np.arange(60), -100 * np.cos(angle), wrap_deg(np.degrees(angle))
     )
     assert not improper(np.array([2]), np.array([57]), circle, 90.0)[0]
-    stays = swum(np.arange(40) * -0.01, np.zeros(40), 0.0)  # backwards, by a hundredth of nothing
+    stays = features_at(
+        np.arange(40) * -0.01, np.zeros(40), 0.0
+    )  # backwards, by a hundredth of nothing
     assert not improper(np.array([5]), np.array([30]), stays, 90.0)[0]
 
 
 def test_improper_loops_are_dropped_and_counted():
     film = np.tile(np.arange(20) * 5.0, 2)[:, None]
     for heading, kept in ((0, True), (180, False)):
-        table = swum(np.arange(40) * 3.0, np.zeros(40), heading)
+        table = features_at(np.arange(40) * 3.0, np.zeros(40), heading)
         if kept:
             loops, counts = find(film_map(film, 1), table, RATE, 5.0, EASY)
             assert len(loops) and counts.improper == 0
@@ -345,7 +347,7 @@ def fig10():
     return loop_graph(table_of(*pairs), np.zeros(90, int))
 
 
-def spelled(way):
+def way_letters(way):
     """A way as the paper writes it."""
     letter = {row: name for name, row in FIG10.items()}
     return "".join([letter[way[0][0]], *(letter[b] for _, b, _ in way)])
@@ -354,7 +356,7 @@ def spelled(way):
 def test_the_ways_of_fig10(fig10):
     source, target = "ABCDEFGH".index("G"), "ABCDEFGH".index("F")
     ways = routes(fig10, source, target, 12)
-    found = [spelled(way) for way in ways]
+    found = [way_letters(way) for way in ways]
     assert {"GHCDEF", "GABCDEF", "GHCDEBCDEF"} <= set(found)
     assert set(found[:2]) == {"GHCDF", "GABEF"}  # by two loops, quicker than what the paper draws
     assert len(set(found)) == len(found) == 9  # all that take no jump twice
@@ -373,7 +375,7 @@ def test_dear_jumps_are_rare(fig10):
         fig10, source, target, 2
     )
     (dear,) = routes(fig10, source, target, 1, jump_frames=1000)
-    assert spelled(dear) == "GHCDEF"  # the quickest of those with one jump
+    assert way_letters(dear) == "GHCDEF"  # the quickest of those with one jump
 
 
 def test_no_way_is_an_empty_list():
@@ -468,7 +470,7 @@ def test_the_table_of_fig11_as_printed():
     """A way that goes as the figure's does, from end to end in straight lines."""
     rows = np.array(list(FIG10.values()))
     x, y = (np.interp(np.arange(90), rows, [p[k] for p in PLACES]) for k in (0, 1))
-    table = position_table(rows, swum(50 * x, 50 * y))
+    table = position_table(rows, features_at(50 * x, 50 * y))
     assert table.to_csv(lineterminator="\n") == FIG11
     assert table.loc["F", "G"] == "1" and table.loc["F", "H"] == "4"
 
@@ -488,7 +490,9 @@ def test_quadrants_count_anticlockwise_from_the_upper_right():
 def test_displacements_add_up_and_the_table_stays_within_tracks():
     rng = np.random.default_rng(3)
     track = np.repeat([2, 7], 40)
-    table = swum(*rng.normal(0, 100, (2, 80)), rng.uniform(-180, 180, 80), track, length=25.0)
+    table = features_at(
+        *rng.normal(0, 100, (2, 80)), rng.uniform(-180, 180, 80), track, length=25.0
+    )
     x, y = table["x_px"].to_numpy(), table["y_px"].to_numpy()
     one, two, both = (np.array(displacement(x, y, *ab)) for ab in ((3, 9), (9, 20), (3, 20)))
     np.testing.assert_allclose(one + two, both)
@@ -700,7 +704,7 @@ def test_fig_12_has_as_many_rows_as_can_be_read():
 def test_travel_and_heading_turn_with_the_film(turn):
     spin = np.exp(1j * np.radians(turn))
     place = (LINE - 0.3j * LINE) * spin
-    table = swum(place.real, place.imag, wrap_deg(np.array([turn + 10.0]))[0])
+    table = features_at(place.real, place.imag, wrap_deg(np.array([turn + 10.0]))[0])
     travel = travel_of(np.array([5]), np.array([30]), table)
     assert travel.off_deg == pytest.approx(10 + np.degrees(np.arctan(0.3)), abs=1e-3)
     assert wrap_deg(travel.heading_deg - turn) == pytest.approx(10, abs=1e-3)
@@ -708,7 +712,7 @@ def test_travel_and_heading_turn_with_the_film(turn):
 
 def test_the_improper_loop_that_is_drawn_goes_farthest_against_its_heading():
     x = np.r_[np.zeros(30), -LINE[:30], np.zeros(10)]  # it drifts backwards in the middle
-    table = swum(x, np.zeros(70))
+    table = features_at(x, np.zeros(70))
     pairs = [(2, 25), (10, 55), (30, 50)]
     bad = improper(*np.array(pairs).T, table, 90.0)
     assert bad.tolist() == [False, True, True]
@@ -722,7 +726,7 @@ def test_the_improper_loop_that_is_drawn_goes_farthest_against_its_heading():
 
 def test_a_pair_across_tracks_is_improper_at_one_of_its_ends():
     track = np.repeat([0, 1], 40)
-    table = swum(np.r_[LINE, -LINE], np.zeros(80), track=track)
+    table = features_at(np.r_[LINE, -LINE], np.zeros(80), track=track)
     every = table_of((20, 60)).assign(filtered=0.5, improper=True)
     loop = most_improper(every, table, 90.0)
     assert (loop.place, loop.off_deg) == (2, pytest.approx(180))
@@ -751,7 +755,7 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5, backwards=False):
     save_picture(folder / "data/extract/background.png", np.full((120, 360), 200, np.uint8))
     track = np.repeat(np.arange(tracks), n)
     place = 40 + 3.0 * np.tile(np.arange(n)[:: -1 if backwards else 1], tracks)
-    table = swum(place, -40.0 - 30 * track, 0.0, track, length=44.0)
+    table = features_at(place, -40.0 - 30 * track, 0.0, track, length=44.0)
     save_table(folder / "data/features/features.parquet", table, FEATURES)
     rng = np.random.default_rng(0)
     with CutoutWriter(folder / "data/extract/cutouts.arrow") as writer:

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scratch import write_frames
 
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
@@ -30,25 +31,23 @@ OFF = {
 Frames = Sequence[np.ndarray]
 
 
-def drawn(**values) -> list[np.ndarray]:
+def carp_frames(**values) -> list[np.ndarray]:
     carp = {"width_px": 224, "height_px": 168, "body_length_px": 50.0, "colour": False, "fish": 1}
     return [frame for frame, _ in film(settings("clip", source="carp", **carp, **values))]
 
 
 @pytest.fixture(scope="module")
 def carp() -> Frames:
-    return drawn(frames=40)
+    return carp_frames(frames=40)
 
 
-def made(
+def clip_of(
     folder: Path, frames: Frames, rate: int = 25, **values
 ) -> tuple[ClipResult, list[np.ndarray]]:
     """What becomes of a film of these frames."""
     shot, home = folder / "film.mp4", folder / "clip"
     height, width = frames[0].shape[:2]
-    with VideoWriter(shot, width, height, Fraction(rate), frames[0].ndim == 3) as writer:
-        for frame in frames:
-            writer.write(frame)
+    write_frames(VideoWriter(shot, width, height, Fraction(rate), frames[0].ndim == 3), frames)
     home.mkdir(exist_ok=True)
     p = settings("clip", source="file", path=str(shot), **values)
     one = make_clip(p, open_source(p), home)
@@ -64,32 +63,32 @@ def off(a: Frames, b: Frames, edge: int = 0) -> float:
 
 
 def test_a_film_in_which_nothing_is_wrong_is_the_same_to_the_byte(tmp_path, carp):
-    one, _ = made(tmp_path, carp)
+    one, _ = clip_of(tmp_path, carp)
     clip = (tmp_path / "clip" / CLIP_NAME).read_bytes()
-    made(tmp_path, carp, **OFF)
+    clip_of(tmp_path, carp, **OFF)
     assert (tmp_path / "clip" / CLIP_NAME).read_bytes() == clip
     assert one.mended == frozenset() and one.arena.all()
     assert one.numbers["mended_steady"] == 0
 
 
 def test_flicker_is_taken_out_of_every_channel(tmp_path):
-    tank = drawn(frames=25)
+    tank = carp_frames(frames=25)
     tank = [np.dstack([frame, frame * 0.9, frame * 0.7]).astype(np.uint8) for frame in tank]
     lamp = RNG.uniform(0.9, 1.1, (25, 1)) * RNG.uniform(0.97, 1.03, (25, 3))
     shot = [np.clip(f * g, 0, 255).astype(np.uint8) for f, g in zip(tank, lamp, strict=True)]
-    one, clip = made(tmp_path, shot)
+    one, clip = clip_of(tmp_path, shot)
     assert one.mended == {"even_light"}
     assert one.filmed.light_flicker_pct > 4 > 0.3 > one.quality.light_flicker_pct
     means = np.array([frame.mean(axis=(0, 1)) for frame in clip])
     assert (means.std(axis=0) / means.mean(axis=0)).max() < 0.006
-    kept, _ = made(tmp_path, shot, correct_light="never")
+    kept, _ = clip_of(tmp_path, shot, correct_light="never")
     assert kept.mended == frozenset() and kept.quality == kept.filmed
 
 
 def test_a_shaking_camera_is_steadied_and_the_border_is_no_arena(tmp_path, carp):
     jitter = RNG.uniform(-2, 2, (40, 2))
     shot = [undo_shift(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
-    one, clip = made(tmp_path, shot)
+    one, clip = clip_of(tmp_path, shot)
     assert one.mended == {"steady"}
     assert one.filmed.shake_px == pytest.approx(np.mean(jitter**2 * 2) ** 0.5, rel=0.15)
     assert one.quality.shake_px < 0.06
@@ -101,7 +100,7 @@ def test_a_shaking_camera_is_steadied_and_the_border_is_no_arena(tmp_path, carp)
 
 def test_pictures_shown_twice_are_shown_once_at_their_time(tmp_path, carp):
     shot = [carp[k * 2 // 3] for k in range(60)]  # 20 pictures/s as 30
-    one, clip = made(tmp_path, shot, rate=30)
+    one, clip = clip_of(tmp_path, shot, rate=30)
     assert one.mended == {"undouble"} and one.facts.frame_rate == 20
     assert len(clip) == 40 and off(clip, carp) == 0
     frames = load_table(tmp_path / "clip" / FRAMES_NAME, FRAMES)["source_frame"].to_numpy()
@@ -110,13 +109,13 @@ def test_pictures_shown_twice_are_shown_once_at_their_time(tmp_path, carp):
 
 @pytest.mark.parametrize("upper", [True, False])
 def test_woven_fields_become_whole_pictures(tmp_path, upper):
-    quick = drawn(frames=48, frame_rate_hz=50.0)
+    quick = carp_frames(frames=48, frame_rate_hz=50.0)
     woven, early = [], quick[0::2]
     for a, b in zip(early, quick[1::2], strict=True):
         both = b.copy()
         both[0 if upper else 1 :: 2] = a[0 if upper else 1 :: 2]
         woven.append(both)
-    one, clip = made(tmp_path, woven)
+    one, clip = clip_of(tmp_path, woven)
     assert one.mended == {"deinterlace"}
     assert (one.filmed.field_order > 0) == upper
     assert abs(one.quality.field_order) < 0.1

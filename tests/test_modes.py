@@ -1,4 +1,4 @@
-"""The fish paper's modes network, loops and hybrid: laws of every swim, a slow look-up, ground truth."""
+"""Laws of every mode; the fish paper's modes network, loops and hybrid: a slow look-up, ground truth."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,13 +17,18 @@ from toy_film import (
     STEP,
     TOUCH,
     Model,
+    arc_track,
+    edit_of,
     film_of,
+    film_with_dead_ends,
     gateways,
     hybrid_of,
+    learnt,
     lesson,
     lessons,
     loops,
     loops_of,
+    matching_of,
     network_of,
     open_tank,
     order,
@@ -33,15 +38,16 @@ from toy_film import (
     rich,
     rich_film,
     rich_table,
+    spot,
     sprites,
-    swum,
     table_of,
+    waters_of,
     world_of,
 )
 
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
-from finloop.animate.kinematics import Target, bearing, rotate, touches
+from finloop.animate.kinematics import bearing, rotate, touches
 from finloop.animate.places import random_goals
 from finloop.animate.route import Route
 from finloop.animate.shoal import swim
@@ -49,7 +55,6 @@ from finloop.animate.state import Fish
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY, FILM
-from finloop.edit.build import edit_list
 from finloop.edit.measures import (
     area_missed,
     longest_repeat,
@@ -58,15 +63,7 @@ from finloop.edit.measures import (
     turn_measures,
 )
 from finloop.edit.modes import MODES, PAPER
-from finloop.edit.schema import (
-    ACCELERATE,
-    FRAME,
-    SPRITE,
-    STATES,
-    STRAIGHT,
-    VERDICTS,
-    Goal,
-)
+from finloop.edit.schema import ACCELERATE, FADE, FRAME, SPRITE, STATES, STRAIGHT, VERDICTS, Goal
 from finloop.edit.schema import FILM as IN_FILM
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import direction_deg, orientation, wrap_deg
@@ -75,6 +72,7 @@ from finloop.modes.hybrid import Hybrid
 from finloop.modes.loops import loop_ends
 from finloop.modes.network import Network
 from finloop.modes.sprites import plan_turn
+from finloop.plan.plan import option_table
 
 STAY = round(settings("loops").min_deltas_between_jumps * DELTA)
 A = [Goal("A", 200.0, 200.0)]
@@ -106,23 +104,15 @@ def posed_gateways(pose):
 
 
 def player_in(mode, pose=BODY, **changes):
-    """A player of a mode of the paper, by the rich film."""
+    """A player of a mode, by the rich film."""
     film = posed_film(pose)[0]
     if mode == "loops":
         return paper_player(loops_of(film, **changes))
     if mode == "network":
         return paper_player(network_of(**changes))
+    if mode == "matching":
+        return matching_of(waters_of(film, **changes))
     return paper_player(hybrid_of(film, gates=posed_gateways(pose)))
-
-
-def edit_of(player, goals, ticks, seed):
-    """A swim, and its edit list."""
-    found = swim(player, goals, ticks, np.random.default_rng(seed))
-    return found, edit_list(found, ticks, player.sources)
-
-
-def spot(x, y, touch=TOUCH, head=HEAD):
-    return Target(float(x), float(y), touch, head)
 
 
 def in_film(film, rng, room=None):
@@ -147,16 +137,16 @@ def partners(pairs):
 # --- every mode
 
 
-@pytest.mark.parametrize("mode", PAPER)
+@pytest.mark.parametrize("mode", MODES)
 def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
     """The same state, goal and draws give the same stretch, whatever was swum since."""
     player, rng = player_in(mode), np.random.default_rng(3)
     state, kept = player.begin(rng), []
     for number in range(60):
         to = A[0] if number % 20 > 10 else None
-        before, draws = repr(state), rng.bit_generator.state
+        before, draws = (repr(state), state.fish.recent.tolist()), rng.bit_generator.state
         stretch, then = player.plan(state, to, rng)
-        assert repr(state) == before
+        assert (repr(state), state.fish.recent.tolist()) == before
         kept.append((state, to, draws, stretch, then))
         state = then
     for begin in (0, 27, 45):
@@ -167,7 +157,7 @@ def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
             assert repr(mine) == repr(stretch) and repr(state) == repr(then)
 
 
-@pytest.mark.parametrize("mode", PAPER)
+@pytest.mark.parametrize("mode", MODES)
 def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(mode):
     player, rng, shorter = player_in(mode), np.random.default_rng(1), 0
     state = player.begin(rng)
@@ -187,40 +177,54 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(
     assert shorter > 20
 
 
-@pytest.mark.parametrize("mode", PAPER)
+@pytest.mark.parametrize("mode", MODES)
 def test_a_seed_gives_one_animation_and_another_seed_another(mode):
-    one, same, other = (edit_of(player_in(mode), A, 400, seed)[1] for seed in (7, 7, 8))
-    pd.testing.assert_frame_equal(one, same)
-    assert not np.allclose(one["x_px"], other["x_px"])
+    one, same, other = (edit_of(player_in(mode), A, 400, seed) for seed in (7, 7, 8))
+    pd.testing.assert_frame_equal(one[1], same[1])
+    weighed, again = (option_table(found, 400, 10**6) for found, _ in (one, same))
+    pd.testing.assert_frame_equal(weighed, again)
+    assert weighed.empty == (mode != "matching")
+    assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
 
 
-@pytest.mark.parametrize(("mode", "pose"), [*product(PAPER[1:], (BODY, FILM)), ("network", BODY)])
+@pytest.mark.parametrize(
+    ("mode", "pose"), [*product(PAPER[1:], (BODY, FILM)), ("network", BODY), ("matching", BODY)]
+)
 def test_never_outside_the_tank(mode, pose):
     player = player_in(mode, pose)
-    for seed in range(2):
+    for seed in range(3 if mode == "matching" else 2):
         goals = random_goals(player.world, 3, np.random.default_rng(seed))
         _, table = edit_of(player, goals, 1000, seed)
         assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
         assert measures.outside(table, player) == 0
 
 
-@pytest.mark.parametrize("mode", PAPER)
+def player_of_a_film_at(rate, mode):
+    """A player of a mode, by a film that is said to be of another frame rate."""
+    if mode == "matching":
+        taught = learnt(lessons(), rate)
+        return matching_of(waters_of(film_of(*rich(), taught=taught), taught=taught))
+    taught = replace(lesson(), rate_hz=rate)
+    world = world_of(taught=taught)
+    network = Network(world, order(rate), phases(rate), Model(), settings("network"))
+    made = hybrid_of(film_of(*rich(), taught=taught), world)
+    made = Hybrid(network, made.loops, made.gateways)
+    return paper_player(made if mode == "hybrid" else getattr(made, mode))
+
+
+@pytest.mark.parametrize("mode", MODES)
 def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode):
     """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
     swims = []
     for rate in (RATE, 8 * RATE):
-        taught = replace(lesson(), rate_hz=rate)
-        world = world_of(taught=taught)
-        network = Network(world, order(rate), phases(rate), Model(), settings("network"))
-        made = hybrid_of(film_of(*rich(), taught=taught), world)
-        made = Hybrid(network, made.loops, made.gateways)
-        one = made if mode == "hybrid" else getattr(made, mode)
-        found = swim(paper_player(one), A, 600, np.random.default_rng(3))
-        swims.append((
-            np.concatenate([part.way for part in found.stretches]),
-            np.concatenate([part.number for part in found.stretches]),
-            [part.decision.reason for part in found.stretches],
-        ))  # fmt: skip
+        parts = swim(player_of_a_film_at(rate, mode), A, 600, np.random.default_rng(3)).stretches
+        columns = [
+            np.concatenate([getattr(one, name) for one in parts]) for name in ("way", "number")
+        ]
+        rots = np.concatenate(
+            [np.zeros(len(one.way)) if one.rot is None else one.rot for one in parts]
+        )
+        swims.append((*columns, rots, [one.decision.reason for one in parts]))
     for one, quicker in zip(*swims, strict=True):
         np.testing.assert_array_equal(one, quicker)
 
@@ -443,7 +447,7 @@ STRAIGHT_LOOPS = loops((20, 95), (22, 120), (60, 160), (104, 165), (110, 185))
 
 def straight_on():
     """A straight film in two tracks, with loops in the beginning and the end of each."""
-    table = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    table = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
     return film_of(table, STRAIGHT_LOOPS)
 
 
@@ -466,13 +470,8 @@ def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
 
 
 def test_a_dead_end_is_never_played_into():
-    table = table_of(swum([4.0] * 200), swum([-4.0] * 200), swum([0.0] * 200))
-    pairs = loops(
-        *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
-        *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
-    )  # fmt: skip
-    player = paper_player(loops_of(film_of(table, pairs)))
-    goes_on = player.film.plays(np.arange(len(table) - 1))
+    player = paper_player(loops_of(film_with_dead_ends()))
+    goes_on = player.film.plays(np.arange(len(player.film.has_next) - 1))
     assert not goes_on.all()
     for seed in range(3):
         found, _ = edit_of(player, [], 2000, seed)
@@ -482,13 +481,13 @@ def test_a_dead_end_is_never_played_into():
 
 def test_a_film_whose_loops_lead_to_its_end_alone_is_not_played():
     assert loops_of().can_play and not loops_of(film_of(rich_table(), loops())).can_play
-    tail = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    tail = table_of(arc_track([0.0] * 99), arc_track([0.0] * 99))
     assert not loops_of(film_of(tail, loops((20, 150)))).can_play
 
 
 def three_ways():
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
-    table = table_of(swum([0.0] * 149), swum([2.0] * 149), swum([-2.0] * 149))
+    table = table_of(arc_track([0.0] * 149), arc_track([2.0] * 149), arc_track([-2.0] * 149))
     pairs = [(20, 170), (20, 320), (41, 201), (41, 351), (60, 231), (60, 381), (25, 225), (25, 375)]
     return film_of(table, loops(*pairs))
 
@@ -831,18 +830,29 @@ def test_a_sprite_has_an_orientation_and_a_frame_has_none():
         assert table[name].dropna().between(1, ORIENTATIONS).all()
 
 
-@pytest.mark.parametrize("mode", PAPER)
-def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode):
-    player = player_in(mode)
+@pytest.mark.parametrize(
+    ("mode", "ticks"), [*((m, None) for m in PAPER), *product(["matching"], [0, 3])]
+)
+def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode, ticks):
+    matching = (
+        {}
+        if ticks is None
+        else {"search_step_deltas": 2.0, "cross_fade_deltas": ticks / DELTA, "join": FADE}
+    )
+    player = player_in(mode, **matching)
     found, table = edit_of(player, A, 1500, 2)
-    fade, film = player.joins.fade, player.film
-    assert fade == round(settings("animate").cross_fade_deltas * DELTA) > 1
+    fade = player.joins.fade if ticks is None else ticks
+    film = rich_film() if mode == "matching" else player.film
+    assert ticks is not None or fade == round(settings("animate").cross_fade_deltas * DELTA) > 1
     number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
     rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)
     starts = np.cumsum([0, *(len(one.way) for one in found.stretches)])
     begins = [tick for tick, one in zip(starts, found.stretches, strict=False) if one.new]
     begins = np.array([tick for tick in begins if 0 < tick < 1500])
     assert set(np.concatenate(switches(table))) <= set(begins) and len(begins) > 10
+    if mode == "matching":
+        jumped = np.flatnonzero((np.diff(number) != 1) & (np.diff(number) != 0)) + 1
+        assert set(jumped) <= set(begins) and len(jumped) > 10
     fades = np.zeros(1500)
     for begin in begins:  # a later one begins anew
         stop = min(begin + fade, 1500)
@@ -861,8 +871,9 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode)
                 assert wrap_deg(turned) == pytest.approx(0, abs=1e-3)
 
 
-def test_wandering_uses_much_of_the_tank_and_of_the_film():
-    _, table = edit_of(player_in("hybrid"), [], 3000, 5)
+@pytest.mark.parametrize("mode", ["hybrid", "matching"])
+def test_wandering_uses_much_of_the_tank_and_of_the_film(mode):
+    _, table = edit_of(player_in(mode), [], 3000, 5)
     assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
     assert table["source"][table["kind"] == FRAME].nunique() > 300
     assert longest_repeat(table) < 500

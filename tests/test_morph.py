@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scratch import save_svg
 
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
@@ -223,32 +224,17 @@ def test_the_command_writes_every_format(tmp_path, ending, capsys):
 
 
 def test_the_command_counts_folds(tmp_path, capsys):
-    (tmp_path / "a.svg").write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99"><path id="eight" d="M9 9L60 60V9L9 60z"/></svg>'
-    )
-    eight = str(tmp_path / "a.svg")
-    assert (
-        main([eight, eight, "-o", str(tmp_path / "o.json"), "--method", "linear", "--frames", "3"])
-        == 0
-    )
+    eight = save_svg(tmp_path / "a.svg", '<path id="eight" d="M9 9L60 60V9L9 60z"/>')
+    given = [eight, eight, "-o", str(tmp_path / "o.json"), "--method", "linear", "--frames", "3"]
+    assert main(given) == 0
     assert "folds: eight in 3 of 3 frames" in capsys.readouterr().out
 
 
 def test_the_command_from_end_to_end(tmp_path):
     """As a person would: another process, in another folder, with `--back`."""
-    command = [
-        sys.executable,
-        "-m",
-        "finloop.morph",
-        *FACES,
-        "-o",
-        "out.json",
-        "--frames",
-        "5",
-        "--back",
-    ]
+    command = [sys.executable, "-m", "finloop.morph", *FACES, "-o", "out.json", "--back"]
     done = subprocess.run(
-        [*command, "--method", "linear", "--fps", "12.5", "--points", "32"],
+        [*command, "--frames", "5", "--method", "linear", "--fps", "12.5", "--points", "32"],
         cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=120,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
@@ -272,12 +258,9 @@ def test_the_command_from_end_to_end(tmp_path):
     ],
 )
 def test_the_command_tells_what_is_wrong_and_leaves_nothing(tmp_path, body, says, capsys):
-    paths = [tmp_path / "a.svg", tmp_path / "b.svg"]
-    for path, inside in zip(paths, [body, '<path id="box" d="M9 9H60V60z"/>'], strict=True):
-        path.write_text(
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99">{inside}</svg>'
-        )
-    assert main([*map(str, paths), "-o", str(tmp_path / "out.svg")]) == 1
+    one = save_svg(tmp_path / "a.svg", body)
+    other = save_svg(tmp_path / "b.svg", '<path id="box" d="M9 9H60V60z"/>')
+    assert main([one, other, "-o", str(tmp_path / "out.svg")]) == 1
     said = capsys.readouterr()
     assert said.err.startswith("finloop: ")
     assert says in said.err
@@ -287,9 +270,8 @@ def test_the_command_tells_what_is_wrong_and_leaves_nothing(tmp_path, body, says
 
 @pytest.mark.parametrize("output", ["out.gif", "out", "/dev/null/out.svg"])
 def test_the_command_cannot_write_there(tmp_path, output, capsys):
-    assert (
-        main([*FACES, "-o", output, "--frames", "2", "--points", "16", "--method", "linear"]) == 1
-    )
+    given = [*FACES, "-o", output, "--frames", "2", "--points", "16", "--method", "linear"]
+    assert main(given) == 1
     assert output in capsys.readouterr().err
 
 

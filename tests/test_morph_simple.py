@@ -27,7 +27,7 @@ GLYPHS = {
 METHODS = (linear, simple, lambda a, b, f, n: physical(a, b, f, n, 1.0, 8.0, 1.0))
 
 
-def centred(points):
+def centre(points):
     return points - points.mean(axis=-2, keepdims=True)
 
 
@@ -83,23 +83,23 @@ def test_a_curve_is_found_again(seed, start, back):
     far = misfit(points, other if not back else other[::-1])
     assert far.min() < 1e-9 * far.max()
     one, two = match_curves(Curve(points, True), Curve(other, True), 64)
-    assert abs(centred(one) - centred(two)).max() < 0.2  # resampling starts between the points
+    assert abs(centre(one) - centre(two)).max() < 0.2  # resampling starts between the points
 
 
 def test_the_best_of_all_start_points():
     a, b = (resample_curve(GLYPHS[name], 64).points for name in "k5")
-    every = [((centred(a) - centred(np.roll(b, -s, axis=0))) ** 2).sum() for s in range(64)]
+    every = [((centre(a) - centre(np.roll(b, -s, axis=0))) ** 2).sum() for s in range(64)]
     np.testing.assert_allclose(misfit(a, b), every, rtol=1e-9)
     one, two = match_curves(GLYPHS["k"], GLYPHS["5"], 64)
     np.testing.assert_array_equal(one, a)
-    assert ((centred(one) - centred(two)) ** 2).sum() == pytest.approx(min(every))
+    assert ((centre(one) - centre(two)) ** 2).sum() == pytest.approx(min(every))
 
 
 def test_both_directions():
     eight = np.stack([np.sin(2 * (t := np.arange(300) / 300 * 2 * np.pi)), np.sin(t)], axis=1)
     turned = Curve(eight[::-1] + 0.01, True)  # no sense of turning: both directions are tried
     one, two = match_curves(Curve(eight, True), turned, 300)
-    assert abs(centred(one) - centred(two)).max() < 0.03
+    assert abs(centre(one) - centre(two)).max() < 0.03
     arc = Curve(np.array([[0, 0], [1, 2], [5, 3]], float), False)
     one, two = match_curves(arc, Curve(arc.points[::-1], False), 50)
     np.testing.assert_allclose(one, two, atol=1e-12)
@@ -124,7 +124,7 @@ def test_ends_are_the_curves(method, a, b):
     one, two = match_curves(a, b, 128)
     size = np.ptp(one)
     np.testing.assert_allclose(frames[0], one, atol=1e-9 * size)
-    assert abs(centred(frames[-1]) - centred(resample_curve(b, 128).points)).max() < 3 * size
+    assert abs(centre(frames[-1]) - centre(resample_curve(b, 128).points)).max() < 3 * size
     assert set(map(tuple, np.round(frames[-1], 6))) == set(map(tuple, np.round(two, 6)))
     np.testing.assert_allclose(method(a, a, 9, 128), np.stack([one] * 9), atol=1e-9 * size)
 
@@ -153,7 +153,7 @@ def test_physics():
         frames = physical(a, b, 101, 64, elastic, damping, mass)
         np.testing.assert_allclose(
             frames.mean(axis=1)[:, 0] / 9,
-            (size := abs(centred(frames)[:, 0] @ [1, 1j])) * 2 - 2,
+            (size := abs(centre(frames)[:, 0] @ [1, 1j])) * 2 - 2,
             atol=1e-6,
         )
         return size

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, same_but_figures
+from tiny_run import stage_run
 
 import stages.morph
 from finloop.base.errors import FinloopError
@@ -26,17 +27,12 @@ def folder(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory, tiny_run) -> Path:
-    """What the stage has made in another folder, perhaps of another process."""
-    path = tmp_path_factory.mktemp("made")
-    tiny_run.bring(path, ["morph"])
-    return path
+morph_run = stage_run("morph")
 
 
 @pytest.mark.usefixtures("no_drawing")
-def test_stage_makes_what_dvc_expects_the_same_each_time(made, folder):
-    shutil.copytree(made, folder, dirs_exist_ok=True)
+def test_stage_makes_what_dvc_expects_the_same_each_time(morph_run, folder):
+    shutil.copytree(morph_run, folder, dirs_exist_ok=True)
     first = content(folder / "data/morph") | content(folder / "reports/morph")
     stage = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["morph"]
     named = [next(iter(o)) if isinstance(o, dict) else o for o in stage["outs"] + stage["metrics"]]

@@ -23,7 +23,7 @@ from jobs import (
     fails_at_five,
     is_killed,
     is_killed_once,
-    noted,
+    note_job,
     square,
 )
 
@@ -98,7 +98,7 @@ def test_an_error_in_a_worker_is_the_same_error_here(workers):
 
 @pytest.mark.parametrize("workers", [Processes(1), Processes(2), Threads(2)], ids=str)
 def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path):
-    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), workers)
+    results = ordered_map(note_job, ((tmp_path, number) for number in range(60)), workers)
     for taken in range(1, 20):
         next(results)
         most = taken + workers.count + 1
@@ -133,7 +133,7 @@ def test_workers_end_with_who_employs_them(tmp_path):
 
 
 def test_who_stops_early_does_not_wait_for_the_rest(tmp_path):
-    results = ordered_map(noted, [(tmp_path, number) for number in range(500)], Processes(2))
+    results = ordered_map(note_job, [(tmp_path, number) for number in range(500)], Processes(2))
     next(results)
     results.close()
     assert len(list(tmp_path.iterdir())) <= 4

@@ -174,13 +174,13 @@ def test_the_source_decides_between_options():
 
 
 @cache  # composing takes Hydra a sixth of a second
-def made(*overrides: str) -> str:
+def compose(*overrides: str) -> str:
     return compose_params(["~local", *overrides])
 
 
 @cache
 def made_values(*overrides: str) -> dict[str, Any]:
-    return yaml.load(made(*overrides), yaml.CSafeLoader)
+    return yaml.load(compose(*overrides), yaml.CSafeLoader)
 
 
 def composed_values(word: str, option: str) -> dict[str, Any]:
@@ -356,7 +356,7 @@ def elsewhere(tmp_path, monkeypatch):
     """A folder with conf/ and its params.yaml, and it is the current one."""
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
     (tmp_path / LOCAL).unlink(missing_ok=True)
-    (tmp_path / "params.yaml").write_text(made())
+    (tmp_path / "params.yaml").write_text(compose())
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -497,27 +497,27 @@ def own_params(tmp_path_factory) -> str:
     subprocess.run([sys.executable, "-c", COMPOSE], cwd=root, env=env, check=True)
     text = (root / "own.yaml").read_text()
     assert yaml.safe_load((root / "params.yaml").read_text()) | {STAMP: 0} == yaml.safe_load(
-        made()
+        compose()
     ) | {STAMP: 0}
     return text
 
 
 @pytest.fixture
-def own(own_params, elsewhere):
+def own_folder(own_params, elsewhere):
     """The same conf/ and params.yaml, for this process."""
     shutil.copyfile(f"{LOCAL}.example", LOCAL)
     (elsewhere / "params.yaml").write_text(own_params)
     return elsewhere
 
 
-def test_ones_own_film_and_settings_are_composed_every_time(own):
+def test_ones_own_film_and_settings_are_composed_every_time(own_folder):
     clip, extract = load("clip"), load("extract")
     assert (clip.source, clip.path) == ("file", "/some/where.mp4")
     assert extract == settings("extract", noise_sigmas=6.0)
     assert not subprocess.run(["git", "check-ignore", "-q", LOCAL], cwd=ROOT).returncode
 
 
-def test_an_edit_of_ones_own_settings_is_never_passed_over(own):
+def test_an_edit_of_ones_own_settings_is_never_passed_over(own_folder):
     LOCAL.write_text(LOCAL.read_text().replace("6.0", "7.0"))
     with pytest.raises(FinloopError, match="make params"):
         load("extract")
@@ -526,21 +526,21 @@ def test_an_edit_of_ones_own_settings_is_never_passed_over(own):
         load("extract")
 
 
-def test_a_temporary_experiment_has_ones_own_settings_without_the_file(own, monkeypatch):
+def test_a_temporary_experiment_has_ones_own_settings_without_the_file(own_folder, monkeypatch):
     LOCAL.unlink()
     monkeypatch.setenv("DVC_ROOT", str(ROOT))
     assert load("extract").noise_sigmas == 6.0
-    with (own / "conf/config.yaml").open("a") as file:
+    with (own_folder / "conf/config.yaml").open("a") as file:
         file.write("# edited\n")
     with pytest.raises(FinloopError, match="make params"):
         load("extract")
 
 
-def test_where_the_file_is_not_its_values_are_checked(own, capsys):
+def test_where_the_file_is_not_its_values_are_checked(own_folder, capsys):
     LOCAL.unlink()
     compare([])
     assert str(LOCAL) in capsys.readouterr().err
-    path = own / "params.yaml"
+    path = own_folder / "params.yaml"
     path.write_text(path.read_text().replace("noise_sigmas: 6.0", "noise_sigmas: -6.0"))
     with pytest.raises(FinloopError, match=r"extract\.noise_sigmas: should be greater"):
         compare([])

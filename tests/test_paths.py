@@ -9,11 +9,11 @@ from toy_film import (
     LENGTH,
     RATE,
     SPEED,
+    arc_track,
     film_of,
     loops,
     matching_of,
     open_tank,
-    swum,
     waters_of,
 )
 
@@ -38,7 +38,7 @@ TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
 
 
-def laid(line, **changes):
+def lay_line(line, **changes):
     waters = waters_of(**changes)
     return lay(line, waters.tank, waters.motion, None)
 
@@ -95,7 +95,9 @@ def test_what_is_no_path_is_refused_in_words(tmp_path, name, text, came):
 
 
 def test_a_track_of_the_film_has_times_and_headings_and_an_unknown_one_is_refused():
-    table = pd.concat([swum([5.0] * 30, track=3), swum([0.0] * 9, track=8)], ignore_index=True)
+    table = pd.concat(
+        [arc_track([5.0] * 30, track=3), arc_track([0.0] * 9, track=8)], ignore_index=True
+    )
     table["time_s"] = table["frame"] / RATE
     line = track_line(table, "track:8")
     assert list(line.rows) == list(range(31, 41)) and line.time_s[1] == 1 / RATE
@@ -110,23 +112,23 @@ def test_a_track_of_the_film_has_times_and_headings_and_an_unknown_one_is_refuse
 
 def test_shares_and_mm_become_px_and_what_is_outside_is_refused():
     corners = Line("a", np.array([0.25, 0.75]), np.array([0.5, 0.5]), TANK)
-    asked = laid(corners).asked
+    asked = lay_line(corners).asked
     assert asked.x[[0, -1]] == pytest.approx([30 + 0.25 * 739, 30 + 0.75 * 739])
     waters = waters_of()
     mm = corners._replace(x=np.array([10.0, 20.0]), y=np.array([10.0, 10.0]), unit=MM)
     assert lay(mm, waters.tank, waters.motion, 0.05).asked.x[-1] == pytest.approx(400)
     with pytest.raises(FinloopError, match="scale is not known"):
-        laid(mm)
+        lay_line(mm)
     with pytest.raises(FinloopError, match="1 of 2 places are outside the tank"):
-        laid(corners._replace(x=np.array([0.25, 1.75])))
+        lay_line(corners._replace(x=np.array([0.25, 1.75])))
     with pytest.raises(FinloopError, match="body lengths long"):
-        laid(corners._replace(x=np.array([0.25, 0.251])))
+        lay_line(corners._replace(x=np.array([0.25, 0.251])))
 
 
 def test_a_million_trembling_places_become_as_many_as_the_path_is_long():
     rng, n = np.random.default_rng(0), 1_000_000
     x = np.linspace(100, 700, n)
-    path = laid(Line("a", x, 300 + rng.normal(0, 0.2, n), PX, time_s=np.linspace(0, 20, n)))
+    path = lay_line(Line("a", x, 300 + rng.normal(0, 0.2, n), PX, time_s=np.linspace(0, 20, n)))
     assert path.asked.length == pytest.approx(600, rel=0.02)
     assert len(path.route.x) == pytest.approx(600 / (0.1 * LENGTH), rel=0.05)
     # Half of the time, half of the way.
@@ -134,7 +136,7 @@ def test_a_million_trembling_places_become_as_many_as_the_path_is_long():
 
 
 def test_the_centre_is_sent_where_it_may_be_and_the_error_is_of_what_was_asked():
-    path = laid(Line("a", np.array([40.0, 760.0]), np.array([25.0, 25.0]), PX))
+    path = lay_line(Line("a", np.array([40.0, 760.0]), np.array([25.0, 25.0]), PX))
     waters = waters_of()
     cells = np.round([path.route.y, path.route.x]).astype(int)
     assert waters.tank.legal[tuple(cells)].all() and (path.asked.y == 25).all()
@@ -143,16 +145,16 @@ def test_the_centre_is_sent_where_it_may_be_and_the_error_is_of_what_was_asked()
 def test_a_path_that_ends_where_it_began_is_closed_unless_it_has_times():
     x, y = np.append(EIGHT.x, EIGHT.x[0]), np.append(EIGHT.y, EIGHT.y[0])
     open_ = EIGHT._replace(x=x, y=y, closed=False)
-    assert laid(open_).route.closed
-    assert not laid(open_._replace(time_s=np.arange(201.0))).route.closed
-    assert laid(open_).asked.length == pytest.approx(laid(EIGHT).asked.length, rel=1e-3)
+    assert lay_line(open_).route.closed
+    assert not lay_line(open_._replace(time_s=np.arange(201.0))).route.closed
+    assert lay_line(open_).asked.length == pytest.approx(lay_line(EIGHT).asked.length, rel=1e-3)
 
 
 # --- feet
 
 
 def test_whoever_swims_a_path_that_crosses_itself_stays_on_its_branch():
-    route = laid(EIGHT).route
+    route = lay_line(EIGHT).route
     along = 0.0
     for to in np.arange(0, 2.2 * route.length, 3.0):  # and on, lap after lap
         x, y = place(route, to)
@@ -161,7 +163,7 @@ def test_whoever_swims_a_path_that_crosses_itself_stays_on_its_branch():
 
 
 def test_a_foot_is_the_nearest_place_and_never_goes_back():
-    route = laid(Line("a", np.array([100.0, 700.0]), np.array([300.0, 300.0]), PX)).route
+    route = lay_line(Line("a", np.array([100.0, 700.0]), np.array([300.0, 300.0]), PX)).route
     assert foot(route, 110.0, 320.0, 0.0) == pytest.approx((10, 110, 300))
     assert foot(route, 50.0, 320.0, 5.0) == pytest.approx((5, 105, 300))
     assert foot(route, 900.0, 300.0, 595.0) == pytest.approx((600, 700, 300))
@@ -178,7 +180,7 @@ def ahead(n, heading=0.0, step=3.0):
 
 
 def steer(way, y=300.0, swims=2.0, **changes):
-    route = laid(Line("a", np.array([100.0, 700.0]), np.array([y, y]), PX)).route
+    route = lay_line(Line("a", np.array([100.0, 700.0]), np.array([y, y]), PX)).route
     usual = Steering(0.5, 0.2, 1.0, 10, LENGTH, 30.0, 10.0, 3.0, 0.1)
     speed = np.full(len(way) - 1, swims)
     begins = (100.0, 0)
@@ -227,10 +229,10 @@ def test_a_way_ends_before_it_leaves_the_tank():
 # --- following
 
 
-def followed(line, ticks=700, **changes):
+def follow_line(line, ticks=700, **changes):
     """What is made of a path: the swim, columns of `SWUM`, measures."""
     waters = waters_of(**changes)
-    player, path = matching_of(waters), laid(line)
+    player, path = matching_of(waters), lay_line(line)
     swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
     table = swum_path("matching", swum_, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
@@ -238,7 +240,7 @@ def followed(line, ticks=700, **changes):
 
 
 def test_the_film_is_swum_along_a_path_lap_after_lap():
-    swum_, table, left, numbers = followed(EIGHT)
+    swum_, table, left, numbers = follow_line(EIGHT)
     assert numbers["path_across_rms_body_lengths"] < 0.1 and not len(left)
     assert numbers["path_swum_pct"] > 100 and len(table) == 700
     assert 0 < numbers["path_turn_corrected_pct"] < 15
@@ -255,7 +257,7 @@ def test_the_film_is_swum_along_a_path_lap_after_lap():
 
 def test_an_open_path_has_an_end_and_then_the_fish_wanders():
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
-    swum_, table, _, numbers = followed(line)
+    swum_, table, _, numbers = follow_line(line)
     assert numbers["path_swum_pct"] == pytest.approx(100) and len(table) < 700
     at = [name == PATH for name in swum_.names]
     assert at == sorted(at, reverse=True) and not all(at)
@@ -264,14 +266,14 @@ def test_an_open_path_has_an_end_and_then_the_fish_wanders():
 def test_a_path_is_followed_to_its_end_and_no_tick_longer():
     """Of a path without times the last tick alone is at its end; one with times lasts as long."""
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
-    path, player = laid(line), matching_of()
+    path, player = lay_line(line), matching_of()
     made = swim(player, [], 900, np.random.default_rng(0), path.route)
     table = swum_path("matching", made, path, 900, player.world)
     followed_ = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
     end = path.asked.length - 1e-3
     assert sum(followed_) == len(table) < 900
     assert table["along_px"].iloc[-1] >= end > table["along_px"].iloc[-2]
-    timed = laid(line._replace(time_s=np.array([0.0, 3.03])))
+    timed = lay_line(line._replace(time_s=np.array([0.0, 3.03])))
     made = swim(player, [], 900, np.random.default_rng(0), timed.route)
     ticks = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
     assert sum(ticks) == len(timed.route.when)
@@ -284,30 +286,30 @@ def test_with_times_the_fish_is_there_on_time():
     pace = SPEED * LENGTH
     heading = np.degrees(np.arctan(-np.cos(x / 60)))
     line = Line("a", x, y, PX, time_s=far / pace, heading_deg=heading)
-    _, table, left, numbers = followed(line)
+    _, table, left, numbers = follow_line(line)
     assert len(table) == 1 + int(far[-1] / pace * RATE) and not len(left)
     assert numbers["path_late_rms_body_lengths"] < 0.25
     assert numbers["path_across_rms_body_lengths"] < 0.1
     assert numbers["path_heading_error_rms_deg"] < 20
     # Four times as fast as any fish of the film, it is late, and that is said.
-    _, _, left, numbers = followed(line._replace(time_s=far / pace / 4))
+    _, _, left, numbers = follow_line(line._replace(time_s=far / pace / 4))
     assert numbers["path_late_rms_body_lengths"] > 1 and "fast" in set(left["why"])
 
 
 def test_where_a_path_cannot_be_swum_it_is_left_and_that_is_said():
     wall = Line("a", np.array([150.0, 600.0]), np.array([22.0, 22.0]), PX)
-    _, _, left, numbers = followed(wall)
+    _, _, left, numbers = follow_line(wall)
     assert set(left["why"]) == {"wall"} and numbers["path_left_pct"] == 100
     assert left["most"].iloc[0] == pytest.approx((0.6 * LENGTH + 20 - 22) / LENGTH, abs=0.15)
     x = np.array([150.0, 500.0, 150.0, 500.0])
     spike = Line("a", x, np.array([200.0, 210.0, 220.0, 230.0]), PX)
-    _, _, left, numbers = followed(spike)
+    _, _, left, numbers = follow_line(spike)
     assert "sharp" in set(left["why"]) and numbers["path_swum_pct"] == pytest.approx(100)
     assert (left["to_s"] >= left["from_s"]).all() and (left["most"] > 0.25).all()
 
 
 def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
-    player, route = matching_of(), laid(EIGHT).route
+    player, route = matching_of(), lay_line(EIGHT).route
     rng = np.random.default_rng(3)
     state = player.begin(rng, route)
     for _ in range(12):
@@ -326,9 +328,9 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
 
 def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins():
     """Every way of it leaves the tank in the end: the fish turns on the spot, and says so."""
-    table = swum([0.0] * 300, at=(100.0, 100.0))
+    table = arc_track([0.0] * 300, at=(100.0, 100.0))
     waters = waters_of(film_of(table, loops((20, 280))))
-    player, path = matching_of(waters), laid(EIGHT)
+    player, path = matching_of(waters), lay_line(EIGHT)
     made = swim(player, [], 200, np.random.default_rng(0), path.route)
     reasons = [one.decision.reason for one in made.stretches]
     assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
@@ -339,14 +341,14 @@ def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins()
 
 
 def test_what_is_swum_is_written_and_drawn(tmp_path):
-    _, table, left, _ = followed(EIGHT, ticks=100)
+    _, table, left, _ = follow_line(EIGHT, ticks=100)
     save_table(tmp_path / "a.parquet", table, SWUM)
     save_table(tmp_path / "b.parquet", left, LEFT)
     assert len(figure(table, left, np.full((600, 800), 128, np.uint8)).axes) == 2
 
 
 def test_at_a_tick_before_its_times_a_path_is_at_its_beginning():
-    route = laid(EIGHT._replace(closed=False, time_s=np.arange(200.0) / RATE)).route
+    route = lay_line(EIGHT._replace(closed=False, time_s=np.arange(200.0) / RATE)).route
     assert asked_at(route, 0) == asked_at(route, 1) == 0.0
     assert asked_at(route, 10**6) == route.when[-1] == pytest.approx(route.length)
     assert isinstance(route, Route) and route.is_timed and not route.done(route.length, 5)

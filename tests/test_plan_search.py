@@ -5,24 +5,23 @@ import pytest
 from toy_film import (
     ARENA,
     DELTA,
-    HEAD,
     LENGTH,
     RATE,
     STEP,
-    TOUCH,
+    arc_track,
     film_of,
     loops,
     matching_of,
     open_tank,
     random_film,
     rich_film,
-    swum,
+    spot,
     table_of,
     waters_of,
 )
 
 from finloop.animate.arena import Tank, inside, tank
-from finloop.animate.kinematics import Target, bearing, touches
+from finloop.animate.kinematics import bearing, touches
 from finloop.animate.memory import NEVER, last_on_screen
 from finloop.animate.paths import lay
 from finloop.animate.state import State
@@ -51,10 +50,6 @@ WEIGHTS = CostWeights(3.0, 5.0, 4, 24, 6.0, 20.0, 300.0)
 NOTHING = np.zeros((0, 3), np.int64)
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
-
-
-def spot(x, y):
-    return Target(float(x), float(y), TOUCH, HEAD)
 
 
 def candidates_of(rows, rots, terms=None):
@@ -223,7 +218,7 @@ def test_turning_the_tank_turns_the_plan():
 def test_a_mirrored_tank_gives_the_mirrored_plan():
     """Film, tank and fish upside down: the same rows at the same cost."""
     rng = np.random.default_rng(6)
-    parts = swum([4.0] * 200), swum([-3.0] * 200, 30.0), swum([0.0] * 200, 200.0)
+    parts = (arc_track([4.0] * 200), arc_track([-3.0] * 200, 30.0), arc_track([0.0] * 200, 200.0))
     pairs = loops(*((int(a), int(b)) for a, b in rng.integers(5, 595, (60, 2)) if abs(a - b) > 20))
     table, other_table = table_of(*parts), table_of(*parts)
     other_table["y_px"] = 600 - other_table["y_px"]
@@ -272,7 +267,7 @@ def test_along_a_path_more_ways_are_followed_where_none_leads_on():
     world = waters_of(room_=room_of(arena), beam=1)
     angle = np.linspace(0, 2 * np.pi, 60)
     ring = EIGHT._replace(x=100 + 30 * np.cos(angle), y=100 + 30 * np.sin(angle))
-    route = laid(ring, world)
+    route = lay_route(ring, world)
     p = world.settings
     horizon = world.ticks(p.path_commit) + world.ticks(p.look_ahead_deltas)
     planner, rng, ends, alone = matching_of(world), np.random.default_rng(6), 0, 0
@@ -336,11 +331,11 @@ def test_what_a_way_has_shown_is_found_in_all_of_its_runs():
 # --- along a path
 
 
-def laid(line, world):
+def lay_route(line, world):
     return lay(line, world.tank, world.motion, None).route
 
 
-def followed(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
+def search_route(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
     """The graph, what becomes of the ways on from a row along a path, the rows of the best."""
     graph, film = matching_of(world).film.graph, world.film
     made = film_candidates(film, row, rot)
@@ -351,9 +346,9 @@ def followed(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
 
 def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
     world, values = waters_of(), []
-    route = laid(EIGHT, world)
+    route = lay_route(EIGHT, world)
     for beam in (1, 3, 10, 100_000):
-        _, found, _ = followed(world, route, beam)
+        _, found, _ = search_route(world, route, beam)
         values.append(found.value.min())
     assert not found.over.any() and np.isfinite(values[-1])
     assert min(values) >= values[-1] - 1e-9 and values[0] > values[-1]
@@ -361,7 +356,7 @@ def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
 
 def test_the_best_way_is_the_film_s_between_jumps_that_the_film_has():
     world = waters_of()
-    graph, _, rows = followed(world, laid(EIGHT, world), 100)
+    graph, _, rows = search_route(world, lay_route(EIGHT, world), 100)
     ends, legs = rows + np.minimum(graph.leg[rows], 40), graph.leg[rows]
     assert legs.sum() >= 40
     film = world.film
@@ -373,25 +368,25 @@ def test_the_best_way_is_the_film_s_between_jumps_that_the_film_has():
 def test_the_way_that_turns_as_the_path_does_is_taken():
     """A straight film, whose fish may jump to one that turns left, or to one that turns right."""
     for side in (1, -1):
-        table = table_of(swum([0.0] * 60), swum([4.0] * 90), swum([-4.0] * 90))
+        table = table_of(arc_track([0.0] * 60), arc_track([4.0] * 90), arc_track([-4.0] * 90))
         world = waters_of(film_of(table, loops((20, 66), (20, 157), (70, 140), (162, 230))))
         radius = STEP / np.radians(4.0)
         bend = np.linspace(0, np.pi, 90)
         x = np.append(200.0, 300 + radius * np.sin(bend))
         y = np.append(300.0, 300 - side * radius * (1 - np.cos(bend)))
-        route = laid(Line("bend", x, y, PX), world)
-        _, _, rows = followed(world, route, 100, row=5, place=(300.0 - 15 * STEP, 300.0))
+        route = lay_route(Line("bend", x, y, PX), world)
+        _, _, rows = search_route(world, route, 100, row=5, place=(300.0 - 15 * STEP, 300.0))
         taken = rows[(rows > 60) & (rows != 5)]
         assert len(taken) and ((taken < 151) == (side > 0)).all()
 
 
 def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
-    table = table_of(*(swum([rate] * 13, 40.0 * rate) for rate in (0.0, 3.0, -3.0, 6.0, -6.0)))
+    table = table_of(*(arc_track([rate] * 13, 40.0 * rate) for rate in (0.0, 3.0, -3.0, 6.0, -6.0)))
     rng = np.random.default_rng(0)
     ends = np.concatenate([14 * k + np.array([2, 9, 13]) for k in range(5)])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 6) if abs(int(a) - b) > 13}
     world = waters_of(film_of(table, loops(*sorted(pairs))), search_step_deltas=2.0)
-    planner, route = matching_of(world), laid(EIGHT, world)
+    planner, route = matching_of(world), lay_route(EIGHT, world)
     rng = np.random.default_rng(1)
     state = planner.begin(rng, route)
     for _ in range(60):
@@ -401,7 +396,7 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
 
 def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_each_run():
     world = waters_of()
-    planner, route, rng = matching_of(world), laid(EIGHT, world), np.random.default_rng(0)
+    planner, route, rng = matching_of(world), lay_route(EIGHT, world), np.random.default_rng(0)
     state, ticks, searches, stretches = planner.begin(rng, route), 0, 0, 0
     while ticks < 300:
         stretch, state = planner.plan(state, route, rng)
@@ -425,13 +420,13 @@ def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_each_run()
 def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
     world = waters_of()
     planner, rng = matching_of(world), np.random.default_rng(0)
-    route = laid(EIGHT, world)
+    route = lay_route(EIGHT, world)
     state = planner.begin(rng, route)
     while not state.path.runs:
         stretch, then = planner.plan(state, route, rng)
         before, state = state, then
     assert planner.plan(state, route, rng)[0].options is None
-    other = laid(EIGHT._replace(y=EIGHT.y + 40), world)
+    other = lay_route(EIGHT._replace(y=EIGHT.y + 40), world)
     assert planner.plan(state, other, rng)[0].options is not None
     assert planner.plan(state, Goal("A", 100.0, 100.0), rng)[0].options is not None
     _, cut = planner.cut(before, stretch, 1)

@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import TINY_CARP
-from scratch import prepare
+from tiny_run import stage_run
 from toy_film import (
     ARENA,
     HEAD,
@@ -20,7 +19,7 @@ from toy_film import (
     phases,
     waters_of,
 )
-from toy_tank import played, read, resting_players, toy_players, view_of
+from toy_tank import played_rows, read, resting_players, toy_players, view_of
 
 from finloop.animate import kinematics as step
 from finloop.animate.arena import inside
@@ -55,7 +54,7 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
     wanted = edit_list(found, ticks, players[mode].sources)
     tank = LiveTank(players, mode, 1, 7)
     rows = pd.DataFrame(
-        np.append(np.array([tank.fish[0].row_at(0)[:-1]], ROW), played(tank, ticks - 1))
+        np.append(np.array([tank.fish[0].row_at(0)[:-1]], ROW), played_rows(tank, ticks - 1))
     )
     faded = (wanted["weight"] > 0).to_numpy()
     assert faded.any() and not faded.all()
@@ -76,11 +75,11 @@ def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
     tank, rng = LiveTank(toy_players(), mode, 1, 3), np.random.default_rng(2)
     fast = 1.6 * max(phases().high * LENGTH / RATE, STEP)
     for _ in range(16):
-        before = played(tank, int(rng.integers(2, 30)))
+        before = played_rows(tank, int(rng.integers(2, 30)))
         past = [tank.fish[0].row_at(tick) for tick in range(max(0, tank.tick - 50), tank.tick)]
         asked = tank.tick
         tank.send(None, *rng.uniform((40, 30), (760, 570)))
-        rows = np.append(before, played(tank, 5)).view(ROW)
+        rows = np.append(before, played_rows(tank, 5)).view(ROW)
         choice = tank.fish[0].choice(asked + 1)
         assert choice.tick == asked + 1
         assert (rows["goal"][len(before)] == "A") and not math.isnan(rows["goal_x_px"][-1])
@@ -183,10 +182,10 @@ def test_modes_are_changed_from_each_to_each_while_it_swims():
     tank = LiveTank(toy_players(), "hybrid", 1, 1)
     fast = 1.6 * max(phases().high * LENGTH / RATE, STEP)
     kinds = {"network": {SPRITE}, "loops": {FRAME}, "matching": {FRAME}, "hybrid": {SPRITE, FRAME}}
-    before = played(tank, 60)[-1:]
+    before = played_rows(tank, 60)[-1:]
     for mode in EACH_TO_EACH:
         tank.switch(mode)
-        rows = np.append(before, played(tank, 90)).view(ROW)
+        rows = np.append(before, played_rows(tank, 90)).view(ROW)
         before = rows[-1:]
         assert set(rows["kind"][1:]) <= kinds[mode]  # from the next tick on
         own = {mode} if mode != "hybrid" else {"network", "loops"}
@@ -214,16 +213,16 @@ def test_a_mode_of_the_paper_drops_the_plan_of_matching(mode):
 def test_where_a_mode_takes_over_pictures_are_joined_and_it_can_be_gone_back_to():
     tank = LiveTank(toy_players(), "loops", 1, 1)
     for mode in ("network", "loops", "network", "matching"):
-        played(tank, 40)
+        played_rows(tank, 40)
         tank.switch(mode)
         then = tank.tick
-        rows = played(tank, 60)
+        rows = played_rows(tank, 60)
         if mode != "matching":  # which is inertialized
             assert rows["weight"][0] > 0
         for tick in (then + 1, then + 20):
             tank.back_to(tick)
             assert tank.mode == mode
-            assert repr(played(tank, 60 + then - tick)) == repr(rows[tick - then :])
+            assert repr(played_rows(tank, 60 + then - tick)) == repr(rows[tick - then :])
 
 
 def test_a_mode_of_the_paper_keeps_its_own_fish_as_they_are():
@@ -241,7 +240,7 @@ def test_a_mode_that_the_film_does_not_allow_is_refused():
         LiveTank(few, "loops", 1, 0)
     tank = LiveTank(few, "hybrid", 1, 0)
     tank.switch("loops")
-    played(tank, 50)
+    played_rows(tank, 50)
     assert tank.mode == "hybrid" and "too little" in tank.lack("loops")
 
 
@@ -263,7 +262,7 @@ def test_a_mode_of_the_paper_moves_one_fish_to_goals():
         with pytest.raises(FinloopError, match="mode hybrid cannot do") as refused:
             wish()
         assert "matching" in refused.value.do
-    played(tank, 20)
+    played_rows(tank, 20)
     tank.send(0, 300.0, 200.0)
     assert tank.fish[0].goal is not None
 
@@ -283,12 +282,7 @@ def test_the_view_tells_every_mode_and_why_one_cannot_be_had():
     assert not any(one["lack"] for one in state["modes"])
 
 
-@pytest.fixture(scope="module")
-def a_run(tmp_path_factory, tiny_run):
-    path = tmp_path_factory.mktemp("play")
-    tiny_run.bring(path, ["animate"])
-    prepare(path, *TINY_CARP)
-    return path
+a_run = stage_run("animate")
 
 
 def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypatch):
@@ -314,7 +308,7 @@ def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypat
 def test_the_past_is_kept_as_it_was_and_no_longer_than_said(monkeypatch):
     monkeypatch.setattr(play_fish, "HISTORY", 60)
     tank = LiveTank(toy_players(), "hybrid", 1, 2)
-    rows = played(tank, 400)
+    rows = played_rows(tank, 400)
     fish = tank.fish[0]
     assert len(fish._ring) == 60
     assert sum(one.tick < tank.oldest - 90 for one in fish._choices) <= 1
@@ -354,14 +348,14 @@ def test_what_was_weighed_is_told_with_its_costs():
 def test_left_alone_it_swims_on_from_the_past_as_it_did(mode):
     many = 1 if mode in PAPER else 2
     tank = LiveTank(toy_players(), mode, many, 4, lambda row: row.weight < 0.5)
-    played(tank, 40)
+    played_rows(tank, 40)
     tank.send(None, 600.0, 400.0)
-    first = [played(tank, 1, fish=0) for _ in range(160)]
+    first = [played_rows(tank, 1, fish=0) for _ in range(160)]
     second = [tank.fish[-1].row_at(tick) for tick in range(tank.tick + 1)]
     for tick in (197, 90, 41, 44):
         tank.back_to(tick)
         assert tank.tick == tick and tank.mode == mode
-        again = played(tank, 160 + 40 - tick)
+        again = played_rows(tank, 160 + 40 - tick)
         assert repr(np.concatenate(first)[tick - 40 :]) == repr(again)
         assert repr([tank.fish[-1].row_at(t) for t in range(tank.tick + 1)]) == repr(second)
 
@@ -369,17 +363,17 @@ def test_left_alone_it_swims_on_from_the_past_as_it_did(mode):
 def test_from_the_past_it_can_be_sent_elsewhere():
     tank = LiveTank(toy_players(), "hybrid", 1, 4)
     tank.send(0, 100.0, 100.0)
-    rows = played(tank, 120)
+    rows = played_rows(tank, 120)
     tank.switch("network")
-    played(tank, 30)
+    played_rows(tank, 30)
     tank.drop(0)
-    played(tank, 30)
+    played_rows(tank, 30)
     tank.back_to(60)
     fish = tank.fish[0]
     assert tank.mode == fish.mode == "hybrid"  # as it was then
     assert fish.goal is not None or rows["reached"][59]
     tank.send(0, 700.0, 500.0)
-    later = played(tank, 100)
+    later = played_rows(tank, 100)
     assert fish.choice(61).goal.x_px == 700.0 and fish.row_at(181) is None
     assert repr(rows[:60]) == repr(np.array([fish.row_at(t)[:-1] for t in range(1, 61)], ROW))
     whole = np.concatenate([rows[:60], later])
@@ -389,7 +383,7 @@ def test_from_the_past_it_can_be_sent_elsewhere():
 @pytest.mark.parametrize("mode", MODES)
 def test_a_goal_that_was_being_dragged_then_is_swum_to(mode):
     tank = LiveTank(toy_players(), mode, 1, 3)
-    played(tank, 20)
+    played_rows(tank, 20)
     for move in range(20):
         tank.send(0, 300.0 + 10 * move, 300.0, drag=move > 0)
         tank.advance()
@@ -421,18 +415,18 @@ def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
 def test_no_further_back_than_is_known(monkeypatch):
     monkeypatch.setattr(play_fish, "HISTORY", 60)
     tank = LiveTank(toy_players(), "hybrid", 1, 2)
-    played(tank, 400)
+    played_rows(tank, 400)
     oldest = tank.oldest
     row = tank.fish[0].row_at(oldest)
     tank.back_to(3)
     assert tank.tick == oldest and repr(tank.fish[0].row_at(oldest)) == repr(row)
-    played(tank, 100)
+    played_rows(tank, 100)
 
 
 def test_ghosts_are_not_drawn_and_do_not_come_back():
     def rows(ghost):
         tank = LiveTank(toy_players(), "hybrid", 1, 5, ghost)
-        return played(tank, 300)["weight"]
+        return played_rows(tank, 300)["weight"]
 
     usual = rows(lambda row: False)
     assert (usual > 0).any()
@@ -451,7 +445,7 @@ def circle(radius, count=80):
     return [(400 + radius * np.cos(a), 300 + radius * np.sin(a)) for a in angle]
 
 
-def swum(tank, ticks):
+def path_log(tank, ticks):
     """What of a fish's path had been begun, and where it was, tick by tick."""
     log = []
     for _ in range(ticks):
@@ -467,7 +461,7 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it():
     tank = LiveTank(toy_players(), "matching", 1, 3)
     tank.advance()
     tank.follow(0, circle(140))
-    begun, x, y = swum(tank, 900)
+    begun, x, y = path_log(tank, 900)
     first = int(np.argmax(begun))
     assert begun[first:].all() and not begun[:first].any()  # closed: again and again
     off = np.hypot(x, y)[first + 100 :] - 140  # it comes from afar, at any angle
@@ -486,7 +480,7 @@ def test_an_open_path_ends_and_is_given_up_for_a_goal():
     tank = LiveTank(toy_players(), "matching", 1, 3)
     half = circle(140)[:40]
     tank.follow(None, half)
-    begun, x, y = swum(tank, 600)
+    begun, x, y = path_log(tank, 600)
     last = np.flatnonzero(begun)[-1]
     assert np.hypot(x[last] + 140, y[last]) < LENGTH  # where the half circle ends
     assert tank.fish[0].errand is None and tank.fish[0].reached
@@ -517,12 +511,12 @@ def test_a_tank_with_room_for_no_path_is_opened_all_the_same():
 def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
     tank = LiveTank(toy_players(), "matching", 1, 4)
     tank.follow(0, circle(140))
-    rows = played(tank, 300)
+    rows = played_rows(tank, 300)
     begun = [tank.fish[0].wish_at(tick).errand.begun for tick in range(1, 301)]
     assert begun[-1] and not begun[0]
     for tick in (290, begun.index(True) + 1, 40):
         tank.back_to(tick)
-        assert repr(played(tank, 300 - tick)) == repr(rows[tick:])
+        assert repr(played_rows(tank, 300 - tick)) == repr(rows[tick:])
 
 
 # --- fish come and go; the view
@@ -663,7 +657,7 @@ def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_
 
 
 def test_ticks_decided_anew_are_the_same_for_the_same_seed_and_wishes():
-    def swum():
+    def swim_rows():
         tank, rng, rows = LiveTank(toy_players(), "matching", 3, 5), np.random.default_rng(1), []
         for _ in range(150):
             tank.advance()
@@ -673,7 +667,7 @@ def test_ticks_decided_anew_are_the_same_for_the_same_seed_and_wishes():
             rows += [fish.row_at(tank.tick)[:-1] for fish in tank.fish]
         return np.array(rows, ROW)
 
-    assert swum().tobytes() == swum().tobytes()
+    assert swim_rows().tobytes() == swim_rows().tobytes()
 
 
 def test_fish_that_decide_anew_keep_clear_of_each_other():

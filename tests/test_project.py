@@ -5,9 +5,7 @@ from collections import Counter
 from contextlib import contextmanager
 
 import pytest
-from conftest import TINY_CARP
-from scratch import prepare
-from tiny_run import TinyRun
+from tiny_run import stage_run
 
 import finloop.run_files
 from finloop.base.errors import FinloopError
@@ -18,13 +16,7 @@ from finloop.io.record import save_json
 from finloop.io.table import save_table
 from finloop.project import Project
 
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, tiny_run: TinyRun):
-    path = tmp_path_factory.mktemp("project")
-    prepare(path, *TINY_CARP)
-    tiny_run.bring(path, ["animate", "retarget"])
-    return path
+folder = stage_run("animate", "retarget")
 
 
 @pytest.fixture
@@ -42,7 +34,7 @@ def test_a_project_loads_nothing_before_it_is_used(tmp_path):
 def test_a_file_is_loaded_once(project, monkeypatch):
     loaded = Counter()
 
-    def counted(load):
+    def count_loads(load):
         def counts(path, *rest):
             loaded[path] += 1
             return load(path, *rest)
@@ -50,7 +42,7 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         return counts
 
     for name in ("load_table", "load_facts", "load_record", "load_mask", "open_cutouts"):
-        monkeypatch.setattr(finloop.run_files, name, counted(getattr(finloop.run_files, name)))
+        monkeypatch.setattr(finloop.run_files, name, count_loads(getattr(finloop.run_files, name)))
     for _ in range(2):
         drawn = project.edit_with_sources("network", "render", sprites=True, bodies=True)
         project.gallery(drawn).frame(0)
@@ -91,13 +83,13 @@ def test_a_closed_project_has_closed_its_stores_and_opens_them_anew(folder, monk
     there = Counter()
 
     @contextmanager
-    def counted(path):
+    def count_open(path):
         with open_cutouts(path) as store:
             there[path.name] += 1
             yield store
             there[path.name] -= 1
 
-    monkeypatch.setattr(finloop.run_files, "open_cutouts", counted)
+    monkeypatch.setattr(finloop.run_files, "open_cutouts", count_open)
     with Project(folder) as project:
         assert len(project.reel.store) and there == {"cutouts.arrow": 1, "sprites.arrow": 1}
         first = project.features

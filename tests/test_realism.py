@@ -11,6 +11,7 @@ import pytest
 from conftest import TINY_CARP
 from scratch import prepare
 from sklearn.metrics import roc_auc_score
+from tiny_run import stage_run
 
 import stages.plots.realism
 import stages.realism
@@ -35,13 +36,7 @@ from finloop.realism.auc import Scores, auc, roc
 from finloop.realism.compare import Sample, verdict
 from finloop.realism.instrument import Instrument, Swimming, swimming
 from finloop.realism.settings import RealismSettings
-from finloop.realism.windows import (
-    CHANNELS,
-    Windows,
-    channels,
-    cutting,
-    equal_blocks,
-)
+from finloop.realism.windows import CHANNELS, Windows, channels, cutting, equal_blocks
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from stages.realism import GalleryOpener
@@ -153,7 +148,7 @@ def fish(seed, seconds=60.0, turning=1.0, track=0):
     ).reindex(columns=FEATURES.names).assign(current=0.0)  # fmt: skip
 
 
-def swum(table, row):
+def swimming_of(table, row):
     n = len(table)
     whole = np.arange(n)
     return Swimming(
@@ -163,7 +158,12 @@ def swum(table, row):
 
 def sample_of(table, p=P):
     return Sample(
-        swum(table, np.arange(len(table))), table["frame"].to_numpy() / RATE, 0.2, RATE, DELTA, p
+        swimming_of(table, np.arange(len(table))),
+        table["frame"].to_numpy() / RATE,
+        0.2,
+        RATE,
+        DELTA,
+        p,
     )
 
 
@@ -215,7 +215,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
     rng = np.random.default_rng(1)
     row = np.concatenate([np.arange(a, a + 20) for a in rng.integers(0, len(table) - 20, 75)])
     row[200:300] = -1  # sprites
-    film, made = sample.beside(swum(fish(2), row))
+    film, made = sample.beside(swimming_of(fish(2), row))
     own = sample.film.row
     inside = np.arange(sample.cut.length + 1)
     for block in range(P.cross_validation_folds):
@@ -234,7 +234,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
 
 def verdict_on(made, p=P, row=None, seed=0):
     sample = sample_of(fish(seed, 120.0), p)
-    return verdict(sample.beside(swum(made, row)), p, alone=False)
+    return verdict(sample.beside(swimming_of(made, row)), p, alone=False)
 
 
 @cache
@@ -281,7 +281,7 @@ def test_permuted_labels_cannot_be_told():
 
 def test_a_film_too_short_is_refused_with_what_would_do():
     with pytest.raises(FinloopError, match=r"a longer film, fewer realism.cross_validation_folds"):
-        verdict(sample_of(fish(0, 3.0)).beside(swum(fish(1, 3.0), None)), P)
+        verdict(sample_of(fish(0, 3.0)).beside(swimming_of(fish(1, 3.0), None)), P)
 
 
 def test_a_verdict_is_the_same_again():
@@ -310,7 +310,7 @@ def test_rows_are_spread_evenly_over_the_film():
 
 def test_the_falsest_windows_do_not_touch_and_a_copy_is_most_alike():
     sample = sample_of(fish(0, 60.0))
-    film, made = sample.beside(swum(fish(0, 60.0), None))
+    film, made = sample.beside(swimming_of(fish(0, 60.0), None))
     score = np.random.default_rng(0).normal(size=len(made.x))
     score[3] = np.nan
     pairs = examples.worst(film, made, score, 4, sample.cut.length)
@@ -332,12 +332,7 @@ def test_a_view_shows_the_heading_to_the_right():
 # --- the instrument and the stage, on a tiny carp
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, tiny_run):
-    path = tmp_path_factory.mktemp("realism")
-    prepare(path, *TINY_CARP)
-    tiny_run.bring(path, ["plots-modes"])
-    return path
+folder = stage_run("plots-modes")
 
 
 @pytest.fixture

@@ -73,10 +73,7 @@ def test_traces_come_back(tmp_path):
     over = Curve(leg.points - [20, 0], True)
     save_traces(
         tmp_path / "t",
-        [
-            Drawing({"leg": leg, "body": body}, 50, 80),
-            Drawing({"leg": over}, 50, 80),
-        ],
+        [Drawing({"leg": leg, "body": body}, 50, 80), Drawing({"leg": over}, 50, 80)],
     )
     found = load_regions(tmp_path / "t", region_contour, trace_contour).frames
     assert found[0]["leg"].points == pytest.approx(leg.points, abs=1e-3)

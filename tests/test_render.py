@@ -4,7 +4,6 @@ A toy fish is a soft drop of known mass centre, drawn here. What a film shows is
 or Pillow.
 """
 
-import shutil
 from fractions import Fraction
 from pathlib import Path
 
@@ -16,7 +15,10 @@ from av.video.reformatter import ColorRange, Colorspace
 from conftest import TINY_CARP
 from matplotlib.collections import LineCollection
 from PIL import Image
-from scratch import content, prepare
+from scratch import content, prepare, write_frames
+from tiny_run import copy_of
+from toy_fish import edit_list as toy_edit_list
+from toy_fish import mass_centre, rough_picture
 
 import stages.clip
 import stages.extract
@@ -24,7 +26,7 @@ import stages.plots.render
 import stages.render
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.edit.schema import EDIT, WHY, Goal
+from finloop.edit.schema import EDIT, Goal
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.numbers import load_numbers
@@ -63,29 +65,16 @@ def drop(size=31, channels=2, level=1.0):
     return np.round(np.dstack([*colours, alpha])).astype(np.uint8)
 
 
-def centre(image):
-    """The mass centre (x, y) of a grey picture."""
-    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
-    return np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
-
-
 def fish(pixels=None, **how):
     pixels = drop() if pixels is None else pixels
-    return Turned(picture(pixels, *centre(pixels[..., -1].astype(float))), **how)
+    return Turned(picture(pixels, *mass_centre(pixels[..., -1].astype(float))), **how)
 
 
-def seen(x, y, one, partner=None, weight=0.0, tank=BLACK):
+def paint_fish(x, y, one, partner=None, weight=0.0, tank=BLACK):
     """The tank with a fish in it."""
     painter = Painter(tank)
     painter.draw(x, y, one, partner, weight)
     return painter.frame.copy()
-
-
-def noise(rng, height, width, channels):
-    """A premultiplied picture that is as rough as can be."""
-    alpha = rng.choice([0, 0, 60, 255, 255], (height, width, 1))
-    colour = rng.random((height, width, channels - 1)) * alpha
-    return np.concatenate([colour, alpha], axis=2).astype(np.uint8)
 
 
 # --- the painter ---------------------------------------------------------------------------------
@@ -96,7 +85,7 @@ def test_a_fish_in_its_own_place_is_the_cutout_bit_for_bit(tank_channels):
     rng = np.random.default_rng(0)
     tank = rng.integers(0, 256, (60, 80, tank_channels), np.uint8).squeeze()
     for trial in range(20):
-        pixels = noise(rng, *rng.integers(5, 30, 2), tank_channels + 1)
+        pixels = rough_picture(rng, *rng.integers(5, 30, 2), tank_channels + 1)
         x0, y0 = (int(n) for n in rng.integers(0, 30, 2))
         x, y = x0 + rng.random() * 20, y0 + rng.random() * 20  # anywhere: a mass centre is no pixel
         cutout = Cutout(0, 0, x0, y0, pixels)
@@ -104,28 +93,30 @@ def test_a_fish_in_its_own_place_is_the_cutout_bit_for_bit(tank_channels):
         wanted[y0 : y0 + len(pixels), x0 : x0 + pixels.shape[1]] = cutout.over(tank)
         for angle in (0.0, 360.0, -720.0):
             own = Turned(picture(pixels, x - x0, y - y0), angle, 1.0)
-            assert np.array_equal(seen(x, y, own, tank=tank), wanted), (trial, angle)
+            assert np.array_equal(paint_fish(x, y, own, tank=tank), wanted), (trial, angle)
 
 
 def test_every_alpha_over_every_level_is_rounded_as_the_cutout():
     level, alpha = np.meshgrid(np.arange(256, dtype=np.uint8), np.arange(256, dtype=np.uint8))
     for colour in (np.zeros_like(alpha), alpha // 2, alpha):
         pixels = np.dstack([colour, alpha])
-        shown = seen(0.0, 0.0, Turned(picture(pixels, 0.0, 0.0)), tank=level)
+        shown = paint_fish(0.0, 0.0, Turned(picture(pixels, 0.0, 0.0)), tank=level)
         assert np.array_equal(shown, Cutout(0, 0, 0, 0, pixels).over(level))
 
 
 @pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, 0.5), (0.25, -0.1), (3.9, 7.3)])
 def test_a_shift_by_a_part_of_a_pixel_moves_the_mass_centre_by_it(shift):
     one = fish()
-    moved = centre(seen(60 + shift[0], 40 + shift[1], one)) - centre(seen(60, 40, one))
+    moved = mass_centre(paint_fish(60 + shift[0], 40 + shift[1], one)) - mass_centre(
+        paint_fish(60, 40, one)
+    )
     assert moved == pytest.approx(shift, abs=0.02)  # levels are whole
 
 
 def test_the_mass_centre_is_where_it_is_asked_for_however_turned_and_scaled():
     for angle in range(0, 360, 17):
         for scale in (0.7, 1.0, 1.6):
-            at = centre(seen(61.3, 44.8, fish(rotation_deg=angle, scale=scale)))
+            at = mass_centre(paint_fish(61.3, 44.8, fish(rotation_deg=angle, scale=scale)))
             assert at == pytest.approx([61.3, 44.8], abs=0.02), (angle, scale)
 
 
@@ -144,34 +135,34 @@ def test_the_kernel_gives_back_polynomials_of_the_second_degree():
 def test_quarter_turns_are_anticlockwise_and_exact(quarter):
     pixels = drop()
     middle = (pixels.shape[0] - 1) / 2
-    upright = seen(50, 40, Turned(picture(pixels, middle, middle)))
-    turned = seen(50, 40, Turned(picture(pixels, middle, middle), 90.0 * quarter))
+    upright = paint_fish(50, 40, Turned(picture(pixels, middle, middle)))
+    turned = paint_fish(50, 40, Turned(picture(pixels, middle, middle), 90.0 * quarter))
     around = np.s_[40 - 15 : 40 + 16, 50 - 15 : 50 + 16]
     assert np.array_equal(turned[around], np.rot90(upright[around], quarter))
 
 
 def test_a_turn_by_any_angle_turns_the_long_axis_by_it():
     def axis(image):
-        x, y = centre(image)
+        x, y = mass_centre(image)
         v, u = np.mgrid[: image.shape[0], : image.shape[1]] - np.array([y, x])[:, None, None]
         xx, yy, xy = ((image * m).sum() for m in (u * u, v * v, -u * v))  # y up
         return np.degrees(np.arctan2(2 * xy, xx - yy) / 2)
 
     for angle in (7.5, 30.0, -41.0, 80.0):
         one = fish(rotation_deg=angle)
-        assert axis(seen(60, 45, one).astype(float)) == pytest.approx(angle, abs=0.5)
+        assert axis(paint_fish(60, 45, one).astype(float)) == pytest.approx(angle, abs=0.5)
 
 
 def test_scale_scales_areas():
-    masses = [seen(60, 45, fish(scale=scale)).sum(dtype=float) for scale in (1.0, 1.5, 2.0)]
+    masses = [paint_fish(60, 45, fish(scale=scale)).sum(dtype=float) for scale in (1.0, 1.5, 2.0)]
     assert np.array(masses) / masses[0] == pytest.approx([1, 2.25, 4], rel=0.01)
 
 
 def test_a_turn_there_and_back_loses_little():
-    there = seen(60, 45, fish(rotation_deg=33.0))
+    there = paint_fish(60, 45, fish(rotation_deg=33.0))
     again = np.dstack([there, there])
-    back = seen(60, 45, Turned(picture(again, 60.0, 45.0), -33.0))
-    assert np.abs(back.astype(int) - seen(60, 45, fish())).max() <= 6
+    back = paint_fish(60, 45, Turned(picture(again, 60.0, 45.0), -33.0))
+    assert np.abs(back.astype(int) - paint_fish(60, 45, fish())).max() <= 6
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.25, 0.5, 0.9, 1.0])
@@ -179,11 +170,11 @@ def test_a_turn_there_and_back_loses_little():
 def test_a_crossfade_is_linear_between_either_alone(weight, channels):
     rng = np.random.default_rng(1)
     tank = rng.integers(0, 256, (90, 120, channels - 1), np.uint8).squeeze()
-    a = Turned(picture(noise(rng, 20, 31, channels), 14.2, 9.1), 12.0, 1.1)
-    tall = picture(noise(rng, 31, 12, channels), 5.5, 16.0)
+    a = Turned(picture(rough_picture(rng, 20, 31, channels), 14.2, 9.1), 12.0, 1.1)
+    tall = picture(rough_picture(rng, 31, 12, channels), 5.5, 16.0)
     b = Turned(tall, 5.0, 1.5)  # stands out at both ends
-    alone = [seen(60.3, 44.6, one, tank=tank).astype(float) for one in (a, b)]
-    faded = seen(60.3, 44.6, a, b, weight, tank=tank)
+    alone = [paint_fish(60.3, 44.6, one, tank=tank).astype(float) for one in (a, b)]
+    faded = paint_fish(60.3, 44.6, a, b, weight, tank=tank)
     assert np.abs(faded - ((1 - weight) * alone[0] + weight * alone[1])).max() <= 1.001
     if weight in (0.0, 1.0):
         assert np.array_equal(faded, alone[int(weight)])
@@ -193,7 +184,8 @@ def test_a_fish_is_transparent_in_proportion():
     """Blending is linear in the tank's level, too."""
     one = fish(rotation_deg=20.0)
     levels = [
-        seen(60.2, 40.7, one, tank=np.full_like(BLACK, n)).astype(float) for n in (0, 100, 200)
+        paint_fish(60.2, 40.7, one, tank=np.full_like(BLACK, n)).astype(float)
+        for n in (0, 100, 200)
     ]
     assert np.abs(levels[1] - (levels[0] + levels[2]) / 2).max() <= 1
 
@@ -206,7 +198,7 @@ def test_a_fish_of_the_tanks_colour_is_not_seen(level):
     pixels = np.dstack([np.round(alpha * level / 255), alpha]).astype(np.uint8)
     tank = np.full_like(BLACK, level)
     for angle in range(0, 180, 13):
-        shown = seen(60.37, 44.81, Turned(picture(pixels, 12.0, 12.0), angle, 1.2), tank=tank)
+        shown = paint_fish(60.37, 44.81, Turned(picture(pixels, 12.0, 12.0), angle, 1.2), tank=tank)
         assert np.abs(shown.astype(int) - level).max() <= (1 if level == 90 else 0)
 
 
@@ -215,10 +207,12 @@ def test_a_bright_fish_never_overflows():
     rng = np.random.default_rng(3)
     white = np.full((90, 120, 3), 255, np.uint8)
     for angle in range(0, 360, 31):
-        pixels = noise(rng, 20, 20, 4)
+        pixels = rough_picture(rng, 20, 20, 4)
         black = pixels * np.array([0, 0, 0, 1], np.uint8)
         bright, dark = (
-            seen(60.4, 44.3, Turned(picture(one, 9.5, 9.5), angle, 1.3), tank=white).astype(int)
+            paint_fish(60.4, 44.3, Turned(picture(one, 9.5, 9.5), angle, 1.3), tank=white).astype(
+                int
+            )
             for one in (pixels, black)
         )
         assert (bright >= dark).all()  # what overflowed would begin at 0 again
@@ -232,7 +226,9 @@ def test_fish_that_do_not_overlap_commute():
     painters[1].draw(30.2, 40.9, a)
     assert boxes[0].right <= boxes[1].left
     assert np.array_equal(painters[0].frame, painters[1].frame)
-    assert np.array_equal(painters[0].frame, np.maximum(seen(30.2, 40.9, a), seen(85.7, 44.1, b)))
+    assert np.array_equal(
+        painters[0].frame, np.maximum(paint_fish(30.2, 40.9, a), paint_fish(85.7, 44.1, b))
+    )
 
 
 def test_fish_that_overlap_hide_each_other_in_order():
@@ -246,7 +242,7 @@ def test_fish_that_overlap_hide_each_other_in_order():
 
 def test_what_lies_outside_is_cut_off():
     rng = np.random.default_rng(4)
-    one = Turned(picture(noise(rng, 15, 25, 2), 12.0, 7.0), 25.0)
+    one = Turned(picture(rough_picture(rng, 15, 25, 2), 12.0, 7.0), 25.0)
     wide = np.full((190, 220), 80, np.uint8)
     for x, y in (
         (-3.3, 20.0),
@@ -256,7 +252,9 @@ def test_what_lies_outside_is_cut_off():
         (-200.0, 30.0),
         (1e6, -1e6),
     ):
-        far = seen(min(x, 160) + 50, max(y, -40) + 50, one, tank=wide) if abs(x) < 1e5 else wide
+        far = (
+            paint_fish(min(x, 160) + 50, max(y, -40) + 50, one, tank=wide) if abs(x) < 1e5 else wide
+        )
         painter = Painter(wide[50:140, 50:170])
         box = painter.draw(x, y, one)
         assert np.array_equal(painter.frame, far[50:140, 50:170])
@@ -265,7 +263,7 @@ def test_what_lies_outside_is_cut_off():
 
 def test_a_grey_fish_on_a_canvas_of_colour_is_grey():
     one = fish(rotation_deg=15.0)
-    grey, painter = seen(60.4, 40.2, one), Painter(BLACK, colour=True)
+    grey, painter = paint_fish(60.4, 40.2, one), Painter(BLACK, colour=True)
     painter.draw(60.4, 40.2, one)
     assert np.array_equal(painter.frame, np.dstack([grey] * 3))
     with pytest.raises(ValueError, match="coloured canvas"):
@@ -273,7 +271,7 @@ def test_a_grey_fish_on_a_canvas_of_colour_is_grey():
 
 
 def test_colours_keep_their_order():
-    shown = seen(60, 40, fish(drop(channels=4)), tank=np.zeros((90, 120, 3), np.uint8))
+    shown = paint_fish(60, 40, fish(drop(channels=4)), tank=np.zeros((90, 120, 3), np.uint8))
     red, green, blue = shown.reshape(-1, 3).sum(axis=0, dtype=float)
     assert (green / red, blue / red) == pytest.approx((0.6, 0.3), abs=0.02)
 
@@ -294,7 +292,7 @@ def test_a_wiped_canvas_is_the_floor_and_the_background_is_untouched():
     painter.canvas[:] = painter.floor
     painter.show(placed_at(20.0, 30.0))
     painter.show(placed_at(80.0, 30.0))
-    assert np.array_equal(painter.frame, seen(80.0, 30.0, fish(), tank=tank))
+    assert np.array_equal(painter.frame, paint_fish(80.0, 30.0, fish(), tank=tank))
 
 
 def placed_at(x, y):
@@ -315,32 +313,21 @@ def test_the_box_holds_all_that_was_drawn():
 # --- edit lists ----------------------------------------------------------------------------------
 
 
-def edit_list(n, **columns):
-    """An edit list of n ticks on the film's own pictures, every column as given."""
-    usual = {
-        "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / 25, "kind": "frame", "source": 0,
-        "orientation": pd.array([pd.NA] * n, "Int8"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
-        "rotation_deg": 0.0, "scale": 1.0, "x_px": np.linspace(30, 90, n), "y_px": 45.0,
-        "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
-        "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "mirrored": False,
-        "partner_mirrored": False, "pose": None,
-        "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "network",
-        "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
-    }  # fmt: skip
-    why = dict.fromkeys(WHY)
-    return pd.DataFrame(usual | why | columns)
-
-
 def gallery(count=3, keep=512):
     """Pictures of the film: drops of the same size, lying at their own places."""
     store = [Cutout(0, i, 10 + 3 * i, 20, drop(level=1 - 0.2 * i)) for i in range(count)]
-    own = centre(drop()[..., -1].astype(float))
+    own = mass_centre(drop()[..., -1].astype(float))
     return Gallery(
         {"frame": Shelf(store, own + [[10 + 3 * i, 20] for i in range(count)])}, keep=keep
     )
 
 
 # --- several fish
+
+
+def edit_list(n, **columns):
+    """An edit list of n ticks of a fish that swims to the right."""
+    return toy_edit_list(n, **{"x_px": np.linspace(30, 90, n), "y_px": 45.0} | columns)
 
 
 def two_fish(n=3, **columns):
@@ -368,7 +355,7 @@ def square(x, level=200, alpha=255, side=20):
     return Placed(x, 45.5, Turned(picture(pixels, (side - 1) / 2, (side - 1) / 2)), None, 0.0)
 
 
-def shaded(*fish, share=0.5, blur=2.0):
+def paint_shadows(*fish, share=0.5, blur=2.0):
     """What fish over one another look like, and how much darker than without shadows."""
     painter, plain = Painter(TANK, shadow=Shadow(share, blur)), Painter(TANK)
     assert painter.show(*fish) == plain.show(*fish)
@@ -376,7 +363,7 @@ def shaded(*fish, share=0.5, blur=2.0):
 
 
 def test_a_fish_throws_a_soft_shadow_on_the_one_below_and_on_nothing_else():
-    painter, darker = shaded(square(50.5, 240), square(62.5, 100))
+    painter, darker = paint_shadows(square(50.5, 240), square(62.5, 100))
     beside = np.zeros(darker.shape, bool)
     beside[36:56, 41:53] = True  # of the lower fish what the upper one leaves free
     assert (darker[beside] >= 0).all() and not darker[~beside].any()
@@ -388,10 +375,10 @@ def test_a_fish_throws_a_soft_shadow_on_the_one_below_and_on_nothing_else():
 
 
 def test_fish_beside_each_other_and_one_alone_throw_no_shadow():
-    assert not shaded(square(40.0), square(61.0))[1].any()
-    assert not shaded(square(40.0))[1].any()
-    assert not shaded(square(40.0), square(45.0), share=0.0)[1].any()
-    assert not shaded(square(-500.0), square(45.0))[1].any()
+    assert not paint_shadows(square(40.0), square(61.0))[1].any()
+    assert not paint_shadows(square(40.0))[1].any()
+    assert not paint_shadows(square(40.0), square(45.0), share=0.0)[1].any()
+    assert not paint_shadows(square(-500.0), square(45.0))[1].any()
 
 
 def test_a_shadow_comes_little_by_little_as_fish_come_together():
@@ -399,7 +386,8 @@ def test_a_shadow_comes_little_by_little_as_fish_come_together():
     for others in ((), (square(30.0, 240),)):
         gaps = np.arange(-1.0, 6.0, 0.1)
         dark = [
-            shaded(*others, square(50.5 + gap, 240), square(40.0 - 9.5, 100))[1] for gap in gaps
+            paint_shadows(*others, square(50.5 + gap, 240), square(40.0 - 9.5, 100))[1]
+            for gap in gaps
         ]
         totals = [int(one.sum()) for one in dark]
         steps = [np.abs(np.diff(pair, axis=0)).max() for pair in zip(dark, dark[1:], strict=False)]
@@ -408,9 +396,9 @@ def test_a_shadow_comes_little_by_little_as_fish_come_together():
 
 def test_a_shadow_is_deeper_the_larger_its_share_and_falls_on_all_below():
     three = square(50.0, 240), square(50.0, 230, side=14), square(62.0, 100)
-    some, more = (shaded(*three, share=share)[1] for share in (0.2, 0.4))
+    some, more = (paint_shadows(*three, share=share)[1] for share in (0.2, 0.4))
     assert 0 < some.sum() < more.sum() < 2.3 * some.sum()
-    assert shaded(three[0], three[2])[1].any() and shaded(three[1], three[2])[1].any()
+    assert paint_shadows(three[0], three[2])[1].any() and paint_shadows(three[1], three[2])[1].any()
 
 
 def test_tables_in_which_fish_are_not_as_long_are_refused():
@@ -457,7 +445,7 @@ def straight(size=20.0, count=6):
     return np.concatenate([[0.5, 0], np.zeros(count), np.full(count, 1 / count)])
 
 
-def bent(one, heading=0.0, posture=None, mirrored=False, scale=1.0):
+def bend_fish(one, heading=0.0, posture=None, mirrored=False, scale=1.0):
     """A fish headed right, drawn headed there in a posture."""
     source = PlacedBackbone(one.picture.x_px, one.picture.y_px, 0.0, 20.0, straight())
     posture = straight() if posture is None else posture
@@ -466,25 +454,33 @@ def bent(one, heading=0.0, posture=None, mirrored=False, scale=1.0):
 
 @pytest.mark.parametrize(("angle", "scale"), [(0.0, 1.0), (33.0, 1.0), (-140.0, 1.3)])
 def test_a_fish_in_its_own_pose_is_drawn_as_without_one(angle, scale):
-    plain = seen(61.3, 44.8, fish(rotation_deg=angle, scale=scale)).astype(int)
-    posed = seen(61.3, 44.8, bent(fish(), angle, scale=scale)).astype(int)
+    plain = paint_fish(61.3, 44.8, fish(rotation_deg=angle, scale=scale)).astype(int)
+    posed = paint_fish(61.3, 44.8, bend_fish(fish(), angle, scale=scale)).astype(int)
     assert plain.max() > 100 and np.abs(plain - posed).max() <= 2
-    both = seen(61.3, 44.8, bent(fish(), angle, scale=scale), bent(fish(), angle, scale=scale), 0.5)
+    both = paint_fish(
+        61.3,
+        44.8,
+        bend_fish(fish(), angle, scale=scale),
+        bend_fish(fish(), angle, scale=scale),
+        0.5,
+    )
     assert np.abs(both.astype(int) - posed).max() <= 1
 
 
 def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
     curl = straight()
     curl[2:8] = np.linspace(0, 1.5, 6)
-    plain, other = (seen(60, 45, bent(fish(), 0.0, posture)) for posture in (straight(), curl))
+    plain, other = (
+        paint_fish(60, 45, bend_fish(fish(), 0.0, posture)) for posture in (straight(), curl)
+    )
     assert (plain != other).any()
     painter = Painter(BLACK)
-    assert painter.draw(-500, 40, bent(fish())).empty
-    painter.draw(2, 2, bent(fish(), 0.0, curl))
+    assert painter.draw(-500, 40, bend_fish(fish())).empty
+    painter.draw(2, 2, bend_fish(fish(), 0.0, curl))
     painter.wipe()
     assert not painter.frame.any()
     with pytest.raises(ValueError, match="both drawn in a pose"):
-        painter.draw(20, 20, fish(), bent(fish()), 0.5)
+        painter.draw(20, 20, fish(), bend_fish(fish()), 0.5)
 
 
 def test_an_edit_list_with_poses_wants_the_shapes_of_the_film():
@@ -601,7 +597,7 @@ def test_steps_of_the_film_join_consecutive_frames_of_one_track():
         }
     )
     found = film_steps(painter, shelf, tracks)
-    pictures = [seen(*places[i], Turned(shelf.frame(i))).astype(float) for i in range(5)]
+    pictures = [paint_fish(*places[i], Turned(shelf.frame(i))).astype(float) for i in range(5)]
     wanted = [np.linalg.norm(pictures[a] - pictures[b]) for a, b in ((0, 1), (3, 4))]
     assert found == pytest.approx(wanted)
     assert len(film_steps(painter, shelf, tracks, most=1)) == 1
@@ -738,17 +734,11 @@ def clip(count, shape):
         yield frame
 
 
-def write(writer, frames):
-    with writer:
-        for frame in frames:
-            writer.write(frame)
-
-
 @pytest.mark.parametrize("shape", [(48, 64), (48, 64, 3), (47, 63), (47, 63, 3)])
 def test_an_mp4_comes_back(tmp_path, shape):
     path = tmp_path / "a.mp4"
     frames = list(clip(20, shape))
-    write(Mp4Writer(path, shape, RATE, 10), frames)
+    write_frames(Mp4Writer(path, shape, RATE, 10), frames)
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         assert (stream.average_rate, stream.frames, stream.codec_context.pix_fmt) == (
@@ -764,7 +754,7 @@ def test_an_mp4_comes_back(tmp_path, shape):
         assert stream.codec_context.colorspace == Colorspace.ITU709
         assert stream.codec_context.color_primaries == stream.codec_context.color_trc == 1
         back = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
-        times = [round(Fraction(p.pts) * stream.time_base * RATE) for p in _shown(path)]
+        times = [round(Fraction(p.pts) * stream.time_base * RATE) for p in _video_frames(path)]
     assert times == list(range(20))
     for frame, shown in zip(frames, back, strict=True):
         wanted = frame if frame.ndim == 3 else np.dstack([frame] * 3)
@@ -776,7 +766,7 @@ def test_an_mp4_comes_back(tmp_path, shape):
     assert data.index(b"moov") < data.index(b"mdat")  # plays before it is loaded
 
 
-def _shown(path):
+def _video_frames(path):
     with av.open(str(path)) as container:
         yield from container.decode(video=0)
 
@@ -786,9 +776,9 @@ def test_colours_come_back(tmp_path):
         [(213, 94, 0), (0, 114, 178), (0, 158, 115), (255, 255, 255), (0, 0, 0)], np.uint8
     )
     frame = np.repeat(np.repeat(colours[None], 32, axis=0), 32, axis=1)
-    write(Mp4Writer(tmp_path / "a.mp4", frame.shape, RATE, 5), [frame] * 3)
-    write(WebpWriter(tmp_path / "a.webp", frame.shape, RATE, 160, 95), [frame] * 3)
-    film = next(_shown(tmp_path / "a.mp4")).to_ndarray(format="rgb24")
+    write_frames(Mp4Writer(tmp_path / "a.mp4", frame.shape, RATE, 5), [frame] * 3)
+    write_frames(WebpWriter(tmp_path / "a.webp", frame.shape, RATE, 160, 95), [frame] * 3)
+    film = next(_video_frames(tmp_path / "a.mp4")).to_ndarray(format="rgb24")
     webp = np.asarray(Image.open(tmp_path / "a.webp").convert("RGB"))
     for shown in (film, webp):
         assert np.abs(shown[16, 16::32].astype(int) - colours).max() <= 6
@@ -797,7 +787,7 @@ def test_colours_come_back(tmp_path):
 @pytest.mark.parametrize("shape", [(48, 64), (96, 127, 3)])
 def test_a_webp_comes_back(tmp_path, shape):
     path = tmp_path / "a.webp"
-    write(WebpWriter(path, shape, RATE, 64, 90), clip(20, shape))
+    write_frames(WebpWriter(path, shape, RATE, 64, 90), clip(20, shape))
     with Image.open(path) as film:
         assert (film.n_frames, film.size, film.info["loop"]) == (20, (64, 48), 0)
         lasts = []
@@ -812,8 +802,10 @@ def test_a_webp_comes_back(tmp_path, shape):
 
 def test_same_frames_give_the_same_bytes(tmp_path):
     for name in "ab":
-        write(Mp4Writer(tmp_path / f"{name}.mp4", (48, 64), RATE, 20), clip(20, (48, 64)))
-        write(WebpWriter(tmp_path / f"{name}.webp", (48, 64), RATE, 64, 75), clip(20, (48, 64)))
+        write_frames(Mp4Writer(tmp_path / f"{name}.mp4", (48, 64), RATE, 20), clip(20, (48, 64)))
+        write_frames(
+            WebpWriter(tmp_path / f"{name}.webp", (48, 64), RATE, 64, 75), clip(20, (48, 64))
+        )
     for kind in ("mp4", "webp"):
         assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
 
@@ -826,9 +818,9 @@ def test_an_unfinished_film_leaves_what_was_there(tmp_path, make):
     path = tmp_path / "a.film"
     path.write_bytes(b"before")
     with pytest.raises(ValueError, match="wanted"):
-        write(make(path), [np.zeros((48, 64), np.uint8), np.zeros((48, 65), np.uint8)])
+        write_frames(make(path), [np.zeros((48, 64), np.uint8), np.zeros((48, 65), np.uint8)])
     with pytest.raises(ValueError, match="wanted"):
-        write(make(path), [np.zeros((48, 64), float)])
+        write_frames(make(path), [np.zeros((48, 64), float)])
     assert path.read_bytes() == b"before" and len(list(tmp_path.iterdir())) == 1
 
 
@@ -848,7 +840,7 @@ def test_goals_come_back(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def extracted(tmp_path_factory):
+def replay_folder(tmp_path_factory):
     """A folder with the drawn carp, extracted, and an edit list that replays its first track."""
     folder = tmp_path_factory.mktemp("render")
     with pytest.MonkeyPatch.context() as patch:
@@ -870,12 +862,7 @@ def extracted(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def folder(extracted, tmp_path, monkeypatch):
-    """A copy of it, to be in."""
-    shutil.copytree(extracted, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+folder = copy_of("replay_folder")
 
 
 def too_short(folder):
@@ -884,7 +871,7 @@ def too_short(folder):
     save_json(folder / "data/animate/network/reason.json", {"reason": "too short"})
 
 
-def edited(folder, **columns):
+def edit_columns(folder, **columns):
     """Change columns of the edit list."""
     path = folder / "data/animate/network.parquet"
     save_table(path, pd.read_parquet(path).assign(**columns), EDIT)
@@ -897,7 +884,7 @@ def test_a_replay_of_the_film_is_the_film(folder):
     start = int((folder / "first_frame").read_text())
     film = list(read_frames(Path("data/clip/clip.mp4"), colour=True, start=start))
     tank = load_picture(Path("data/extract/background.png")).astype(int)
-    shown = [frame.to_ndarray(format="rgb24") for frame in _shown("data/render/network.mp4")]
+    shown = [frame.to_ndarray(format="rgb24") for frame in _video_frames("data/render/network.mp4")]
     assert shown[0].shape[:2] == (242, 320)  # 241 rows of film
     for real, drawn in zip(film, shown, strict=False):
         fish = np.abs(real.astype(int) - tank).max(axis=2) > 40
@@ -945,15 +932,15 @@ def test_a_webp_is_as_short_as_asked(folder):
 @pytest.mark.parametrize(
     ("harm", "said"),
     [
-        (lambda f: edited(f, source=99_999), "wanted a frame"),
-        (lambda f: edited(f, scale=0.0), "wanted more than 0"),
+        (lambda f: edit_columns(f, source=99_999), "wanted a frame"),
+        (lambda f: edit_columns(f, scale=0.0), "wanted more than 0"),
         (lambda f: too_short(f), "there is no animation of it: too short(.|\n)*render.mode="),
         (lambda f: (f / "data/animate/network.parquet").unlink(), "there is no data.animate.network.parquet"),
         (lambda f: (f / "data/animate/network/goals.json").unlink(), "goals.json cannot be read"),
         (lambda f: (f / "data/extract/cutouts.arrow").unlink(), "cutouts.arrow cannot be read"),
         (lambda f: (f / "data/extract/background.png").unlink(), "background.png cannot be read"),
-        (lambda f: edited(f, kind="sprite"), "sprites.parquet cannot be read"),
-        (lambda f: edited(f, kind="ghost"), "kind is ghost"),
+        (lambda f: edit_columns(f, kind="sprite"), "sprites.parquet cannot be read"),
+        (lambda f: edit_columns(f, kind="ghost"), "kind is ghost"),
         (lambda f: prepare(f, *NETWORK, "render.mode=loops"), "there is no data.animate.loops.parquet"),
         (lambda f: _spoil(f / "data/extract/cutouts.arrow"), "is damaged"),
     ],
@@ -978,7 +965,7 @@ def _spoil(path):
 def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     """The second of two sprites, which lies elsewhere in its picture."""
     pixels = [np.pad(drop(31, 4), ((5 * i, 0), (0, 0), (0, 0))) for i in range(2)]
-    own = centre(drop()[..., -1].astype(float))
+    own = mass_centre(drop()[..., -1].astype(float))
     with CutoutWriter(folder / "data/sprites/sprites.arrow", sprites=True) as store:
         for sprite in range(2):
             for number in range(1, 25):
@@ -993,7 +980,7 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
         y_px=own[1] + 9 + np.array([0.0, 5.0]),
     )
     save_table(folder / "data/sprites/sprites.parquet", table, SPRITES)
-    edited(
+    edit_columns(
         folder,
         kind="sprite",
         source=np.int32(1),
@@ -1005,8 +992,8 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     prepare(folder, *NETWORK, "render.crf=1", "render.marked_film=false", "render.webp_seconds=0.0")
     stages.render.main()
     tank = load_picture(Path("data/extract/background.png"))
-    wanted = seen(160.0, 120.0, fish(drop(31, 4)), tank=tank).astype(int)
-    shown = next(_shown("data/render/network.mp4")).to_ndarray(format="rgb24")[:241]
+    wanted = paint_fish(160.0, 120.0, fish(drop(31, 4)), tank=tank).astype(int)
+    shown = next(_video_frames("data/render/network.mp4")).to_ndarray(format="rgb24")[:241]
     assert np.abs(shown - wanted).mean() < 2 and np.abs(wanted - tank).max() > 60
     around = np.s_[105:136, 145:176]
     assert np.abs(shown - wanted)[around].mean() < 0.1 * np.abs(wanted - tank)[around].mean() + 2
@@ -1037,7 +1024,7 @@ def test_bad_parameters_are_refused(tmp_path, bad):
 FRAMES = pd.DataFrame({"track_id": 0, "frame": np.arange(3000)})
 
 
-def mixed(kinds, fades=()):
+def edit_of_kinds(kinds, fades=()):
     """An edit list of so many ticks each of a kind, with cross-fades of three ticks."""
     names = [name for name, count in kinds for _ in range(count)]
     weight = np.zeros(len(names))
@@ -1047,16 +1034,18 @@ def mixed(kinds, fades=()):
 
 
 def test_switches_are_between_kinds_and_across_the_film():
-    edit = mixed([("sprite", 20), ("frame", 30), ("sprite", 20)], fades=(8, 20, 33, 45, 50, 60))
+    edit = edit_of_kinds(
+        [("sprite", 20), ("frame", 30), ("sprite", 20)], fades=(8, 20, 33, 45, 50, 60)
+    )
     assert switches(edit, FRAMES, 12) == [8, 20, 33, 45, 50, 60]
     assert switches(edit.assign(weight=0.0), FRAMES, 12) == [20, 50]
-    assert switches(mixed([("sprite", 30)], fades=(9,)), FRAMES, 12) == [9]
-    assert switches(mixed([("sprite", 30)]), FRAMES, 12) == []
-    assert switches(mixed([("frame", 1)]), FRAMES, 12) == []
+    assert switches(edit_of_kinds([("sprite", 30)], fades=(9,)), FRAMES, 12) == [9]
+    assert switches(edit_of_kinds([("sprite", 30)]), FRAMES, 12) == []
+    assert switches(edit_of_kinds([("frame", 1)]), FRAMES, 12) == []
 
 
 def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animation():
-    edit = mixed(
+    edit = edit_of_kinds(
         [("sprite", 20), ("frame", 80)] * 10,
         fades=[100 * i + 30 + 10 * k for i in range(10) for k in range(6)],
     )
@@ -1067,7 +1056,7 @@ def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animatio
         assert len(between & set(shown)) == min(len(between), max(most - 60, most // 2))
     assert len(switches(edit, FRAMES, 1000)) == 19 + 60
     assert np.ptp(switches(edit, FRAMES, 12)) > 800
-    only = mixed([("sprite", 20), ("frame", 20)] * 10)
+    only = edit_of_kinds([("sprite", 20), ("frame", 20)] * 10)
     assert len(switches(only, FRAMES, 12)) == 12  # there is no other sort
 
 
@@ -1093,7 +1082,7 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
     for tick in (10, 30, 50):
         weight[tick], partner[tick] = 0.5, table["source"].iloc[tick - 1] + 1
     fade = weight > 0
-    edited(
+    edit_columns(
         folder, weight=weight, partner=partner, partner_kind=np.where(fade, "frame", None),
         partner_rotation_deg=np.where(fade, 0.0, np.nan).astype(np.float32),
         partner_scale=np.where(fade, 1.0, np.nan).astype(np.float32),

@@ -64,7 +64,7 @@ def test_pieces_of_something_else_are_removed(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def filmed(tmp_path_factory):
+def film_run(tmp_path_factory):
     """A folder with a clip, and what an undisturbed run makes of it."""
     folder = tmp_path_factory.mktemp("filmed")
     prepare(folder, *FILM)
@@ -79,10 +79,10 @@ def filmed(tmp_path_factory):
 
 
 @pytest.fixture
-def here(filmed, tmp_path, monkeypatch):
+def workspace(film_run, tmp_path, monkeypatch):
     """A folder with a copy of the clip."""
     prepare(tmp_path, *FILM)
-    shutil.copytree(filmed / "data/clip", tmp_path / "data/clip")
+    shutil.copytree(film_run / "data/clip", tmp_path / "data/clip")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(stages.cluster, "THREADS", 1)
     monkeypatch.setattr(film, "_STRETCH", SHORT)
@@ -90,15 +90,15 @@ def here(filmed, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def computed(monkeypatch):
+def span_counts(monkeypatch):
     """Counts how often each stretch is computed."""
     counts, compute = Counter(), film._detect_span
 
-    def counted(film, scene, detector, span):
+    def count_span(film, scene, detector, span):
         counts[span[0]] += 1
         return compute(film, scene, detector, span)
 
-    monkeypatch.setattr(film, "_detect_span", counted)
+    monkeypatch.setattr(film, "_detect_span", count_span)
     return counts
 
 
@@ -118,28 +118,30 @@ def stop():
     raise KeyboardInterrupt
 
 
-def test_an_interrupted_run_goes_on_where_it_was(here, filmed, computed, monkeypatch, capsys):
+def test_an_interrupted_run_goes_on_where_it_was(
+    workspace, film_run, span_counts, monkeypatch, capsys
+):
     interrupt(monkeypatch)
-    assert not EXTRACT.exists() and dict(computed) == dict.fromkeys((0, 12, 24, 36), 1)
+    assert not EXTRACT.exists() and dict(span_counts) == dict.fromkeys((0, 12, 24, 36), 1)
     stages.extract.main()
-    assert set(computed.values()) == {1} and len(computed) == 6
-    assert content(EXTRACT) == content(filmed / EXTRACT)
-    assert content(Path("reports/extract")) == content(filmed / "reports/extract")
+    assert set(span_counts.values()) == {1} and len(span_counts) == 6
+    assert content(EXTRACT) == content(film_run / EXTRACT)
+    assert content(Path("reports/extract")) == content(film_run / "reports/extract")
     assert not PIECES.exists()
     assert "goes on" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("change", ["parameter", "film"])
-def test_nothing_is_taken_from_a_run_of_something_else(here, computed, monkeypatch, change):
+def test_nothing_is_taken_from_a_run_of_something_else(workspace, span_counts, monkeypatch, change):
     interrupt(monkeypatch)
     (before,) = PIECES.iterdir()
     if change == "parameter":
-        prepare(here, *FILM, "extract.noise_sigmas=6")
+        prepare(workspace, *FILM, "extract.noise_sigmas=6")
     else:
-        (here / "data/clip/clip.mp4").touch()
+        (workspace / "data/clip/clip.mp4").touch()
     interrupt(monkeypatch)
     (after,) = PIECES.iterdir()
-    assert after != before and dict(computed) == dict.fromkeys((0, 12, 24, 36), 2)
+    assert after != before and dict(span_counts) == dict.fromkeys((0, 12, 24, 36), 2)
 
 
 # --- the disk
@@ -152,16 +154,16 @@ def test_room_is_looked_for_where_the_folder_will_be(tmp_path):
 
 
 @pytest.mark.parametrize("word", ["clip", "extract"])
-def test_a_disk_that_is_too_small_is_refused_with_numbers(here, monkeypatch, word):
+def test_a_disk_that_is_too_small_is_refused_with_numbers(workspace, monkeypatch, word):
     monkeypatch.setattr(space.shutil, "disk_usage", lambda _: Usage(1, 1, 2000))
-    before = content(here / "data")
+    before = content(workspace / "data")
     with pytest.raises(FinloopError) as caught:
         getattr(stages, word).main()
     assert "72 frames" in caught.value.came and "2.0 kB are free" in caught.value.came
-    assert content(here / "data") == before
+    assert content(workspace / "data") == before
 
 
-def test_a_disk_that_gets_full_leaves_nothing_half(here, filmed, monkeypatch):
+def test_a_disk_that_gets_full_leaves_nothing_half(workspace, film_run, monkeypatch):
     with monkeypatch.context() as patch:
         write, room = Path.write_bytes, iter(range(3))
 
@@ -176,9 +178,9 @@ def test_a_disk_that_gets_full_leaves_nothing_half(here, filmed, monkeypatch):
             stages.extract.main()
     (pieces,) = PIECES.iterdir()
     assert len(list(pieces.iterdir())) == 3 and not EXTRACT.exists()
-    assert not list(here.glob("data/**/.*.part/*.part"))
+    assert not list(workspace.glob("data/**/.*.part/*.part"))
     stages.extract.main()
-    assert content(EXTRACT) == content(filmed / EXTRACT)
+    assert content(EXTRACT) == content(film_run / EXTRACT)
 
 
 # --- frames that cannot be decoded
@@ -196,27 +198,27 @@ def damage(clip, first, last):
     clip.write_bytes(content)
 
 
-def test_frames_that_cannot_be_decoded_are_named_and_the_rest_goes_on(here, filmed, capsys):
-    damage(here / "data/clip/clip.mp4", 27, 28)
+def test_frames_that_cannot_be_decoded_are_named_and_the_rest_goes_on(workspace, film_run, capsys):
+    damage(workspace / "data/clip/clip.mp4", 27, 28)
     stages.extract.main()
     said = capsys.readouterr().err
     metrics = load_numbers(Path("reports/extract"))
     table, whole = (
         load_table(folder / EXTRACT / "tracks.parquet", tracks_schema(33), ["frame", "x_px"])
-        for folder in (here, filmed)
+        for folder in (workspace, film_run)
     )
     left = sorted(set(whole["frame"]) - set(table["frame"]))
     assert left == list(range(27, 36)) and metrics["frames_lost"] == 9
     assert "9 of 72 frames" in said and "27-35" in said
-    clip = here / "data/clip"
+    clip = workspace / "data/clip"
     film = Film(clip, load_facts(clip / FACTS_NAME), load_mask(clip / ARENA_NAME, 320, 240))
     with pytest.warns(UserWarning, match="9 of 72 frames .* 27-35"):
-        track(film, here / "by_verb")
+        track(film, workspace / "by_verb")
     kept = whole[~whole["frame"].isin(left)]
     assert table["x_px"].to_numpy() == pytest.approx(kept["x_px"].to_numpy(), abs=0.5)
 
 
-def test_a_clip_of_which_nothing_can_be_decoded_is_one_message(here):
-    damage(here / "data/clip/clip.mp4", 0, 99)
+def test_a_clip_of_which_nothing_can_be_decoded_is_one_message(workspace):
+    damage(workspace / "data/clip/clip.mp4", 0, 99)
     with pytest.raises(FinloopError, match="cannot be read as a normalised clip"):
         stages.extract.main()

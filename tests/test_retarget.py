@@ -11,6 +11,7 @@ import scipy
 from conftest import TINY_CARP
 from scipy.interpolate import CubicSpline
 from scratch import prepare
+from tiny_run import stage_run
 
 import stages.clip
 import stages.plots.retarget
@@ -48,17 +49,11 @@ def how(**changes):
     return settings("retarget", **({"tracks": "x", "placement": "given"} | changes))
 
 
-@pytest.fixture(scope="module")
-def folder(tiny_run, tmp_path_factory):
-    """A drawn carp of a hundred frames, up to what `retarget` reads."""
-    path = tmp_path_factory.mktemp("retarget")
-    prepare(path, *TINY_CARP)
-    tiny_run.bring(path, ["distance", "jumps"])
-    return path
+folder = stage_run("distance", "jumps")
 
 
 @pytest.fixture(scope="module")
-def made(folder):
+def mirrored_material(folder):
     """The same as `Material`, with mirror images."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -80,7 +75,7 @@ def carp(tmp_path_factory):
     return lists_to_points(truth, "backbone").astype(float)
 
 
-def tracked(line):
+def tracker_poses(line):
     """What a program that never errs says of midlines (frames, 65, 2): an eye and the middle, too."""
     places = np.stack(
         [line[:, round(64 * along)] if along is not None else line.mean(1) for along in ALONG], 1
@@ -95,23 +90,23 @@ def of_poses(poses, made, rate_hz=25.0, **changes):
     return retarget_track(track_of(poses, rate_hz, STEPS, p), made, p, OTHERS)
 
 
-def drawn(swum):
+def asked_points(swum):
     return lists_to_points(swum.asked, "drawn").astype(float)
 
 
 # --- laws
 
 
-def test_a_film_s_own_track_is_the_film_again(made):
-    features = made.reel.features
+def test_a_film_s_own_track_is_the_film_again(mirrored_material):
+    features = mirrored_material.reel.features
     number = features["track_id"].value_counts().index[0]
-    own = load_track(made, how(tracks=f"track:{number}"))
-    swum = retarget_track(own, made, how(scale=1.0), OTHERS)
+    own = load_track(mirrored_material, how(tracks=f"track:{number}"))
+    swum = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS)
     rows = np.flatnonzero(features["track_id"] == number)
     edit = swum.edit
     assert edit["source"].tolist() == rows.tolist()
     assert not edit["mirrored"].any() and not edit["weight"].any()
-    assert np.abs(np.stack(edit["pose"]) - made.poses.codes[rows]).max() < 1e-5
+    assert np.abs(np.stack(edit["pose"]) - mirrored_material.poses.codes[rows]).max() < 1e-5
     assert np.allclose(edit["rotation_deg"], 0, atol=1e-3)
     for axis in ("x_px", "y_px"):
         assert np.allclose(edit[axis], features[axis].to_numpy()[rows], atol=0.02)
@@ -120,85 +115,99 @@ def test_a_film_s_own_track_is_the_film_again(made):
     assert told["ticks"] == len(rows) and told["file_frames_used_pct"] == 100
 
 
-def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(made):
-    n = len(made.reel)
+def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(mirrored_material):
+    n = len(mirrored_material.reel)
     half = np.arange(n // 2)
-    own = load_track(made, how(tracks="track:0"))
+    own = load_track(mirrored_material, how(tracks="track:0"))
     part = own._replace(
         frame=own.frame[half], points=own.points[half], codes=own.codes[half], rows=half
     )
-    swum = retarget_track(part, made, how(allow_own_frames=False, scale=1.0), OTHERS)
+    swum = retarget_track(part, mirrored_material, how(allow_own_frames=False, scale=1.0), OTHERS)
     assert (swum.edit["source"] >= len(half)).all()
     assert swum.numbers["apart_p95_pct"] < 0.1
     with pytest.raises(FinloopError, match="no frames but those"):
-        retarget_track(own, made, how(allow_own_frames=False), OTHERS)
+        retarget_track(own, mirrored_material, how(allow_own_frames=False), OTHERS)
 
 
-def test_a_mirrored_track_gives_the_mirrored_animation(made, carp, monkeypatch):
-    plain = of_poses(tracked(carp), made)
+def test_a_mirrored_track_gives_the_mirrored_animation(mirrored_material, carp, monkeypatch):
+    plain = of_poses(tracker_poses(carp), mirrored_material)
     monkeypatch.setattr(RetargetSettings, "mirrored", True)
-    other = of_poses(tracked(carp), made)
-    width = made.arena.shape[1]
+    other = of_poses(tracker_poses(carp), mirrored_material)
+    width = mirrored_material.arena.shape[1]
     assert np.allclose(other.edit["x_px"], width - 1 - plain.edit["x_px"], atol=1e-6)
     assert np.allclose(other.edit["y_px"], plain.edit["y_px"], atol=1e-6)
     assert (other.edit["source"] == plain.edit["source"]).all()
     assert (other.edit["mirrored"] != plain.edit["mirrored"]).all()
     codes, flipped = (np.stack(one.edit["pose"]) for one in (plain, other))
-    assert np.allclose(codes @ made.poses.shapes.mirror, flipped, atol=1e-4)
-    own = load_track(made, how(tracks="track:0"))
-    again = retarget_track(own, made, how(scale=1.0), OTHERS).edit
+    assert np.allclose(codes @ mirrored_material.poses.shapes.mirror, flipped, atol=1e-4)
+    own = load_track(mirrored_material, how(tracks="track:0"))
+    again = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS).edit
     assert again["source"].tolist() == own.rows.tolist() and again["mirrored"].all()
-    assert np.allclose(np.stack(again["pose"]), own.codes @ made.poses.shapes.mirror, atol=1e-5)
+    assert np.allclose(
+        np.stack(again["pose"]), own.codes @ mirrored_material.poses.shapes.mirror, atol=1e-5
+    )
 
 
-def test_twice_the_rate_and_twice_the_size_are_the_same_motion(made, carp):
-    plain = of_poses(tracked(carp), made, scale=1.4)
+def test_twice_the_rate_and_twice_the_size_are_the_same_motion(mirrored_material, carp):
+    plain = of_poses(tracker_poses(carp), mirrored_material, scale=1.4)
     ticks = np.arange(len(carp))
     fine = CubicSpline(ticks, carp)(np.arange(0, len(carp) - 0.5, 0.5))
-    quick = of_poses(tracked(fine), made, 50.0, scale=1.4)
+    quick = of_poses(tracker_poses(fine), mirrored_material, 50.0, scale=1.4)
     assert len(quick.edit) == len(plain.edit)
-    assert np.abs(drawn(quick) - drawn(plain)).max() < 1e-2
+    assert np.abs(asked_points(quick) - asked_points(plain)).max() < 1e-2
     assert (quick.edit["source"] == plain.edit["source"]).all()
-    own, large = (of_poses(tracked(size * carp), made, placement="shrink") for size in (1, 2))
+    own, large = (
+        of_poses(tracker_poses(size * carp), mirrored_material, placement="shrink")
+        for size in (1, 2)
+    )
     assert large.numbers["scale"] == pytest.approx(own.numbers["scale"] / 2)
-    assert np.abs(drawn(large) - drawn(own)).max() < 1e-3
+    assert np.abs(asked_points(large) - asked_points(own)).max() < 1e-3
     assert (large.edit["source"] == own.edit["source"]).all()
 
 
-def test_another_carp_is_where_it_was_and_bent_as_it_was(made, carp):
-    swum = of_poses(tracked(carp), made)
+def test_another_carp_is_where_it_was_and_bent_as_it_was(mirrored_material, carp):
+    swum = of_poses(tracker_poses(carp), mirrored_material)
     arc = np.hypot(*np.moveaxis(np.diff(carp, axis=1), -1, 0)).sum(1)
-    assert swum.numbers["scale"] == pytest.approx(made.reel.length_px / np.median(arc), rel=0.03)
+    assert swum.numbers["scale"] == pytest.approx(
+        mirrored_material.reel.length_px / np.median(arc), rel=0.03
+    )
     true = swum.numbers["scale"] * carp[:, ::2]
-    off = np.hypot(*np.moveaxis(drawn(swum) - true, -1, 0)).mean(1) / made.reel.length_px
+    off = (
+        np.hypot(*np.moveaxis(asked_points(swum) - true, -1, 0)).mean(1)
+        / mirrored_material.reel.length_px
+    )
     assert np.median(off) < 0.01 and np.quantile(off, 0.95) < 0.02
     asked = lists_to_points(swum.asked, "asked")
-    assert np.abs(asked - true).max() < 0.02 * made.reel.length_px  # the spline through points
+    assert (
+        np.abs(asked - true).max() < 0.02 * mirrored_material.reel.length_px
+    )  # the spline through points
     assert 100 * np.median(off) == pytest.approx(swum.numbers["apart_median_pct"], abs=0.3)
 
 
 @pytest.mark.skipif(find_spec("movement") is None, reason="the extra `tracks` is not installed")
-def test_a_csv_of_deeplabcut_gives_what_its_poses_give(made, carp, tmp_path):
-    poses = tracked(carp)
+def test_a_csv_of_deeplabcut_gives_what_its_poses_give(mirrored_material, carp, tmp_path):
+    poses = tracker_poses(carp)
     path = tmp_path / "tracks.csv"
     save_csv_in_blocks(path, deeplabcut(poses), decimals=3)
     p = how(tracks=str(path))
-    swum = retarget_track(load_track(made, p), made, p, OTHERS)
-    assert np.abs(drawn(swum) - drawn(of_poses(poses, made))).max() < 0.05
+    swum = retarget_track(load_track(mirrored_material, p), mirrored_material, p, OTHERS)
+    assert (
+        np.abs(asked_points(swum) - asked_points(of_poses(poses, mirrored_material))).max() < 0.05
+    )
 
 
 # --- few points
 
 
 @pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",), ("Nose",)])
-def test_few_points_say_where_and_the_film_says_how_it_is_bent(made, carp, points):
+def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material, carp, points):
     changes = {} if len(points) > 1 else {"scale": 1.4}
-    poses = tracked(carp)
-    swum = of_poses(poses, made, body_keypoints=points, **changes)
+    poses = tracker_poses(carp)
+    swum = of_poses(poses, mirrored_material, body_keypoints=points, **changes)
     scale = swum.numbers["scale"]
     assert scale == pytest.approx(1.4, rel=0.1)
     asked = scale * poses.places[:, [NAMES.index(one) for one in points]]
-    line, edit = drawn(swum), swum.edit
+    line, edit = asked_points(swum), swum.edit
     if points == ("centre",):
         assert np.abs(edit[["x_px", "y_px"]].to_numpy() - asked[:, 0]).max() < 1e-6
     elif points == ("Nose",):
@@ -208,22 +217,22 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(made, carp, point
         assert np.abs(middle - sought).max() < 1e-3
         assert swum.numbers["apart_median_pct"] < 10
     codes = np.stack(edit["pose"]).astype(float)
-    near = made.poses.shapes.nearest_codes(codes).codes
+    near = mirrored_material.poses.shapes.nearest_codes(codes).codes
     assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
     assert swum.numbers["with_postures"] == 0
     notes = stages.retarget.notes(swum.numbers)
     assert any("no posture" in one for one in notes)
     with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
-        of_poses(poses, made, body_keypoints=("centre",))
+        of_poses(poses, mirrored_material, body_keypoints=("centre",))
 
 
-def test_postures_of_the_film_go_on_over_a_switch(made, carp):
+def test_postures_of_the_film_go_on_over_a_switch(mirrored_material, carp):
     p = how(body_keypoints=("Nose", "tail_tip"))
-    track = track_of(tracked(carp), 25.0, STEPS, p)
+    track = track_of(tracker_poses(carp), 25.0, STEPS, p)
     cut = OTHERS._replace(join="cut")
     jumps = []
     for others in (OTHERS, cut):
-        swum = retarget_track(track, made, p, others)
+        swum = retarget_track(track, mirrored_material, p, others)
         at = np.flatnonzero(swum.asked["switch"])
         codes = np.stack(swum.edit["pose"]).astype(float)
         jumps.append(np.linalg.norm(codes[at] - codes[at - 1], axis=1).mean())
@@ -231,7 +240,7 @@ def test_postures_of_the_film_go_on_over_a_switch(made, carp):
 
 
 def test_points_of_the_body_are_told_from_eyes_and_ordered_from_head_to_tail(carp):
-    poses = tracked(carp)
+    poses = tracker_poses(carp)
     order = body_points(NAMES, poses.places, how())
     assert [NAMES[one] for one in order] == ["Nose", "b1", "b2", "b3", "tail_tip"]
     named = body_points(NAMES, poses.places, how(body_keypoints=("b1", "b2", "b3")))
@@ -240,12 +249,15 @@ def test_points_of_the_body_are_told_from_eyes_and_ordered_from_head_to_tail(car
     assert [without[one] for one in body_points(without, poses.places, how())] == ["Nose"]
 
 
-def test_points_that_reach_part_of_the_body_leave_the_rest_to_the_film(made, carp):
-    whole = of_poses(tracked(carp), made)
+def test_points_that_reach_part_of_the_body_leave_the_rest_to_the_film(mirrored_material, carp):
+    whole = of_poses(tracker_poses(carp), mirrored_material)
     share = {"body_keypoints": ("Nose", "b1", "b2", "b3"), "keypoint_range": (0.0, 0.75)}
-    part = of_poses(tracked(carp), made, **share)
+    part = of_poses(tracker_poses(carp), mirrored_material, **share)
     assert part.numbers["scale"] == pytest.approx(whole.numbers["scale"], rel=0.02)
-    off = np.hypot(*np.moveaxis(drawn(part) - drawn(whole), -1, 0)) / made.reel.length_px
+    off = (
+        np.hypot(*np.moveaxis(asked_points(part) - asked_points(whole), -1, 0))
+        / mirrored_material.reel.length_px
+    )
     assert np.median(off[:, :24]) < 0.01 and np.median(off[:, -1]) < 0.12
 
 
@@ -296,11 +308,11 @@ def test_smoothing_takes_tremble_and_leaves_a_straight_way():
 # --- postures
 
 
-def test_codes_come_back_from_bends_alone_and_poses_from_points(made):
-    shapes = made.poses.shapes
+def test_codes_come_back_from_bends_alone_and_poses_from_points(mirrored_material):
+    shapes = mirrored_material.poses.shapes
     exact = replace(shapes, total_variance=float(shapes.variance.sum()))
     rng = np.random.default_rng(1)
-    codes = made.poses.codes[rng.choice(len(made.poses.codes), 30)]
+    codes = mirrored_material.poses.codes[rng.choice(len(mirrored_material.poses.codes), 30)]
     pose = Pose(*rng.uniform(50, 200, (2, 30)), rng.uniform(-3, 3, 30), np.full(30, 40.0),
                 exact.decode(codes))  # fmt: skip
     at = np.linspace(0, 1, pose.posture.shape[1] // 2)
@@ -319,12 +331,12 @@ def test_codes_come_back_from_bends_alone_and_poses_from_points(made):
     )
 
 
-def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(made):
-    shapes, at = made.poses.shapes, np.linspace(0, 1, STEPS + 1)
+def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(mirrored_material):
+    shapes, at = mirrored_material.poses.shapes, np.linspace(0, 1, STEPS + 1)
     angle = np.linspace(0, 2 * np.pi, STEPS)  # a ring
-    way = np.stack([-np.cos(angle), np.sin(angle)], -1) * made.reel.length_px / STEPS
+    way = np.stack([-np.cos(angle), np.sin(angle)], -1) * mirrored_material.reel.length_px / STEPS
     ring = np.concatenate([np.zeros((1, 2)), np.cumsum(way, 0)])[None]
-    asked = asked_postures(ring, at, shapes, made.reel.length_px)
+    asked = asked_postures(ring, at, shapes, mirrored_material.reel.length_px)
     assert asked.clamped.all()
     assert not shapes.nearest_codes(asked.codes).clamped.any()
 
@@ -431,55 +443,61 @@ def test_a_fish_that_rests_and_crosses_once_is_moved_to_where_it_fits(height, ce
 
 @pytest.mark.parametrize("placement", ["fit", "shrink"])
 @pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
-def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(made, carp, points, placement):
+def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(
+    mirrored_material, carp, points, placement
+):
     changes = {"body_keypoints": points, "scale": 1.4}
-    free = drawn(of_poses(tracked(carp), made, **changes))
-    arena = np.zeros_like(made.arena)
+    free = asked_points(of_poses(tracker_poses(carp), mirrored_material, **changes))
+    arena = np.zeros_like(mirrored_material.arena)
     pixels = np.round(free - free.reshape(-1, 2).min(0) + 2).astype(int)
     arena[pixels[..., 1], pixels[..., 0]] = True
-    tight = made._replace(arena=scipy.ndimage.binary_dilation(arena, np.ones((3, 3))))
-    swum = of_poses(tracked(carp), tight, placement=placement, **changes)
+    tight = mirrored_material._replace(arena=scipy.ndimage.binary_dilation(arena, np.ones((3, 3))))
+    swum = of_poses(tracker_poses(carp), tight, placement=placement, **changes)
     assert swum.numbers["outside_ticks"] == 0 and swum.numbers["way_size"] == 1
-    assert np.ptp(drawn(swum) - free, axis=(0, 1)).max() < 1e-3  # moved, all ticks alike
+    assert np.ptp(asked_points(swum) - free, axis=(0, 1)).max() < 1e-3  # moved, all ticks alike
 
 
 @pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
-def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(made, carp, points):
+def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(mirrored_material, carp, points):
     changes = {"body_keypoints": points, "scale": 1.4}
-    tight = made._replace(arena=np.pad(np.ones((90, 90), bool), ((20, 60), (30, 90))))
-    swum = of_poses(tracked(carp), tight, placement="shrink", **changes)
+    tight = mirrored_material._replace(arena=np.pad(np.ones((90, 90), bool), ((20, 60), (30, 90))))
+    swum = of_poses(tracker_poses(carp), tight, placement="shrink", **changes)
     assert swum.numbers["outside_ticks"] == 0 and 0 < swum.numbers["way_size"] < 1
 
 
 # --- bad input
 
 
-def test_bad_tracks_are_refused_with_what_to_do(made, carp, tmp_path):
-    poses = tracked(carp)
+def test_bad_tracks_are_refused_with_what_to_do(mirrored_material, carp, tmp_path):
+    poses = tracker_poses(carp)
     with pytest.raises(FinloopError, match=r"nothing at[\s\S]*correct retarget.tracks"):
-        load_track(made, how(tracks=str(tmp_path / "none.csv")))
+        load_track(mirrored_material, how(tracks=str(tmp_path / "none.csv")))
     with pytest.raises(FinloopError, match=r"no track of the film[\s\S]*correct retarget.tracks"):
-        load_track(made, how(tracks="track:99"))
+        load_track(mirrored_material, how(tracks="track:99"))
     with pytest.raises(FinloopError, match=r"no animal 'bert'[\s\S]*anna"):
-        of_poses(poses, made, animal="bert")
+        of_poses(poses, mirrored_material, animal="bert")
     with pytest.raises(FinloopError, match=r"no keypoint fin[\s\S]*retarget.body_keypoints"):
-        of_poses(poses, made, body_keypoints=("Nose", "fin"))
+        of_poses(poses, mirrored_material, body_keypoints=("Nose", "fin"))
     with pytest.raises(FinloopError, match="no point of the tracks"):
-        of_poses(replace(poses, places=np.full_like(poses.places, np.nan)), made)
+        of_poses(replace(poses, places=np.full_like(poses.places, np.nan)), mirrored_material)
     lost = poses.places.copy()
     lost[:, NAMES.index("tail_tip")] = np.nan
     with pytest.raises(FinloopError, match="no frame in which Nose"):
-        of_poses(replace(poses, places=lost), made, body_keypoints=("Nose", "b1", "tail_tip"))
+        of_poses(
+            replace(poses, places=lost),
+            mirrored_material,
+            body_keypoints=("Nose", "b1", "tail_tip"),
+        )
     with pytest.raises(FinloopError, match=r"without a gap has 1 frames[\s\S]*shorter gaps"):
-        of_poses(tracked(carp[:1]), made)
+        of_poses(tracker_poses(carp[:1]), mirrored_material)
     tail_first = ("tail_tip", "b3", "b2", "b1", "Nose")
     with pytest.raises(FinloopError, match=r"tail first for \d+% of its way[\s\S]*backwards=true"):
-        of_poses(poses, made, body_keypoints=tail_first)
-    of_poses(poses, made, body_keypoints=tail_first, allow_backwards=True)
+        of_poses(poses, mirrored_material, body_keypoints=tail_first)
+    of_poses(poses, mirrored_material, body_keypoints=tail_first, allow_backwards=True)
     with pytest.raises(FinloopError, match=r"back and forth[\s\S]*retarget.body_keypoints"):
-        of_poses(poses, made, body_keypoints=("Nose", "b3", "b1", "tail_tip"))
+        of_poses(poses, mirrored_material, body_keypoints=("Nose", "b3", "b1", "tail_tip"))
     with pytest.raises(FinloopError, match=r"the tank[\s\S]*nowhere"):
-        of_poses(tracked(carp), made, scale=9.0, placement="fit")
+        of_poses(tracker_poses(carp), mirrored_material, scale=9.0, placement="fit")
     assert forward_share(carp[:, ::-1]) == pytest.approx(1 - forward_share(carp))
 
 

@@ -56,7 +56,7 @@ def stepless():
     return replace(rule, steps=replace(rule.steps, wall=none, last=none, move=none, turn=none))
 
 
-def swum(player, ticks=TICKS, seed=0, goals=()):
+def swim_group(player, ticks=TICKS, seed=0, goals=()):
     p = player.world.settings
     plans = MatchingAnimator(player, None, 1.0, 1.0)
     todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
@@ -77,21 +77,21 @@ def gaps(player, edit):
 
 def test_fish_that_attract_each_other_come_together_and_others_part():
     near, far = (player_of(zones) for zones in (NEAR, FAR))
-    together, apart = gaps(near, swum(near)), gaps(far, swum(far))
+    together, apart = gaps(near, swim_group(near)), gaps(far, swim_group(far))
     assert together < 0.6 * apart
-    assert set(swum(near)["goal"]) >= {"company"}
+    assert set(swim_group(near)["goal"]) >= {"company"}
 
 
 def test_a_fish_of_which_nothing_is_wished_swims_as_without_a_rule():
     by, alone = player_of(NO_ZONES), player_of(NO_ZONES, rule="none")
-    one, other = swum(by, 100), swum(alone, 100)
+    one, other = swim_group(by, 100), swim_group(alone, 100)
     assert one.drop(columns="goal").equals(other.drop(columns="goal"))
 
 
 @pytest.mark.parametrize("overlap", [False, True])
 def test_company_is_known_whether_or_not_fish_keep_clear(overlap):
     player = player_of(NEAR, overlap=overlap)
-    edit = swum(player, 200)
+    edit = swim_group(player, 200)
     assert (edit[edit["tick"] > 50]["goal"] == "company").mean() > 0.9
     assert edit["x_px"].between(50, 850).all() and edit["y_px"].between(50, 850).all()
 
@@ -126,7 +126,7 @@ def test_the_same_state_and_draws_wish_the_same():
 def test_zones_that_nobody_knows_are_asked_for():
     player = replace(player_of(NEAR), shoaling=None)
     with pytest.raises(FinloopError, match="no zones are known") as caught:
-        swum(player, 10)
+        swim_group(player, 10)
     assert "calibrate" in caught.value.do
 
 
@@ -147,9 +147,9 @@ def test_company_without_a_rule_is_refused_before_anything_is_planned(steps):
 def test_followers_keep_near_their_leader_who_swims_to_its_goals():
     player = player_of(NEAR, rule="none", fish=3, follow=((2, 1), (3, 1)))
     goals = [Goal("A", 700.0, 200.0, 20.0), Goal("B", 200.0, 700.0, 20.0)]
-    edit = swum(player, 400, goals=goals)
+    edit = swim_group(player, 400, goals=goals)
     where = edit[["x_px", "y_px"]].to_numpy().reshape(3, -1, 2)
-    alone = swum(player_of(NEAR, rule="none", fish=3), 400, goals=goals)
+    alone = swim_group(player_of(NEAR, rule="none", fish=3), 400, goals=goals)
     apart = alone[["x_px", "y_px"]].to_numpy().reshape(3, -1, 2)
     for follower in (1, 2):
         behind = np.hypot(*(where[follower] - where[0]).T)[200:] / LENGTH
@@ -205,7 +205,7 @@ def live(zones=NEAR, fish=4, known=True):
     return LiveTank({"matching": player}, "matching", fish, 3)
 
 
-def played(tank, ticks):
+def place_rows(tank, ticks):
     """Places (ticks, fish, 2) of so many further ticks."""
     made = []
     for _ in range(ticks):
@@ -228,15 +228,15 @@ def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
     tank.send(0, 450.0, 450.0)
     assert one.goal is not None
     tank.follow(0, [(200.0, 200.0), (600.0, 300.0), (700.0, 600.0)])
-    played(tank, 3)
+    place_rows(tank, 3)
     assert one.errand is not None and one.order is None
     tank.shoal(0)
     assert one.goal is None and one.errand is None and one.order.leader is None
-    played(tank, 20)
+    place_rows(tank, 20)
     assert {choice.name for choice in one._choices} >= {"company"}
     tank.lead(0, 2)
     assert tank.leaders == {1: 3}
-    played(tank, 20)
+    place_rows(tank, 20)
     assert one._choices[-1].name == "leader"
     tank.send(0, 450.0, 450.0)
     assert one.order is None and one.goal is not None
@@ -251,7 +251,7 @@ def test_weights_are_changed_while_fish_swim():
     far.shoal(None)
     far.weigh((0.0, 0.0, 0.0))
     assert far.shoaling.zones.weights == (0, 0, 0)
-    together, apart = (played(tank, 300)[150:] for tank in (near, far))
+    together, apart = (place_rows(tank, 300)[150:] for tank in (near, far))
     assert spread(together) < 0.6 * spread(apart)
 
 
@@ -259,14 +259,14 @@ def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
     tank = live()
     tank.shoal(None)
     tank.lead(3, 1)
-    played(tank, 60)
-    first = played(tank, 80)
+    place_rows(tank, 60)
+    first = place_rows(tank, 80)
     before = tank.shoaling
     tank.weigh((1.0, 1.0, 0.1))
-    played(tank, 20)
+    place_rows(tank, 20)
     tank.back_to(60)
     assert tank.shoaling == before and tank.leaders == {4: 2}
-    assert played(tank, 80) == pytest.approx(first)
+    assert place_rows(tank, 80) == pytest.approx(first)
 
 
 def test_who_would_follow_in_a_circle_is_refused_and_told():
@@ -304,9 +304,9 @@ def test_company_of_a_film_without_steps_is_refused():
 def test_a_follower_whose_leader_is_gone_wanders():
     tank = live()
     tank.lead(0, 3)
-    played(tank, 10)
+    place_rows(tank, 10)
     tank.count(2)
-    played(tank, 30)
+    place_rows(tank, 30)
     assert tank.leaders == {} and tank.fish[0]._choices[-1].goal is None
 
 

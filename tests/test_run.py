@@ -31,7 +31,7 @@ def fails(error: BaseException):
     return main
 
 
-def ended(main, capsys) -> tuple[object, str]:
+def run_to_exit(main, capsys) -> tuple[object, str]:
     """Exit status and what stderr shows (SystemExit's text is printed by the interpreter)."""
     with pytest.raises(SystemExit) as end:
         door.run(main)
@@ -40,11 +40,13 @@ def ended(main, capsys) -> tuple[object, str]:
 
 
 def test_a_stage_that_returns_ends_well(capsys):
-    assert ended(lambda: None, capsys) == (0, "")
+    assert run_to_exit(lambda: None, capsys) == (0, "")
 
 
 def test_a_foreseen_error_is_one_message(capsys):
-    code, text = ended(fails(FinloopError("an empty clip", "a frame", "another clip")), capsys)
+    code, text = run_to_exit(
+        fails(FinloopError("an empty clip", "a frame", "another clip")), capsys
+    )
     assert code == 1
     assert text == "finloop: an empty clip\n  wanted: a frame\n  do:     another clip"
 
@@ -59,7 +61,7 @@ def test_a_foreseen_error_is_one_message(capsys):
     ],
 )
 def test_a_machine_at_its_limit_is_one_message(error, said, capsys):
-    code, text = ended(fails(error), capsys)
+    code, text = run_to_exit(fails(error), capsys)
     assert code == 1
     assert said in text
     assert "Traceback" not in text
@@ -70,11 +72,11 @@ def test_a_full_disk_is_recognised_when_it_happens(capsys):
         with Path("/dev/full").open("w") as file:
             file.write("x")
 
-    assert "disk is full" in ended(main, capsys)[1]
+    assert "disk is full" in run_to_exit(main, capsys)[1]
 
 
 def test_a_bug_keeps_its_traceback_and_is_named_last(capsys):
-    code, text = ended(fails(ZeroDivisionError("1/0")), capsys)
+    code, text = run_to_exit(fails(ZeroDivisionError("1/0")), capsys)
     assert code == 1
     assert text.startswith("Traceback")
     assert text.splitlines()[-3].startswith(
@@ -83,7 +85,7 @@ def test_a_bug_keeps_its_traceback_and_is_named_last(capsys):
 
 
 def test_ctrl_c_is_not_an_error_in_the_program(capsys):
-    code, text = ended(fails(KeyboardInterrupt()), capsys)
+    code, text = run_to_exit(fails(KeyboardInterrupt()), capsys)
     assert code == 130
     assert "interrupted" in text
     assert "Traceback" not in text

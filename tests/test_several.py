@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from scratch import content, prepare
-from toy_fish import filled, line, outline
+from scratch import content, prepare, write_frames
+from toy_fish import line, outline, polygon_mask
 
 import stages.clip
 import stages.extract
@@ -38,7 +38,7 @@ SIZE = (90, 160)
 # --- which films
 
 
-def touched(folder, *paths):
+def touch(folder, *paths):
     for path in paths:
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).touch()
@@ -46,19 +46,19 @@ def touched(folder, *paths):
 
 
 def test_a_folder_of_films_gives_each_in_natural_order(tmp_path):
-    home = touched(
+    home = touch(
         tmp_path, "a10.mp4", "a2.AVI", ".hidden.mp4", "notes.txt", "pages/1.png", "x/y.txt"
     )
     assert [path.name for path in list_films(str(home))] == ["a2.AVI", "a10.mp4", "pages"]
 
 
 def test_a_folder_of_pictures_is_a_film(tmp_path):
-    home = touched(tmp_path, "1.png", "2.png")
+    home = touch(tmp_path, "1.png", "2.png")
     assert list_films(str(home)) == [home]
 
 
 def test_a_pattern_gives_what_it_fits(tmp_path):
-    home = touched(tmp_path, "b 2.mp4", "b 10.mp4", "deep/b 1.mp4", "c[1].mp4")
+    home = touch(tmp_path, "b 2.mp4", "b 10.mp4", "deep/b 1.mp4", "c[1].mp4")
     assert [path.name for path in list_films(f"{home}/b*.mp4")] == ["b 2.mp4", "b 10.mp4"]
     assert len(list_films(f"{home}/**/b*.mp4")) == 3
     assert list_films(f"{home}/c[1].mp4") == [home / "c[1].mp4"]  # a file of that very name
@@ -76,7 +76,7 @@ def test_names_are_all_different_and_plain(tmp_path):
 
 def test_a_film_that_is_named_twice_is_taken_once(tmp_path, capsys):
     """As itself, by its folder and by a link; but two parts of it are two films."""
-    home = touched(tmp_path, "films/a.mp4", "films/b.mp4") / "films"
+    home = touch(tmp_path, "films/a.mp4", "films/b.mp4") / "films"
     (home / "c.mp4").symlink_to(home / "a.mp4")
     a = str(home / "a.mp4")
     films = stages.clip.films_of(settings("clip", source="file", path=(str(home), a)))
@@ -156,7 +156,7 @@ def swimming(frames=FRAMES, scale=1.0, light=1.0, late=0.0):
         local = line(0.6 * np.sin(1.1 * (k + late))) * BODY / 60.0
         down = (local * (1, -1) + (34.0 + 4.5 * (k + late), 45.0)) * scale
         shape = tuple(int(side * scale) for side in SIZE)
-        mask = filled(outline(down, scale * BODY * 0.1 * WIDE), shape) / 255.0
+        mask = polygon_mask(outline(down, scale * BODY * 0.1 * WIDE), shape) / 255.0
         made.append(np.rint(light * (180 - 120 * mask)).astype(np.uint8))
     return made
 
@@ -167,9 +167,7 @@ WIDE = np.sqrt(np.abs(np.sin(np.pi * np.linspace(0, 1, 33) ** 0.7))) + 0.1
 def put_film(path, frames, rate=25):
     height, width = frames[0].shape
     facts = VideoFacts("file", width, height, len(frames), Fraction(rate), False, ())
-    with VideoWriter.from_facts(path, facts) as writer:
-        for frame in frames:
-            writer.write(frame)
+    write_frames(VideoWriter.from_facts(path, facts), frames)
     return path
 
 
@@ -184,7 +182,7 @@ def films(folder):
 
 
 @pytest.fixture(scope="module")
-def joined(tmp_path_factory):
+def joined_run(tmp_path_factory):
     """A folder in which clip and extract have run on a folder of films."""
     home = tmp_path_factory.mktemp("several")
     (home / "films").mkdir()
@@ -210,22 +208,22 @@ def table_of(home):
     return load_table(home / "data/extract/tracks.parquet", tracks_schema(POINTS))
 
 
-def test_the_frames_of_all_films_are_one_count_at_the_lowest_rate(joined):
-    facts = load_facts(joined / "data/clip/facts.json")
+def test_the_frames_of_all_films_are_one_count_at_the_lowest_rate(joined_run):
+    facts = load_facts(joined_run / "data/clip/facts.json")
     assert facts.segments == ((0, FRAMES), (FRAMES, 2 * FRAMES))
     assert (facts.frames, facts.frame_rate, facts.width_px) == (2 * FRAMES, 25, SIZE[1])
-    assert [part.name for part in parts_of(joined / "data/clip")] == ["1-first", "2-fine"]
+    assert [part.name for part in parts_of(joined_run / "data/clip")] == ["1-first", "2-fine"]
 
 
-def test_the_second_fish_is_as_the_first_in_size_place_and_light(joined):
-    table = table_of(joined)
+def test_the_second_fish_is_as_the_first_in_size_place_and_light(joined_run):
+    table = table_of(joined_run)
     first, second = (table[table["track_id"] == k].set_index("frame") for k in (0, 1))
     second.index -= FRAMES
     both = first.index.intersection(second.index)
     assert len(both) > 15
     for name in ("x_px", "y_px", "length_px"):  # lengths of fish are measured to a few percent
         assert first.loc[both, name].to_numpy() == pytest.approx(second.loc[both, name], rel=0.06)
-    with open_cutouts(joined / "data/extract/cutouts.arrow") as store:
+    with open_cutouts(joined_run / "data/extract/cutouts.arrow") as store:
         assert np.array_equal(store.index[["track_id", "frame"]], table[["track_id", "frame"]])
         shown = [
             np.median(one.pixels[..., 0][one.pixels[..., 1] > 250])
@@ -234,13 +232,13 @@ def test_the_second_fish_is_as_the_first_in_size_place_and_light(joined):
     assert shown[0] == pytest.approx(shown[1], abs=4)
 
 
-def test_a_film_that_cannot_be_read_is_named_and_the_others_go_on(joined):
-    numbers = load_numbers(joined / "reports/clip")
+def test_a_film_that_cannot_be_read_is_named_and_the_others_go_on(joined_run):
+    numbers = load_numbers(joined_run / "reports/clip")
     assert (numbers["films"], numbers["films_left_out"]) == (2, 1)
-    listed_ = json.loads((joined / "data/clip/films.json").read_text())
+    listed_ = json.loads((joined_run / "data/clip/films.json").read_text())
     assert [bool(one["error"]) for one in listed_] == [False, False, True]
     assert "3 broken.mp4" in listed_[2]["path"]
-    assert not (joined / "data/clip/films/3-broken").exists()
+    assert not (joined_run / "data/clip/films/3-broken").exists()
 
 
 def test_two_films_of_one_name_and_the_tank_are_told(tmp_path, monkeypatch, capsys):
@@ -267,14 +265,14 @@ def test_a_film_that_is_still_recorded_is_refused_as_such(tmp_path, monkeypatch)
         stages.clip.main()
 
 
-def test_every_film_is_in_the_picture_of_what_was_found(joined):
-    picture = cv2.imread(str(joined / "reports/extract/detections.png"))
+def test_every_film_is_in_the_picture_of_what_was_found(joined_run):
+    picture = cv2.imread(str(joined_run / "reports/extract/detections.png"))
     assert picture.shape[0] > 2 * SIZE[0]
 
 
-def test_adding_a_film_makes_that_film_alone(joined, tmp_path, monkeypatch, capsys):
+def test_adding_a_film_makes_that_film_alone(joined_run, tmp_path, monkeypatch, capsys):
     home = tmp_path / "home"
-    shutil.copytree(joined, home, symlinks=True)
+    shutil.copytree(joined_run, home, symlinks=True)
     before = {kind: content(home / "data" / kind / "films") for kind in ("clip", "extract")}
     put_film(home / "films/3 broken.mp4", swimming(late=0.3))
     made = Counter()
@@ -309,8 +307,8 @@ def test_a_film_without_a_fish_is_left_out_unless_it_is_the_first(tmp_path, monk
         run(tmp_path, monkeypatch)
 
 
-def test_a_film_whose_tracks_fall_between_the_common_frames_brings_none(joined, tmp_path):
-    shutil.copytree(joined / "data", tmp_path / "data", symlinks=True)
+def test_a_film_whose_tracks_fall_between_the_common_frames_brings_none(joined_run, tmp_path):
+    shutil.copytree(joined_run / "data", tmp_path / "data", symlinks=True)
     folder = tmp_path / "data/extract"
     of_film = folder / "films/2-fine/tracks.parquet"
     table = load_table(of_film, tracks_schema(POINTS))

@@ -13,7 +13,17 @@ import pandas as pd
 import pytest
 from conftest import TINY_CARP
 from scratch import prepare
-from toy_film import DELTA, HULL, LENGTH, RATE, TOUCH, matching_of, waters_of
+from toy_film import (
+    DELTA,
+    HULL,
+    LENGTH,
+    RATE,
+    TOUCH,
+    crowd_player,
+    matching_of,
+    narrow_tank,
+    waters_of,
+)
 
 import stages.animate
 import stages.export
@@ -52,14 +62,6 @@ from finloop.project import Project
 
 
 @cache
-def crowded(through=False):
-    """A player of fish as wide as HULL, in a tank of ten lengths."""
-    arena = np.zeros((600, 800), bool)
-    arena[100:500, 200:600] = True
-    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=through))
-
-
-@cache
 def spacious():
     """A player in a tank in which fish hardly ever meet."""
     arena = np.zeros((2000, 2000), bool)
@@ -67,7 +69,7 @@ def spacious():
     return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
 
 
-def swum(player, fish, ticks, goals=(), seed=0):
+def swim_group(player, fish, ticks, goals=(), seed=0):
     """What several fish do, as an edit list."""
     todo = tasks(goals, fish, np.random.default_rng(seed))
     return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
@@ -79,7 +81,7 @@ def swum(player, fish, ticks, goals=(), seed=0):
 def test_nobody_swims_through_another_and_all_goals_are_reached():
     met = {}
     for through in (False, True):
-        player, ticks = crowded(through), 1200
+        player, ticks = crowd_player(through), 1200
         goals = random_goals(player.world, 12, np.random.default_rng(1))
         swims = shoal(player, tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
@@ -103,7 +105,7 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone():
 
 def test_planning_keeps_no_hold_of_what_it_was_given():
     """Kernels that count no references must not take or give one either."""
-    player = crowded()
+    player = crowd_player()
     waters = player.world
     given = [waters.film.rows, waters.film.to, waters.tank.legal, player.cast.discs.table]
     goals, held = random_goals(waters, 6, np.random.default_rng(1)), []
@@ -124,8 +126,8 @@ def test_the_first_fish_has_the_generator_of_a_fish_alone_and_each_its_own():
 
 def test_the_live_tank_swims_the_same():
     ticks, fish = 120, 4
-    table = swum(crowded(), fish, ticks, seed=6)
-    live = LiveTank({"matching": crowded()}, "matching", fish, 6)
+    table = swim_group(crowd_player(), fish, ticks, seed=6)
+    live = LiveTank({"matching": crowd_player()}, "matching", fish, 6)
     for _ in range(ticks - 1):
         live.advance()
     shown = [[live.fish[k].row_at(t)[:12] for t in range(ticks)] for k in range(fish)]
@@ -146,7 +148,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     first = replace(begun, x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
     avoider = player._fallback
 
-    def between(fish, gap):
+    def with_neighbours(fish, gap):
         sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
         return replace(
             fish,
@@ -156,12 +158,14 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
         )
 
     def free(gap):
-        return can_stay(between(first, gap).company, first.picture, np.array([x, y, 90.0]), 0)
+        return can_stay(
+            with_neighbours(first, gap).company, first.picture, np.array([x, y, 90.0]), 0
+        )
 
     gap, ways = 0.1 + next(gap for gap in np.arange(10.0, 20.0, 0.1) if free(gap)), []
     for directions in (fallback._ASIDE_DEG, (0.0,)):  # and back to back alone
         monkeypatch.setattr(fallback, "_ASIDE_DEG", directions)
-        fish = between(first, gap)
+        fish = with_neighbours(first, gap)
         ahead = player._leave(fish, Target(x + 100, y, 0, 0), np.random.default_rng(1))
         blocked = replace(ahead, way=np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0))
         way = avoider.keep_clear(fish, blocked, np.random.default_rng(2)).way
@@ -172,7 +176,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
 
 
 def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
-    player, angle = crowded(), np.linspace(0, 2 * np.pi, 40)
+    player, angle = crowd_player(), np.linspace(0, 2 * np.pi, 40)
     ring = Line("ring", 400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle), PX, closed=True)
     path = lay(ring, player.world.tank, player.world.motion, None)
     swims = shoal(player, tasks([], 3, np.random.default_rng(0), path.route), 300)
@@ -190,9 +194,9 @@ def ring(x, y, radius=60.0):
 
 def plans_of(lines, **changes):
     """A planner of the crowded tank whose first fish have these lines, None for one with none."""
-    waters = crowded().world
+    waters = crowd_player().world
     waters = replace(waters, settings=replace(waters.settings, **changes))
-    player = replace(crowded(), world=waters)
+    player = replace(crowd_player(), world=waters)
     paths = tuple(one and lay(one, waters.tank, waters.motion, None) for one in lines)
     return MatchingAnimator(player, None, 1.0, 0.6 * LENGTH, paths)
 
@@ -222,7 +226,7 @@ def test_two_paths_that_begin_at_one_place_are_refused_unless_fish_overlap():
 
 
 def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
-    player, along = crowded(), np.array([220.0, 580.0])
+    player, along = crowd_player(), np.array([220.0, 580.0])
     first = Line("first", along, np.array([300.0, 300.0]), PX)
     second = Line("second", np.array([330.0, 330.0]), np.array([300.0, 480.0]), PX)
     todo = [
@@ -246,10 +250,10 @@ def test_there_is_a_path_a_fish_at_most(tmp_path):
 
 
 def test_one_table_has_all_fish_one_after_the_other_and_comes_back_from_disk(tmp_path):
-    alone, table = swum(crowded(), 1, 50), swum(crowded(), 3, 50)
+    alone, table = swim_group(crowd_player(), 1, 50), swim_group(crowd_player(), 3, 50)
     assert list(table["fish"]) == 50 * [0] + 50 * [1] + 50 * [2]
     assert list(table["tick"]) == 3 * list(range(50)) and list(table.index) == list(range(150))
-    pd.testing.assert_frame_equal(table, swum(crowded(), 3, 50))  # the same seed
+    pd.testing.assert_frame_equal(table, swim_group(crowd_player(), 3, 50))  # the same seed
     loaded = []
     for one in (alone, table):
         save_table(tmp_path / "one.parquet", one, EDIT)
@@ -308,10 +312,7 @@ def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
 
 
 def test_more_fish_than_fit_are_refused():
-    arena = np.zeros((80, 130), bool)
-    arena[10:70, 10:120] = True
-    small = tank(arena, 0.6 * LENGTH)
-    waters = waters_of(room_=small, fish=40)
+    waters = waters_of(room_=narrow_tank(), fish=40)
     plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
     with pytest.raises(FinloopError, match=r"matching\.fish=40: the tank has room for ") as refused:
         plans.check_room([])
@@ -322,9 +323,7 @@ def test_more_fish_than_fit_are_refused():
 
 
 def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch):
-    arena = np.zeros((80, 130), bool)
-    arena[10:70, 10:120] = True
-    waters = waters_of(room_=tank(arena, 0.6 * LENGTH), fish=3, seconds=0.2, trial_goals=1)
+    waters = waters_of(room_=narrow_tank(), fish=3, seconds=0.2, trial_goals=1)
     plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
 
     def room(seed):
@@ -365,8 +364,8 @@ def test_outlines_that_share_a_pixel_overlap():
 
 
 def test_pairs_are_counted_at_each_tick():
-    player = crowded()
-    table = swum(player, 3, 4)
+    player = crowd_player()
+    table = swim_group(player, 3, 4)
     table[["kind", "mirrored", "heading_deg"]] = ["frame", False, 0.0]
     table["x_px"] = [0.0, 0, 0, 0] + [0.0, 500, 4, 500] + [900.0, 500, 8, 900]
     table["y_px"] = 300.0
@@ -413,15 +412,15 @@ def folder(tmp_path_factory, tiny_run):
     return path
 
 
-def brought(project, mode=stages.modes.matching, **changes):
+def open_mode(project, mode=stages.modes.matching, **changes):
     """A mode of a run, some of its parameters changed."""
 
-    def changed(word):
+    def change_settings(word):
         p = parameters(word, read_parameters(project.root / "params.yaml"))
         return replace(p, **{name: one for name, one in changes.items() if hasattr(p, name)})
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(project, "settings", changed)
+        patch.setattr(project, "settings", change_settings)
         return mode.open_mode(project)
 
 
@@ -458,7 +457,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
         (tmp_path / f"{name}.csv").write_text(f"x,y\n0.3,{y}\n0.7,{y}\n")
     paths = [str(tmp_path / "a.csv"), None, str(tmp_path / "b.csv")]
     with Project() as project:
-        plans = brought(project, fish=3, path=paths)
+        plans = open_mode(project, fish=3, path=paths)
         swims, edit = plans.plan(plans.goals())
         numbers = stages.modes.matching.save_more(tmp_path, plans, swims, edit)
     swum_ = load_table(tmp_path / "path.parquet", SWUM)
@@ -483,7 +482,7 @@ def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeyp
     monkeypatch.chdir(folder)
     with ExitStack() as stack:
         whole, half = (
-            brought(stack.enter_context(Project()), fish=1, tank="arena", fish_scale=size)
+            open_mode(stack.enter_context(Project()), fish=1, tank="arena", fish_scale=size)
             for size in (1.0, 0.5)
         )
         assert half.reach_px == pytest.approx(whole.reach_px / 2)
@@ -505,7 +504,7 @@ def test_sprites_drawn_half_as_large_are_as_alike(folder, monkeypatch):
     monkeypatch.chdir(folder)
     with Project() as project:
         whole, half = (
-            brought(project, stages.modes.network, tank="arena", fish_scale=size)
+            open_mode(project, stages.modes.network, tank="arena", fish_scale=size)
             for size in (1.0, 0.5)
         )
         assert np.allclose(half.player.cast.sprite_scale, whole.player.cast.sprite_scale / 2)
@@ -522,8 +521,8 @@ def test_the_size_is_found_for_a_fish_that_does_not_fit(folder, monkeypatch):
     narrow[100:130] = True
     with Project() as project:
         project.arena = narrow
-        plans = brought(project, fish=1)
+        plans = open_mode(project, fish=1)
         size = plans.pictures.reel.size
         assert 0.05 < size < 0.9 and plans.reach_px <= 0.5 * 15.5
         with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.fish_scale"):
-            brought(project, fish=1, fish_scale=1.0)
+            open_mode(project, fish=1, fish_scale=1.0)

@@ -5,15 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from docs.hooks import (
-    API,
-    PAGES_OF_THE_ROOT,
-    anchor,
-    api_page,
-    complete_nav,
-    move_links,
-    nav_pages,
-)
+from docs.hooks import API, PAGES_OF_THE_ROOT, anchor, api_page, complete_nav, move_links, nav_pages
 
 ROOT = Path(__file__).parents[1]
 NAV = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]

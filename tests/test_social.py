@@ -32,11 +32,11 @@ def shoal(seed, count=7):
     return place, np.exp(2j * np.pi * rng.random(count))
 
 
-def wished(place, heading, zones=ZONES):
+def neighbour_pull(place, heading, zones=ZONES):
     return pull(neighbours(place, heading), zones)
 
 
-def one(*others, zones=ZONES):
+def pull_of(*others, zones=ZONES):
     """What a fish at 0 that heads to the right is wished by others: place, heading in degrees."""
     places = np.array([place for place, _ in others], complex)
     headings = np.exp(1j * np.radians([heading for _, heading in others]))
@@ -52,41 +52,41 @@ def one(*others, zones=ZONES):
 def test_zones_turn_and_move_with_the_shoal(seed, angle, far):
     place, heading = shoal(seed)
     turn = np.exp(1j * angle)
-    moved_on = wished(place * turn + far * (1 - 2j), heading * turn)
-    assert moved_on == pytest.approx(wished(place, heading), abs=1e-9)
+    moved_on = neighbour_pull(place * turn + far * (1 - 2j), heading * turn)
+    assert moved_on == pytest.approx(neighbour_pull(place, heading), abs=1e-9)
 
 
 @given(st.integers(0, 10_000))
 def test_zones_of_the_mirror_image_are_mirrored(seed):
     place, heading = shoal(seed)
-    mirrored = wished(place.conj(), heading.conj())
-    assert mirrored == pytest.approx(wished(place, heading).conj(), abs=1e-12)
+    mirrored = neighbour_pull(place.conj(), heading.conj())
+    assert mirrored == pytest.approx(neighbour_pull(place, heading).conj(), abs=1e-12)
 
 
 @given(st.integers(0, 10_000))
 def test_it_does_not_matter_how_the_others_are_numbered(seed):
     place, heading = shoal(seed)
     order = np.random.default_rng(seed).permutation(len(place))
-    again = wished(place[order], heading[order])
-    assert again == pytest.approx(wished(place, heading)[order], abs=1e-12)
+    again = neighbour_pull(place[order], heading[order])
+    assert again == pytest.approx(neighbour_pull(place, heading)[order], abs=1e-12)
 
 
 def test_repulsion_beats_all():
     crowd = [(2 + 0j, 90.0), (5 + 1j, 0.0)]
-    assert one((0.5j, 0.0), *crowd) == one((0.5j, 0.0))
-    assert one((0.5j, 0.0)) == pytest.approx(-1.5j)  # away from who is to the left
+    assert pull_of((0.5j, 0.0), *crowd) == pull_of((0.5j, 0.0))
+    assert pull_of((0.5j, 0.0)) == pytest.approx(-1.5j)  # away from who is to the left
 
 
 def test_each_zone_wishes_what_it_is_called():
-    assert one((2 + 0j, 90.0)) == pytest.approx(0.7j)  # aligned: takes on the heading
-    assert one((5j, 17.0)) == pytest.approx(0.4j)  # attracted: towards it, however it heads
-    assert one((2 + 0j, 90.0), (5j, 17.0)) == pytest.approx(1.1j)
-    assert one((9j, 0.0)) == 0  # beyond all zones
+    assert pull_of((2 + 0j, 90.0)) == pytest.approx(0.7j)  # aligned: takes on the heading
+    assert pull_of((5j, 17.0)) == pytest.approx(0.4j)  # attracted: towards it, however it heads
+    assert pull_of((2 + 0j, 90.0), (5j, 17.0)) == pytest.approx(1.1j)
+    assert pull_of((9j, 0.0)) == 0  # beyond all zones
 
 
 def test_a_zone_pulls_no_more_the_more_fish_are_in_it():
-    assert one((5j, 0.0), (6j, 0.0)) == pytest.approx(one((5j, 0.0)))
-    assert one((5j, 0.0), (-5j, 0.0)) == pytest.approx(0)
+    assert pull_of((5j, 0.0), (6j, 0.0)) == pytest.approx(pull_of((5j, 0.0)))
+    assert pull_of((5j, 0.0), (-5j, 0.0)) == pytest.approx(0)
 
 
 @pytest.mark.parametrize("blind", [0.0, 90.0, 200.0, 360.0])
@@ -96,14 +96,14 @@ def test_nobody_in_the_blind_angle_is_seen(blind):
         if not 0 < behind < 180:
             continue
         place = -5 * np.exp(1j * np.radians(behind))
-        assert (one((place, 0.0), zones=zones) == 0) == (behind < blind / 2)
-        assert one((place / 10, 0.0), zones=zones) != 0  # who is that near is felt
+        assert (pull_of((place, 0.0), zones=zones) == 0) == (behind < blind / 2)
+        assert pull_of((place / 10, 0.0), zones=zones) != 0  # who is that near is felt
 
 
 def test_who_is_alone_is_wished_nothing():
-    assert wished(np.array([3 + 1j]), np.array([1j])) == 0
+    assert neighbour_pull(np.array([3 + 1j]), np.array([1j])) == 0
     absent = np.array([3 + 1j, np.nan]), np.array([1j, np.nan])
-    assert wished(*absent)[0] == 0
+    assert neighbour_pull(*absent)[0] == 0
     assert pull(neighbours(*shoal(3)), NO_ZONES) == pytest.approx(0)
 
 
@@ -183,11 +183,16 @@ def steps(count=40, seed=0):
     """Own steps, most of them ahead."""
     rng = np.random.default_rng(seed)
 
-    def some(size):
+    def random_vectors(size):
         return size * (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count))
 
     return SocialSteps(
-        some(0.3), some(0.5), 1 + some(0.1), np.exp(1j * rng.normal(0, 0.3, count)), 1.0, 0.5
+        random_vectors(0.3),
+        random_vectors(0.5),
+        1 + random_vectors(0.1),
+        np.exp(1j * rng.normal(0, 0.3, count)),
+        1.0,
+        0.5,
     )
 
 

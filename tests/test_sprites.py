@@ -36,27 +36,9 @@ from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.candidates import beats, slides, turns
-from finloop.sprites.choice import (
-    Choice,
-    best_of_tracks,
-    choose,
-    closure,
-    combination,
-    sharpness,
-)
-from finloop.sprites.metrics import (
-    complete,
-    faults,
-    is_still,
-    loop_numbers,
-    numbers,
-    table1_after,
-)
-from finloop.sprites.orient import (
-    SPRITES,
-    sprite_cutouts,
-    sprite_table,
-)
+from finloop.sprites.choice import Choice, best_of_tracks, choose, closure, combination, sharpness
+from finloop.sprites.metrics import complete, faults, is_still, loop_numbers, numbers, table1_after
+from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
 from finloop.sprites.swimmers import smooth, swimmers
@@ -185,13 +167,13 @@ def toy():
 
 
 @pytest.fixture(scope="module")
-def chosen(toy):
+def automatic_choice(toy):
     return choose(toy.table, toy.look, DELTA, AUTOMATIC)
 
 
 @pytest.fixture(scope="module")
-def sprites(toy, chosen):
-    return sprite_table(toy.table, chosen, AUTOMATIC)
+def sprites(toy, automatic_choice):
+    return sprite_table(toy.table, automatic_choice, AUTOMATIC)
 
 
 @pytest.fixture(scope="module")
@@ -412,29 +394,29 @@ def within(stretch, parts, slack=0):
     return any(a - slack <= stretch.first and stretch.last <= b + slack for a, b in parts)
 
 
-def test_the_straight_cycle_is_one_beat_that_closes(toy, chosen):
-    straight = chosen["straight"].stretch
+def test_the_straight_cycle_is_one_beat_that_closes(toy, automatic_choice):
+    straight = automatic_choice["straight"].stretch
     assert len(straight) == BEAT
     assert within(straight, plan_frames(PLAN, "beat"))
-    result = loop_numbers("straight", chosen["straight"], toy.table, toy.look)
+    result = loop_numbers("straight", automatic_choice["straight"], toy.table, toy.look)
     assert result["straight_closure_after_last_to_first"] < 1
     assert result["straight_closure_last_to_first"] < 1.5
 
 
-def test_a_slide_has_a_still_tail(toy, chosen, monkeypatch):
-    slide = chosen["slide"].stretch
+def test_a_slide_has_a_still_tail(toy, automatic_choice, monkeypatch):
+    slide = automatic_choice["slide"].stretch
     assert within(slide, plan_frames(PLAN, "slide"), slack=1)
     assert 0.4 * RATE <= len(slide) <= RATE
-    assert is_still(chosen["slide"], toy.table, DELTA, AUTOMATIC)
-    assert not is_still(chosen["straight"], toy.table, DELTA, AUTOMATIC)
+    assert is_still(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
+    assert not is_still(automatic_choice["straight"], toy.table, DELTA, AUTOMATIC)
     monkeypatch.setattr(SpritesSettings, "slide_least", 20.0)
-    assert not is_still(chosen["slide"], toy.table, DELTA, AUTOMATIC)
+    assert not is_still(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
 
 
 @pytest.mark.parametrize(("word", "sign"), [("left", 1), ("right", -1)])
-def test_a_turn_goes_in_holds_and_comes_out(toy, chosen, sprites, word, sign):
+def test_a_turn_goes_in_holds_and_comes_out(toy, automatic_choice, sprites, word, sign):
     ((first, last),) = plan_frames(PLAN, word)
-    stretch = chosen[word].stretch
+    stretch = automatic_choice[word].stretch
     assert first - 3 <= stretch.first <= first + 4 and last - 4 <= stretch.last <= last + 3
     rows = sprites[sprites["sequence"] == word]
     order = "".join(phase[0] for phase in rows["phase"])
@@ -449,20 +431,20 @@ def test_a_turn_goes_in_holds_and_comes_out(toy, chosen, sprites, word, sign):
     assert not rows["mirrored"].any()
 
 
-def test_picks_do_not_depend_on_the_film_s_orientation(chosen):
+def test_picks_do_not_depend_on_the_film_s_orientation(automatic_choice):
     picked = pick(film(heading=161.0))
     for word in ("left", "right"):
-        a, b = picked[word].stretch, chosen[word].stretch
+        a, b = picked[word].stretch, automatic_choice[word].stretch
         assert abs(a.first - b.first) <= 1 and abs(a.last - b.last) <= 1
     straight = picked["straight"].stretch  # every beat is as good
     assert len(straight) == BEAT and within(straight, plan_frames(PLAN, "beat"))
 
 
-def test_left_and_right_change_places_in_a_mirrored_film(chosen):
+def test_left_and_right_change_places_in_a_mirrored_film(automatic_choice):
     picked = pick(film(heading=-20.0, mirrored=True))
     for word, other in (("left", "right"), ("right", "left")):
-        assert abs(picked[word].stretch.first - chosen[other].stretch.first) <= 1
-        assert abs(picked[word].stretch.last - chosen[other].stretch.last) <= 1
+        assert abs(picked[word].stretch.first - automatic_choice[other].stretch.first) <= 1
+        assert abs(picked[word].stretch.last - automatic_choice[other].stretch.last) <= 1
 
 
 @pytest.mark.parametrize("gone", ["left", "right"])
@@ -528,15 +510,15 @@ def test_of_a_film_of_doubtful_frames_the_calmest_and_most_bent_stand_in(toy):
     assert all(picked[word].stands_in for word in ("straight", "left", "right"))
 
 
-def test_spoilt_frames_are_never_picked(toy, chosen):
+def test_spoilt_frames_are_never_picked(toy, automatic_choice):
     spoilt = toy.features.copy()
-    at = chosen["straight"].stretch.rows
+    at = automatic_choice["straight"].stretch.rows
     spoilt.loc[at.start + 2 : at.stop - 2, "head_confidence"] = 0.7
     table = swimmers(spoilt, toy.tracks, AUTOMATIC)
     picked = choose(table, toy.look, DELTA, AUTOMATIC)
     for choice in picked.values():
         assert table["usable"][choice.stretch.rows].all()
-    assert picked["straight"].stretch != chosen["straight"].stretch
+    assert picked["straight"].stretch != automatic_choice["straight"].stretch
 
 
 def test_candidates_do_not_reach_across_tracks(toy):
@@ -603,11 +585,11 @@ def test_a_still_tail_moves_less_than_its_width(swing, still):
     assert is_still(Choice(stretch), table, DELTA, AUTOMATIC) == still
 
 
-def test_faults_explain_the_choice(chosen):
-    table = faults(chosen)
+def test_faults_explain_the_choice(automatic_choice):
+    table = faults(automatic_choice)
     assert set(table["sequence"]) == {"straight", "slide", "left", "right"}
     for word, rows in table.groupby("sequence"):
-        assert rows["value"].sum() == pytest.approx(chosen[word].stretch.cost)
+        assert rows["value"].sum() == pytest.approx(automatic_choice[word].stretch.cost)
         assert (rows["value"] >= -1e-9).all()
 
 

@@ -61,7 +61,7 @@ BAD = [
 ]  # fmt: skip
 
 
-def told(t, x=200.0, y=150.0, id="1", **more):
+def message(t, x=200.0, y=150.0, id="1", **more):
     return json.dumps({"t": t, "id": id, "x": x, "y": y} | more)
 
 
@@ -96,8 +96,8 @@ def test_what_is_meant_is_understood_and_nothing_else():
 def test_without_animals_in_the_protocol_nothing_is_wanted():
     animals = LiveAnimals(None, TANK_OF, None)
     assert (
-        verdicts(animals, told(1), 1.0) == ["unwanted"]
-        and not animals.hear(told(1), "a", 1.0)[0].is_present
+        verdicts(animals, message(1), 1.0) == ["unwanted"]
+        and not animals.hear(message(1), "a", 1.0)[0].is_present
     )
     assert animals.present_animals(1.0) == [] and animals.past("1", 1.0) is None
 
@@ -107,7 +107,7 @@ def test_without_animals_in_the_protocol_nothing_is_wanted():
 
 def test_an_animal_is_there_until_it_was_not_heard_of_for_a_while():
     animals = animals_of(gap_s=0.5)
-    assert verdicts(animals, told(7.0, 100, 90), 50.0) == ["taken"]
+    assert verdicts(animals, message(7.0, 100, 90), 50.0) == ["taken"]
     (one,) = animals.present_animals(50.5)
     assert (one.id, one.x, one.y, one.heading_rad, one.speed, one.heard_s) == (
         "1",
@@ -121,18 +121,18 @@ def test_an_animal_is_there_until_it_was_not_heard_of_for_a_while():
         one.id for one in animals.recent_animals(110)
     ] == ["1"]
     assert animals.recent_animals(111) == []
-    assert verdicts(animals, told(9.0, id=1), 52.0) == ["taken"]  # 1 and "1" are the same
+    assert verdicts(animals, message(9.0, id=1), 52.0) == ["taken"]  # 1 and "1" are the same
     assert len(animals.present_animals(52.0)) == 1
 
 
 def test_what_is_not_later_is_late_and_changes_nothing():
     animals = animals_of()
-    verdicts(animals, told(1.0, 100), 11.0)
+    verdicts(animals, message(1.0, 100), 11.0)
     before = animals.present_animals(11.1)
     for t in (1.0, 0.96, 0.3):
-        assert verdicts(animals, told(t, 300), 11.05) == ["late"]
+        assert verdicts(animals, message(t, 300), 11.05) == ["late"]
     for n in range(10):  # a tracker that hangs says the same for ever
-        assert verdicts(animals, told(1.0, 300), 12.0 + n) == ["late"]
+        assert verdicts(animals, message(1.0, 300), 12.0 + n) == ["late"]
     assert animals.present_animals(11.1) == before
 
 
@@ -141,11 +141,11 @@ def test_a_clock_that_jumps_is_a_new_base_and_the_past_stays(zero):
     animals, place = animals_of(), {}
     for n in range(50):
         place[100 + n / 25] = (100.0 + n, 90.0)
-        assert verdicts(animals, told(n / 25, *place[100 + n / 25]), 100 + n / 25) == ["taken"]
+        assert verdicts(animals, message(n / 25, *place[100 + n / 25]), 100 + n / 25) == ["taken"]
     if zero < 0:  # a clock that was put back looks like a straggler at first
-        assert verdicts(animals, told(1.99 + zero, 500.0, 90.0), 101.99) == ["late"]
-    assert verdicts(animals, told(2 + zero, 150.0, 90.0), 102.0) == ["clock"]
-    assert animals.hear(told(2.04 + zero, 151.0, 90.0), "a", 102.04)[0] == ("taken", "1")
+        assert verdicts(animals, message(1.99 + zero, 500.0, 90.0), 101.99) == ["late"]
+    assert verdicts(animals, message(2 + zero, 150.0, 90.0), 102.0) == ["clock"]
+    assert animals.hear(message(2.04 + zero, 151.0, 90.0), "a", 102.04)[0] == ("taken", "1")
     for time, wanted in place.items():
         assert animals.past("1", time) == pytest.approx(wanted, abs=1e-4)
     assert animals.past("1", 102.02) == pytest.approx((150.5, 90))
@@ -155,7 +155,7 @@ def test_messages_held_up_by_a_stall_leave_the_past_where_it_was():
     animals = animals_of()
     for n in range(150):  # the last two seconds of them come at once
         at = n / 25 if n < 100 else 6.0
-        assert verdicts(animals, told(n / 25, 100.0 + n, 90.0), at) == ["taken"]
+        assert verdicts(animals, message(n / 25, 100.0 + n, 90.0), at) == ["taken"]
     for n in (10, 50, 90, 120, 149):
         assert animals.past("1", n / 25) == pytest.approx((100.0 + n, 90.0))
 
@@ -163,20 +163,20 @@ def test_messages_held_up_by_a_stall_leave_the_past_where_it_was():
 def test_a_straggler_moves_nothing():
     animals = animals_of()
     for n in range(100):
-        verdicts(animals, told(n / 25, 100.0 + n, 90.0), n / 25)
-    assert verdicts(animals, told(2.5, 500.0, 90.0), 4.0) == ["late"]
-    assert verdicts(animals, told(4.0, 200.0, 90.0), 4.0) == ["taken"]
+        verdicts(animals, message(n / 25, 100.0 + n, 90.0), n / 25)
+    assert verdicts(animals, message(2.5, 500.0, 90.0), 4.0) == ["late"]
+    assert verdicts(animals, message(4.0, 200.0, 90.0), 4.0) == ["taken"]
     assert animals.past("1", 3.0) == pytest.approx((175.0, 90.0))
 
 
 def test_the_first_tracker_keeps_an_animal_while_it_is_heard():
     animals = animals_of(gap_s=0.5)
-    assert verdicts(animals, told(1.0, 100), 11.0, "a") == ["taken"]
-    assert verdicts(animals, told(5.0, 300), 11.4, "b") == ["rival"]
+    assert verdicts(animals, message(1.0, 100), 11.0, "a") == ["taken"]
+    assert verdicts(animals, message(5.0, 300), 11.4, "b") == ["rival"]
     assert animals.present_animals(11.4)[0].x == 100
-    assert verdicts(animals, told(1.5, 110), 11.5, "a") == ["taken"]
-    assert verdicts(animals, told(1.2, 300), 12.2, "b") == ["taken"]  # by a clock of its own
-    assert verdicts(animals, told(2.3, 120), 12.3, "a") == ["rival"]
+    assert verdicts(animals, message(1.5, 110), 11.5, "a") == ["taken"]
+    assert verdicts(animals, message(1.2, 300), 12.2, "b") == ["taken"]  # by a clock of its own
+    assert verdicts(animals, message(2.3, 120), 12.3, "a") == ["rival"]
     assert animals.past("1", 11.5) == pytest.approx((110, 150)) and animals.past("1", 12.2) == (
         300,
         150,
@@ -186,11 +186,11 @@ def test_the_first_tracker_keeps_an_animal_while_it_is_heard():
 def test_more_animals_than_can_be_known_are_a_crowd_till_one_is_lost():
     animals = animals_of(gap_s=0.5)
     for n in range(MOST_AT_ONCE):
-        assert verdicts(animals, told(0, id=n), 10 + 0.001 * n) == ["taken"]
-    assert verdicts(animals, told(0, id="new"), 10.5) == ["crowd"]
-    assert verdicts(animals, told(0, id=0), 10.5) == ["late"]
-    assert verdicts(animals, told(0, id="new"), 10.502) == ["taken"]
-    assert verdicts(animals, told(0.01, id=0), 10.503) == ["taken"]  # as a new one
+        assert verdicts(animals, message(0, id=n), 10 + 0.001 * n) == ["taken"]
+    assert verdicts(animals, message(0, id="new"), 10.5) == ["crowd"]
+    assert verdicts(animals, message(0, id=0), 10.5) == ["late"]
+    assert verdicts(animals, message(0, id="new"), 10.502) == ["taken"]
+    assert verdicts(animals, message(0.01, id=0), 10.503) == ["taken"]  # as a new one
     assert len(animals.recent_animals(10.51)) == MOST_AT_ONCE
 
 
@@ -200,14 +200,14 @@ def test_an_animal_outside_is_moved_in_and_one_at_a_wall_is_not():
         (1, 2, 150, "taken"), (2, 395, 297, "taken"), (3, -1, 150, "outside"), (4, 900, -1e6, "outside"), (5, 200, 300, "outside"),
     ):  # fmt: skip
         assert (
-            verdicts(animals, told(t, x, y), t) == [verdict]
-            and animals.hear(told(t + 0.1, x, y), "a", t + 0.1)[0].is_present
+            verdicts(animals, message(t, x, y), t) == [verdict]
+            and animals.hear(message(t + 0.1, x, y), "a", t + 0.1)[0].is_present
         )
         assert animals.present_animals(t)[0][1:3] == ((x, y) if verdict == "taken" else into(x, y))
     round_tank = TankGeometry(WIDTH, HEIGHT, LENGTH, lambda x, y: (200.0, 150.0))
     animals = LiveAnimals(Settings(), round_tank, None)
-    assert verdicts(animals, told(1, 239, 150), 1) == ["taken"]
-    assert verdicts(animals, told(2, 241, 150), 2) == ["outside"]
+    assert verdicts(animals, message(1, 239, 150), 1) == ["taken"]
+    assert verdicts(animals, message(2, 241, 150), 2) == ["outside"]
 
 
 # --- motion
@@ -219,14 +219,14 @@ def test_heading_and_speed_are_those_of_the_way(angle):
     for n in range(40):
         t = n / 25
         x, y = 200 + 60 * (t - 0.8) * math.cos(angle), 150 - 60 * (t - 0.8) * math.sin(angle)
-        animals.hear(told(t, x, y), "a", 5 + t)
+        animals.hear(message(t, x, y), "a", 5 + t)
     (one,) = animals.present_animals(5 + t)
     assert one.heading_rad == pytest.approx(angle) and one.speed == pytest.approx(60)
     for n in range(20):  # it rests, and the tracker trembles
-        animals.hear(told(t + (n + 1) / 25, x + (n % 2), y), "a", 5 + t + (n + 1) / 25)
+        animals.hear(message(t + (n + 1) / 25, x + (n % 2), y), "a", 5 + t + (n + 1) / 25)
     (one,) = animals.present_animals(5 + t + 0.8)
     assert one.heading_rad == pytest.approx(angle) and one.speed < 6
-    animals.hear(told(t + 3, 300, 50), "a", 8 + t)  # lost, and elsewhere: that is no motion
+    animals.hear(message(t + 3, 300, 50), "a", 8 + t)  # lost, and elsewhere: that is no motion
     (one,) = animals.present_animals(8 + t)
     assert one.heading_rad is None and one.speed == 0
 
@@ -234,21 +234,21 @@ def test_heading_and_speed_are_those_of_the_way(angle):
 def test_the_speed_of_an_animal_that_is_heard_of_seldom_is_that_of_its_last_way():
     animals = animals_of(gap_s=1.0)
     for n in range(4):
-        animals.hear(told(0.8 * n, 100 + 40 * n), "a", 0.8 * n)
+        animals.hear(message(0.8 * n, 100 + 40 * n), "a", 0.8 * n)
     assert animals.present_animals(2.4)[0].speed == pytest.approx(50)
 
 
 def test_a_heading_that_is_said_counts_for_more():
     animals = animals_of()
     for n in range(20):
-        animals.hear(told(n / 25, 100 + 10 * n, heading=90.0), "a", n / 25)
+        animals.hear(message(n / 25, 100 + 10 * n, heading=90.0), "a", n / 25)
     assert animals.present_animals(n / 25)[0].heading_rad == pytest.approx(math.pi / 2)
 
 
 # --- clocks and the past
 
 
-def swum(t):
+def swim_place(t):
     return 200 + 120 * math.sin(0.9 * t), 150 + 90 * math.sin(1.3 * t)
 
 
@@ -265,11 +265,11 @@ def heard_late(seed, seconds=30, rate=25.0, jitter=0.05, drift=1.0, latency=0.02
 def test_jitter_of_50_ms_and_a_clock_that_drifts_hardly_move_the_past(drift):
     plain, errors, ages = animals_of(), [], []
     for t, true, arrived in heard_late(3, drift=drift):
-        plain.hear(told(t, *swum(true)), "a", arrived)
+        plain.hear(message(t, *swim_place(true)), "a", arrived)
         if true > 5:
             when = arrived - 2.0
-            errors.append(math.dist(plain.past("1", when), swum(when - 0.02)))
-            ages.append(math.dist(plain.past("1", when), swum(when - 0.045)))
+            errors.append(math.dist(plain.past("1", when), swim_place(when - 0.02)))
+            ages.append(math.dist(plain.past("1", when), swim_place(when - 0.045)))
     # The fish swims up to 160 px/s: 1 px is 6 ms. Of the jitter, 25 ms on the average, hardly any is left.
     assert np.percentile(errors, 90) < 1.5 < np.median(ages)
 
@@ -278,9 +278,9 @@ def test_after_a_minute_of_drift_the_clocks_still_agree():
     for drift in (1.002, 0.998):
         animals = animals_of()
         for t, true, arrived in heard_late(5, seconds=120, jitter=0.0, drift=drift):
-            animals.hear(told(t, *swum(true)), "a", arrived)
+            animals.hear(message(t, *swim_place(true)), "a", arrived)
         errors = [
-            math.dist(animals.past("1", when), swum(when - 0.02))
+            math.dist(animals.past("1", when), swim_place(when - 0.02))
             for when in np.arange(118, 119.9, 0.1)
         ]
         assert max(errors) < 3.5  # of 0.24 s of drift, 39 px
@@ -290,18 +290,18 @@ def test_the_copy_of_an_animal_is_where_it_was_exactly():
     animals, rule = animals_of(), RuleSpec(rule="copy", delay_s=2.0)
     for n in range(500):
         t = n / 32  # exact in binary
-        animals.hear(told(8 + t, *swum(t)), "a", t)
-        wanted = into(*swum(t - 2)) if t >= 2 else None
+        animals.hear(message(8 + t, *swim_place(t)), "a", t)
+        wanted = into(*swim_place(t - 2)) if t >= 2 else None
         assert aim(rule, (0.0, 0.0, 0.0), animals, t, TANK_OF) == wanted
     for share in (0.25, 0.5):
-        x, y = (1 - share) * np.array(swum(5)) + share * np.array(swum(5 + 1 / 32))
+        x, y = (1 - share) * np.array(swim_place(5)) + share * np.array(swim_place(5 + 1 / 32))
         assert animals.past("1", 5 + share / 32) == pytest.approx((x, y))
 
 
 def test_a_place_in_a_gap_or_before_all_is_not_known():
     animals = animals_of(gap_s=0.5)
     for t, x in ((0.0, 10), (0.4, 50), (2.0, 100), (2.1, 110)):
-        animals.hear(told(t, x), "a", 20 + t)
+        animals.hear(message(t, x), "a", 20 + t)
     assert animals.past("1", 20.2) == pytest.approx((30, 150)) and animals.past("1", 20.4) == (
         50,
         150,
@@ -333,7 +333,7 @@ def test_a_minute_of_a_quick_camera_is_remembered_and_no_more_is_held():
 
     def hear(begin, end, rate):
         for n in range(begin * rate, end * rate):
-            animals.hear(told(n / rate, 100 + n % 7), "a", n / rate)
+            animals.hear(message(n / rate, 100 + n % 7), "a", n / rate)
 
     hear(0, 80, 120)
     for ago in range(0, 7200, 300):
@@ -424,7 +424,7 @@ def test_points_that_do_not_fit_tell_how_far_they_are_off():
 
 def test_mm_are_px_by_the_scale_of_the_film():
     animals = LiveAnimals(Settings(unit="mm"), TANK_OF, 0.25)
-    animals.hear(told(1.0, 25, 50, heading=90.0), "a", 1.0)
+    animals.hear(message(1.0, 25, 50, heading=90.0), "a", 1.0)
     assert animals.present_animals(1.0)[0][1:4] == pytest.approx((100, 200, math.pi / 2))
 
 
@@ -455,11 +455,13 @@ def hostile(count, seed=0):
         if kind == 0:
             yield BAD[rng.integers(len(BAD))]
         elif kind == 1:
-            yield told(rng.normal(n / 25, 0.1), *rng.normal(200, 150, 2), id=str(rng.integers(3)))
+            yield message(
+                rng.normal(n / 25, 0.1), *rng.normal(200, 150, 2), id=str(rng.integers(3))
+            )
         elif kind == 2:
             yield rng.bytes(int(rng.integers(1, 700)))
         elif kind == 3:
-            yield told(10.0 ** rng.integers(9) * rng.normal(), id=int(rng.integers(10**6)))
+            yield message(10.0 ** rng.integers(9) * rng.normal(), id=int(rng.integers(10**6)))
         else:
             text = bytearray(good.encode())
             for _ in range(int(rng.integers(1, 4))):
@@ -527,13 +529,13 @@ def bundle(*contents):
 
 
 def test_a_datagram_is_the_text_and_a_token_is_asked_for_where_there_is_one():
-    text = told(1.25, 100.125)
+    text = message(1.25, 100.125)
     assert json_of(text.encode(), None) == text
     trigger = '{"do": "trigger", "name": "go"}'
     assert json_of(trigger.encode(), None) == trigger
     for good in (
-        told(1.25, token="secret"),
-        json.dumps([json.loads(told(1.25, token="secret")), json.loads(told(1.25, id=2))]),
+        message(1.25, token="secret"),
+        json.dumps([json.loads(message(1.25, token="secret")), json.loads(message(1.25, id=2))]),
     ):
         handed = json_of(good.encode(), "secret")
         assert "secret" not in handed and parse_sightings(handed) == [
@@ -541,7 +543,7 @@ def test_a_datagram_is_the_text_and_a_token_is_asked_for_where_there_is_one():
         ]
     assert json_of(b'{"do": "trigger", "name": "go", "token": "secret"}', "secret") == trigger
     for wrong in ("Secret", "", "secret ", None, 1, ["secret"], "s\u00e9cret", "\ud800"):
-        assert json_of(told(1, token=wrong).encode(), "secret") is None
+        assert json_of(message(1, token=wrong).encode(), "secret") is None
     assert json_of(text.encode(), "secret") is None and json_of(b"\xff", None) is None
     assert (
         json_of(text.encode().ljust(LONGEST), None)
@@ -557,13 +559,13 @@ def test_osc_is_the_same_as_json():
         (text,) = osc_of(osc(*arguments).dgram, token)
         return text if text is None else parse_sightings(text)
 
-    assert heard(1.25, "1", 100.5, 50) == parse_sightings(told(1.25, 100.5, 50))
+    assert heard(1.25, "1", 100.5, 50) == parse_sightings(message(1.25, 100.5, 50))
     assert heard(1.25, 3, 100.5, 50.0, -20.0) == parse_sightings(
-        told(1.25, 100.5, 50.0, id=3, heading=-20.0)
+        message(1.25, 100.5, 50.0, id=3, heading=-20.0)
     )
-    assert heard(told(1.25)) == parse_sightings(told(1.25))
+    assert heard(message(1.25)) == parse_sightings(message(1.25))
     assert heard("secret", 1.25, "1", 100.5, 50, token="secret") == parse_sightings(
-        told(1.25, 100.5, 50)
+        message(1.25, 100.5, 50)
     )
     trigger = '{"do": "trigger", "name": "go"}'
     assert osc_of(osc("secret", trigger).dgram, "secret") == [trigger]
@@ -579,8 +581,8 @@ def test_osc_is_the_same_as_json():
     for wrong in (
         ("Secret", 1.0, "1", 2.0, 3.0),
         (1.0, "1", 2.0, 3.0),
-        (1, told(1)),
-        (told(1, token="secret"),),
+        (1, message(1)),
+        (message(1, token="secret"),),
         (),
     ):
         assert heard(*wrong, token="secret") is None
@@ -613,8 +615,8 @@ def hostile_osc(count):
     rng = np.random.default_rng(1)
     good = [
         osc(1.0, "1", 2.0, 3.0).dgram,
-        osc(told(1)).dgram,
-        bundle(osc(1.0, "1", 2.0, 3.0), osc(told(1))),
+        osc(message(1)).dgram,
+        bundle(osc(1.0, "1", 2.0, 3.0), osc(message(1))),
     ]
     for n in range(count):
         content = bytearray(good[n % 3])
@@ -623,7 +625,7 @@ def hostile_osc(count):
         yield bytes(content[: rng.integers(1, len(content) + 1)])
 
 
-async def flooded(opens, contents, wanted):
+async def flood(opens, contents, wanted):
     """What is heard of datagrams, as (text, source), and the port that they came from.
 
     wanted: how many texts each is. Some at a time, as the system drops what is not taken at once.
@@ -659,7 +661,7 @@ def test_ten_thousand_hostile_datagrams_over_the_wire(name, capfd, caplog):
     else:
         opens, contents = open_osc, list(hostile_osc(10_000))
         texts = [osc_of(one, None) for one in contents]
-    heard, port = asyncio.run(asyncio.wait_for(flooded(opens, contents, [*map(len, texts)]), 30))
+    heard, port = asyncio.run(asyncio.wait_for(flood(opens, contents, [*map(len, texts)]), 30))
     source = f"{name}://127.0.0.1:{port}"
     assert heard == [(text, source) for one in texts for text in one]
     assert 100 < sum(text is None for text, _ in heard) < len(heard) - 100
@@ -667,7 +669,11 @@ def test_ten_thousand_hostile_datagrams_over_the_wire(name, capfd, caplog):
 
 
 def test_over_the_wire_a_token_is_asked_for_too():
-    content = [told(1).encode(), told(2, token="wrong").encode(), told(3, token="secret").encode()]
+    content = [
+        message(1).encode(),
+        message(2, token="wrong").encode(),
+        message(3, token="secret").encode(),
+    ]
 
     async def story():
         heard = []
@@ -683,7 +689,7 @@ def test_over_the_wire_a_token_is_asked_for_too():
             transport.close()
         return heard
 
-    assert asyncio.run(asyncio.wait_for(story(), 10)) == [None, None, told(3)]
+    assert asyncio.run(asyncio.wait_for(story(), 10)) == [None, None, message(3)]
 
 
 # --- a recorded track
@@ -691,7 +697,7 @@ def test_over_the_wire_a_token_is_asked_for_too():
 
 def line_of(unit=PX, scale=(1.0, 1.0), heading=True, seconds=30.0):
     t = np.arange(round(seconds * 25)) / 25
-    x, y = np.array([swum(one) for one in t]).T
+    x, y = np.array([swim_place(one) for one in t]).T
     return Line(
         "swum", x * scale[0], y * scale[1], unit, 3.0 + t, 20 * t % 360 if heading else None
     )
@@ -704,7 +710,7 @@ def test_a_recorded_track_is_said_as_a_live_animal_would_be():
     for due, text in said:
         assert verdicts(animals, text, 40 + due) in (["taken"], ["outside"])
         (one,) = animals.present_animals(40 + due)
-        assert one.id == NAME and (one.x, one.y) == pytest.approx(swum(due))
+        assert one.id == NAME and (one.x, one.y) == pytest.approx(swim_place(due))
         assert math.remainder(one.heading_rad - math.radians(20 * due), math.tau) == pytest.approx(
             0, abs=1e-9
         )
@@ -742,7 +748,7 @@ def test_a_recorded_track_speaks_for_any_tracker(count, law, y_axis):
         messages(line_of(), None, TANK_OF, calibration=animals.calibration), 100
     ):
         animals.hear(text, "a", due)
-        assert animals.present_animals(due)[0][1:3] == pytest.approx(swum(due))
+        assert animals.present_animals(due)[0][1:3] == pytest.approx(swim_place(due))
 
 
 def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
@@ -772,7 +778,7 @@ def test_fish_follow_a_spoiled_track_as_well_as_it_can_be_known():
         if due > 6 and past is None:
             lost += 1
         elif due > 6:
-            misses.append(math.dist(past, swum(due - 3)))
+            misses.append(math.dist(past, swim_place(due - 3)))
     assert np.median(misses) < 1 and np.percentile(misses, 95) < 6 and lost / len(misses) < 0.25
 
 
@@ -816,14 +822,14 @@ def test_the_camera_tracker_sends_json_by_udp_and_by_a_websocket():
     with bind_socket(0, kind=socket.SOCK_DGRAM) as listens:
         listens.settimeout(10)
         with way_to(f"udp://127.0.0.1:{listens.getsockname()[1]}") as send:
-            send(told(1))
-        assert json_of(listens.recv(2000), None) == told(1)
+            send(message(1))
+        assert json_of(listens.recv(2000), None) == message(1)
     came = queue.Queue()
     with serve(lambda one: came.put(one.recv()), "127.0.0.1", 0) as server:
         runs = threading.Thread(target=server.serve_forever)
         runs.start()
         with way_to(f"ws://127.0.0.1:{server.socket.getsockname()[1]}/animals") as send:
-            send(told(2))
-            assert came.get(timeout=10) == told(2)
+            send(message(2))
+            assert came.get(timeout=10) == message(2)
         server.shutdown()
         runs.join(10)

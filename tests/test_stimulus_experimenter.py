@@ -102,13 +102,13 @@ class Opened(Visit):
         self.connection.send(json.dumps(state if whole is None else whole | state))
         assert wait_for(lambda: self.page.evaluate("state?.now") == state["now"], 60)
 
-    def _asked(self, request):
+    def _note_request(self, request):
         if not request.url.startswith(f"http://{self.desk.address}/"):
-            super()._asked(request)
+            super()._note_request(request)
 
 
 @pytest.fixture
-def opened(browser, desk):
+def desk_page(browser, desk):
     context = browser.new_context(viewport={"width": 1400, "height": 950})
     one = Opened(desk, context.new_page())
     one.tell(WHOLE)
@@ -129,61 +129,65 @@ def test_it_is_one_script_and_one_style_and_nothing_within_tags():
     assert "innerHTML" not in PAGE and "http://" not in PAGE.replace("^https?", "")
 
 
-def test_a_state_is_shown(opened):
-    page = opened.page
-    assert text(opened, "protocol") == "shoal or dot" and "seed 7" in text(opened, "facts")
-    assert text(opened, "what") == "Trial 2 of 4: dot" and text(opened, "left") == "0:45"
+def test_a_state_is_shown(desk_page):
+    page = desk_page.page
+    assert text(desk_page, "protocol") == "shoal or dot" and "seed 7" in text(desk_page, "facts")
+    assert text(desk_page, "what") == "Trial 2 of 4: dot" and text(desk_page, "left") == "0:45"
     assert page.locator("#part").evaluate("bar => bar.value") == pytest.approx(
         1 - 45.2 / 60, abs=1e-3
     )
     states = page.locator("#trials tr").evaluate_all("rows => rows.map(row => row.dataset.state)")
     assert states == ["done", "running", "", ""]
     assert page.locator("#trials tr[aria-current]").inner_text().split()[:2] == ["2", "dot"]
-    assert "1920 × 1080 px" in text(opened, "display") and "59.94 Hz" in text(opened, "display")
-    assert "ANGLE (lab)" in text(opened, "display")
+    assert "1920 × 1080 px" in text(desk_page, "display") and "59.94 Hz" in text(
+        desk_page, "display"
+    )
+    assert "ANGLE (lab)" in text(desk_page, "display")
     assert page.locator("#heard tr.warn").all_inner_texts() == [
-        text(opened, "heard").split("\n")[1]
+        text(desk_page, "heard").split("\n")[1]
     ]
-    assert "1.8\t4.1" in text(opened, "latency") and "14.2\t27.9" in text(opened, "latency")
-    assert "3 dropped (0.05 %)" in text(opened, "frames") and "1 late" in text(opened, "frames")
-    assert text(opened, "heard").split("\n") == [
+    assert "1.8\t4.1" in text(desk_page, "latency") and "14.2\t27.9" in text(desk_page, "latency")
+    assert "3 dropped (0.05 %)" in text(desk_page, "frames") and "1 late" in text(
+        desk_page, "frames"
+    )
+    assert text(desk_page, "heard").split("\n") == [
         "taken\t1,210",
         "refused: another tracker names the same animal\t4",
     ]
-    assert text(opened, "log").split("\n") == ["91.0 s: newer", "10.0 s: older"]
-    assert text(opened, "summary") == "1 fish shown, 2 live animals, 1 lost"
+    assert text(desk_page, "log").split("\n") == ["91.0 s: newer", "10.0 s: older"]
+    assert text(desk_page, "summary") == "1 fish shown, 2 live animals, 1 lost"
     assert "Trial 2, dot, runs." in page.locator("#told").inner_text()
-    opened.tell(trial=1, phase="pause", left_s=None, done={"1": "done", "2": "skipped"})
-    assert text(opened, "what") == "Next: trial 3, dot" and text(opened, "left") == ""
+    desk_page.tell(trial=1, phase="pause", left_s=None, done={"1": "done", "2": "skipped"})
+    assert text(desk_page, "what") == "Next: trial 3, dot" and text(desk_page, "left") == ""
     states = page.locator("#trials tr").evaluate_all("rows => rows.map(row => row.dataset.state)")
     assert states == ["done", "skipped", "next", ""]
-    assert "2 of 4, 1 of them not whole; 2:00 of trials to come" in text(opened, "count")
-    opened.tell(
+    assert "2 of 4, 1 of them not whole; 2:00 of trials to come" in text(desk_page, "count")
+    desk_page.tell(
         phase="done", left_s=None, done={"1": "done", "2": "aborted"}, heard={}, messages=[]
     )
-    assert text(opened, "what") == "The session has ended"
+    assert text(desk_page, "what") == "The session has ended"
     assert page.locator("#unheard").is_visible() and page.locator("#quiet").is_visible()
 
 
-def test_every_verdict_on_an_input_is_put_in_words(opened):
-    opened.tell(heard=dict.fromkeys(get_args(Verdict), 1))
-    words = opened.page.locator("#heard th").all_inner_texts()
+def test_every_verdict_on_an_input_is_put_in_words(desk_page):
+    desk_page.tell(heard=dict.fromkeys(get_args(Verdict), 1))
+    words = desk_page.page.locator("#heard th").all_inner_texts()
     assert len(words) == len(get_args(Verdict)) and words[0] == "taken"
     assert all(" " in word for word in words[1:]), words
 
 
-def test_what_is_amiss_with_the_display_is_said(opened):
+def test_what_is_amiss_with_the_display_is_said(desk_page):
     display = STATE["display"]
-    opened.tell(
+    desk_page.tell(
         display=display | {"calibrated": False, "refresh_hz": None, "hidden": True}, displays=2
     )
-    warnings = opened.page.locator("#display dd.warn").all_inner_texts()
+    warnings = desk_page.page.locator("#display dd.warn").all_inner_texts()
     assert len(warnings) == 3 and "the protocol demands it" in warnings[0]
-    assert not opened.page.locator("#nodisplay").is_visible()
-    opened.tell(display=None, displays=0)
-    link = opened.page.locator("#nodisplay a")
+    assert not desk_page.page.locator("#nodisplay").is_visible()
+    desk_page.tell(display=None, displays=0)
+    link = desk_page.page.locator("#nodisplay a")
     assert link.is_visible() and link.get_attribute("href") == WHOLE["link"]
-    opened.tell(WHOLE | {"link": "javascript:alert(1)"}, display=None, displays=0)
+    desk_page.tell(WHOLE | {"link": "javascript:alert(1)"}, display=None, displays=0)
     assert link.get_attribute("href") is None
 
 
@@ -198,25 +202,25 @@ def test_what_is_amiss_with_the_display_is_said(opened):
         ("done", set()),
     ],
 )
-def test_only_what_can_be_done_now_can_be_pressed(opened, phase, enabled):
-    opened.tell(phase=phase, trial=-1 if phase == "ready" else 1)
+def test_only_what_can_be_done_now_can_be_pressed(desk_page, phase, enabled):
+    desk_page.tell(phase=phase, trial=-1 if phase == "ready" else 1)
     names = ("start", "skip", "stop", "abort")
-    assert {name for name in names if opened.page.locator(f"#{name}").is_enabled()} == enabled
+    assert {name for name in names if desk_page.page.locator(f"#{name}").is_enabled()} == enabled
 
 
-def test_buttons_and_keys_say_what_they_mean(opened, desk):
-    page = opened.page
+def test_buttons_and_keys_say_what_they_mean(desk_page, desk):
+    page = desk_page.page
     for how in ("click", "key"):
         for name, key, phase in (
             ("start", "s", "waiting"),
             ("skip", "k", "pause"),
             ("stop", "e", "running"),
         ):
-            opened.tell(WHOLE, phase=phase)
+            desk_page.tell(WHOLE, phase=phase)
             page.locator("body").press(key) if how == "key" else page.click(f"#{name}")
             assert desk.next() == {"do": name}
     assert page.locator("#stop").get_attribute("aria-pressed") == "true"
-    opened.tell(phase="waiting")
+    desk_page.tell(phase="waiting")
     page.locator("body").press(" ")  # starts the trial, as before the display
     assert desk.next() == {"do": "key", "key": " "}
     page.uncheck("#keys")
@@ -225,8 +229,8 @@ def test_buttons_and_keys_say_what_they_mean(opened, desk):
     assert desk.next() == {"do": "start"} and desk.wishes.empty()
 
 
-def test_what_cannot_be_undone_is_asked_once_more(opened, desk):
-    page, dialog = opened.page, opened.page.locator("#ask")
+def test_what_cannot_be_undone_is_asked_once_more(desk_page, desk):
+    page, dialog = desk_page.page, desk_page.page.locator("#ask")
     for name, key in (("abort", "a"), ("skip", "k")):
         page.click(f"#{name}")
         assert dialog.is_visible() and "trial 2" in dialog.inner_text()
@@ -240,42 +244,42 @@ def test_what_cannot_be_undone_is_asked_once_more(opened, desk):
         page.click("#yes")
         assert desk.next() == {"do": name}
     page.click("#skip")
-    opened.tell(trial=2, left_s=60.0)  # another trial runs by now
+    desk_page.tell(trial=2, left_s=60.0)  # another trial runs by now
     expect(dialog).to_be_hidden()
     page.click("#abort")
     assert "trial 3" in dialog.inner_text()
     page.click("#no")
 
 
-def test_a_note_is_sent_and_keys_typed_in_it_are_only_text(opened, desk):
-    page = opened.page
+def test_a_note_is_sent_and_keys_typed_in_it_are_only_text(desk_page, desk):
+    page = desk_page.page
     page.locator("body").press("n")
     page.keyboard.type(" a fish jumped: sake  ")
     page.keyboard.press("Control+Enter")
     assert desk.next() == {"do": "note", "text": "a fish jumped: sake"}
-    assert page.input_value("#note") == "" and "noted at" in text(opened, "said")
+    assert page.input_value("#note") == "" and "noted at" in text(desk_page, "said")
     page.click("#add")  # nothing to add
     page.fill("#note", "x")
     page.click("#add")
     assert desk.next() == {"do": "note", "text": "x"}
 
 
-def test_hostile_texts_are_shown_as_text(opened):
+def test_hostile_texts_are_shown_as_text(desk_page):
     bad = "<img src=x onerror=\"document.title='hacked'\"><b>&amp;"
     whole = WHOLE | {
         "protocol": bad, "file": bad, "link": bad, "demands": [bad],
         "trials": [[1, 1, 1, bad, 60.0], [2, 1, 1, bad, 60.0]],
     }  # fmt: skip
-    opened.tell(
+    desk_page.tell(
         whole, display=STATE["display"] | {"name": bad}, heard={bad: 1}, messages=[bad],
         animals=[[bad, 1.0, 2.0, None, 0.1]], done={"1": bad}, start=bad,
     )  # fmt: skip
     for name in ("protocol", "facts", "what", "display", "heard", "log", "trials"):
-        assert bad in text(opened, name), name
-    opened.tell(phase=bad, display=None)
-    assert text(opened, "phase") == bad and bad in text(opened, "nodisplay")
-    assert opened.page.locator("img, main b").count() == 0
-    assert "hacked" not in opened.page.title() or opened.page.title().startswith("<img")
+        assert bad in text(desk_page, name), name
+    desk_page.tell(phase=bad, display=None)
+    assert text(desk_page, "phase") == bad and bad in text(desk_page, "nodisplay")
+    assert desk_page.page.locator("img, main b").count() == 0
+    assert "hacked" not in desk_page.page.title() or desk_page.page.title().startswith("<img")
 
 
 def ink(opened, x, y, reach):
@@ -304,45 +308,45 @@ def ink(opened, x, y, reach):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_map_shows_who_is_where(opened, scheme):
-    opened.page.emulate_media(color_scheme=scheme)
-    opened.tell()
-    fish, animal, lost = (ink(opened, x, y, 45) for x, y in ((600, 200), (300, 500), (900, 600)))
+def test_the_map_shows_who_is_where(desk_page, scheme):
+    desk_page.page.emulate_media(color_scheme=scheme)
+    desk_page.tell()
+    fish, animal, lost = (ink(desk_page, x, y, 45) for x, y in ((600, 200), (300, 500), (900, 600)))
     assert fish["fish"] > 300 and fish["animal"] == fish["lost"] == 0
     assert animal["animal"] > 60 and animal["fish"] == animal["lost"] == 0
     assert lost["lost"] > 30 and lost["fish"] == lost["animal"] == 0
-    ahead, behind = (ink(opened, 300, 500 + dy, 6) for dy in (-24, 24))  # its heading is up
+    ahead, behind = (ink(desk_page, 300, 500 + dy, 6) for dy in (-24, 24))  # its heading is up
     assert ahead["animal"] > 4 and behind["animal"] == 0
 
 
-def test_the_way_of_the_last_seconds_is_drawn_and_no_jump(opened):
+def test_the_way_of_the_last_seconds_is_drawn_and_no_jump(desk_page):
     there = {"animals": [], "heard": {}}
     for step in range(12):
-        opened.tell(fish=[[300.0 + 15 * step, 400.0, 0.0, 60.0, 1.0]], **there)
-    way = opened.page.evaluate("trails.get('fish 0').map(([x, y]) => x)")
+        desk_page.tell(fish=[[300.0 + 15 * step, 400.0, 0.0, 60.0, 1.0]], **there)
+    way = desk_page.page.evaluate("trails.get('fish 0').map(([x, y]) => x)")
     assert way == [300.0 + 15 * step for step in range(12)]
-    opened.tell(fish=[[1000.0, 400.0, 0.0, 60.0, 1.0]], **there)
-    assert opened.page.evaluate("trails.get('fish 0').length") == 1
-    opened.now += 10
-    opened.tell(fish=[[1001.0, 400.0, 0.0, 60.0, 1.0]], **there)
-    assert opened.page.evaluate("trails.get('fish 0').length") == 1
-    opened.tell(fish=[], **there)
-    assert opened.page.evaluate("trails.size") == 0
+    desk_page.tell(fish=[[1000.0, 400.0, 0.0, 60.0, 1.0]], **there)
+    assert desk_page.page.evaluate("trails.get('fish 0').length") == 1
+    desk_page.now += 10
+    desk_page.tell(fish=[[1001.0, 400.0, 0.0, 60.0, 1.0]], **there)
+    assert desk_page.page.evaluate("trails.get('fish 0').length") == 1
+    desk_page.tell(fish=[], **there)
+    assert desk_page.page.evaluate("trails.size") == 0
 
 
-def test_a_session_that_does_not_answer_is_told_and_found_again(opened, desk):
-    page = opened.page
+def test_a_session_that_does_not_answer_is_told_and_found_again(desk_page, desk):
+    page = desk_page.page
     assert not page.locator("#alarm").is_visible()
     page.evaluate("heardAt = performance.now() - 7000; alarm()")  # it is silent
     expect(page.locator("#alarm")).to_contain_text("No connection to the session for 7 s")
-    opened.tell()
+    desk_page.tell()
     expect(page.locator("#alarm")).to_be_hidden()
-    opened.connection.close(1013, "too many")
+    desk_page.connection.close(1013, "too many")
     expect(page.locator("#alarm")).to_contain_text("close one")
     assert not page.locator("#abort").is_enabled() and not page.locator("#add").is_enabled()
     page.clock.run_for(1000)
-    opened.connection = desk.came.get(timeout=60)
-    opened.tell(WHOLE)
+    desk_page.connection = desk.came.get(timeout=60)
+    desk_page.tell(WHOLE)
     expect(page.locator("#alarm")).to_be_hidden()
     assert page.locator("#abort").is_enabled()
 
@@ -356,10 +360,10 @@ def test_a_session_that_does_not_answer_is_told_and_found_again(opened, desk):
         ("go", "the message go"),
     ],
 )
-def test_what_a_trial_waits_for_is_said(opened, start, said):
-    opened.tell(phase="waiting", start=start, left_s=None)
-    assert text(opened, "phase") == f"waits for {said}"
-    assert opened.page.locator("#start").inner_text() == "Begin trial 2"
+def test_what_a_trial_waits_for_is_said(desk_page, start, said):
+    desk_page.tell(phase="waiting", start=start, left_s=None)
+    assert text(desk_page, "phase") == f"waits for {said}"
+    assert desk_page.page.locator("#start").inner_text() == "Begin trial 2"
 
 
 def test_a_session_that_never_answers_is_told(browser, desk):
@@ -381,13 +385,13 @@ def test_the_token_of_the_address_is_shown_to_the_socket(browser, desk):
 
 
 @pytest.mark.parametrize("width", [360, 820, 1400])
-def test_nothing_sticks_out_at_any_width(opened, width):
-    opened.page.set_viewport_size({"width": width, "height": 800})
-    opened.tell(
+def test_nothing_sticks_out_at_any_width(desk_page, width):
+    desk_page.page.set_viewport_size({"width": width, "height": 800})
+    desk_page.tell(
         WHOLE | {"protocol": "p" * 80, "trials": [[1, 1, 1, "c" * 80, 60.0]] * 200}, trial=150
     )
-    opened.tell(phase="waiting", trial=150, start="m" * 80)
-    assert opened.page.evaluate("document.documentElement.scrollWidth") <= width
-    row = opened.page.locator("#trials tr[aria-current]").bounding_box()
-    box = opened.page.locator("#rolls").bounding_box()
+    desk_page.tell(phase="waiting", trial=150, start="m" * 80)
+    assert desk_page.page.evaluate("document.documentElement.scrollWidth") <= width
+    row = desk_page.page.locator("#trials tr[aria-current]").bounding_box()
+    box = desk_page.page.locator("#rolls").bounding_box()
     assert box["y"] <= row["y"] <= box["y"] + box["height"]  # the trial that runs is in view

@@ -230,7 +230,7 @@ def wait(page, what):
     raise AssertionError(what)
 
 
-def painted(tank, *fish):
+def paint(tank, *fish):
     painter = Painter(tank)
     for one in fish:
         painter.draw(*one)
@@ -261,7 +261,7 @@ def test_in_its_own_posture_at_its_own_place_a_picture_is_the_cut_out(stage):
 def test_in_any_pose_it_is_what_the_painter_draws(stage, posture, heading, size, mirrored):
     drawn = stage.draw(state_of(posture, heading=heading, size=size, mirrored=(mirrored, 0)))
     tank = tank_of(HEIGHT, WIDTH)
-    wanted = painted(tank, (160.25, 120.5, bent_of(fish_of(), posture, heading, size, mirrored)))
+    wanted = paint(tank, (160.25, 120.5, bent_of(fish_of(), posture, heading, size, mirrored)))
     fish = wanted != tank
     assert fish.sum() > 500
     apart = np.abs(drawn[..., 0] - wanted)
@@ -274,7 +274,7 @@ def test_a_partner_is_mixed_in_and_a_later_fish_lies_over_an_earlier_one(stage):
         state_of(S_BEND, partner=11, weight=0.4, mirrored=(0, 1)),
         state_of(STRAIGHT, 175, 130, 2.0, number=11),
     )
-    wanted = painted(
+    wanted = paint(
         tank_of(HEIGHT, WIDTH),
         (
             160.25,
@@ -290,7 +290,7 @@ def test_a_partner_is_mixed_in_and_a_later_fish_lies_over_an_earlier_one(stage):
 
 
 def test_colours_are_drawn_as_the_painter_does(colour):
-    wanted = painted(colour.tank, (160.25, 120.5, bent_of(fish_of(colour=True), S_BEND)))
+    wanted = paint(colour.tank, (160.25, 120.5, bent_of(fish_of(colour=True), S_BEND)))
     assert np.abs(colour.draw(state_of(S_BEND)) - wanted).max() <= 2
     assert np.abs(wanted[..., 0] - wanted[..., 1]).max() > 20
 
@@ -389,7 +389,7 @@ def test_a_dot_covers_the_area_of_the_fish_and_is_as_dark_as_its_darkest(white):
 
 
 def test_size_changes_the_fish_and_not_its_place(stage):
-    wanted = painted(stage.tank, (160.25, 120.5, bent_of(fish_of(), S_BEND, size=1.25 * LENGTH)))
+    wanted = paint(stage.tank, (160.25, 120.5, bent_of(fish_of(), S_BEND, size=1.25 * LENGTH)))
     assert np.abs(stage.draw(state_of(S_BEND, look=look("larger")))[..., 0] - wanted).max() <= 2
 
 
@@ -410,7 +410,7 @@ def test_a_scaled_tank_lies_in_the_middle_and_its_fish_are_as_large(white):
     tank[10:490, 30:670] = 255
     assert (white.draw()[..., 0] == tank).all()
     large = np.full((2 * HEIGHT, 2 * WIDTH), 255, np.uint8)
-    wanted = painted(
+    wanted = paint(
         large, (2 * 160.75 - 0.5, 2 * 121 - 0.5, bent_of(fish_of(), S_BEND, size=2 * LENGTH))
     )
     assert np.abs(white.draw(state_of(S_BEND))[10:490, 30:670, 0] - wanted).max() <= 2
@@ -692,7 +692,7 @@ class Server:
 
 def visit_of(browser):
     seen = Visit(browser.new_context(viewport={"width": 400, "height": 300}).new_page())
-    seen.page.remove_listener("request", seen._asked)
+    seen.page.remove_listener("request", seen._note_request)
     return seen
 
 
@@ -876,7 +876,7 @@ def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
     shot = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE).astype(
         int
     )
-    wanted = painted(
+    wanted = paint(
         tank_of(HEIGHT, WIDTH),
         (80.0, 120.5, bent_of(pictures[10], S_BEND)),
         (200.0, 120.5, bent_of(pictures[11], CURL)),

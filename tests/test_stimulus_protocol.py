@@ -36,22 +36,8 @@ from finloop.stimulus.drawn import (
 )  # fmt: skip
 from finloop.stimulus.listing import listing
 from finloop.stimulus.order import source, trials, trigger_text
-from finloop.stimulus.parts import (
-    Animals,
-    Change,
-    Condition,
-    Display,
-    Look,
-    Motion,
-    Trigger,
-)
-from finloop.stimulus.protocol import (
-    MOST_BYTES,
-    Protocol,
-    load_protocol,
-    motion_seed,
-    protocol_of,
-)
+from finloop.stimulus.parts import Animals, Change, Condition, Display, Look, Motion, Trigger
+from finloop.stimulus.protocol import MOST_BYTES, Protocol, load_protocol, motion_seed, protocol_of
 from finloop.stimulus.rules import RuleSpec
 from finloop.stimulus.yaml_text import read_yaml
 
@@ -64,7 +50,7 @@ def plan(conditions, **more):
     return protocol_of({"version": 1, "name": "toy", "seed": 5, "conditions": conditions} | more)
 
 
-def yoked(name, seconds=10.0, **more):
+def yoked_condition(name, seconds=10.0, **more):
     return {"seconds": seconds, "motion": {"again": name}} | more
 
 
@@ -227,7 +213,7 @@ def test_looks_have_numbers_of_their_own():
 # --- orders
 
 
-def permitted(protocol, blocks=False):
+def valid_orders(protocol, blocks=False):
     """All orders that may be, by trying every one."""
     count = protocol.repeats
     every = set(permutations(list(protocol.conditions) * count))
@@ -245,25 +231,25 @@ def permitted(protocol, blocks=False):
             yield order
 
 
-CHAIN = {"a": WANDER, "b": yoked("a"), "c": yoked("b")}
-PAIR = {"a": WANDER, "b": yoked("a"), "c": WANDER}
+CHAIN = {"a": WANDER, "b": yoked_condition("a"), "c": yoked_condition("b")}
+PAIR = {"a": WANDER, "b": yoked_condition("a"), "c": WANDER}
 
 
 @pytest.mark.parametrize(
     ("conditions", "order", "repeats"),
     [
         ({"a": WANDER, "b": WANDER}, "shuffled", 3),
-        ({"a": WANDER, "b": yoked("a")}, "shuffled", 3),
+        ({"a": WANDER, "b": yoked_condition("a")}, "shuffled", 3),
         (CHAIN, "shuffled", 2),
         (PAIR, "shuffled", 2),
         ({"a": WANDER, "b": WANDER, "c": WANDER}, "blocks", 2),
         (PAIR, "blocks", 2),
-        ({"a": WANDER, "b": yoked("a")}, "blocks", 3),
+        ({"a": WANDER, "b": yoked_condition("a")}, "blocks", 3),
     ],
 )
 def test_every_permitted_order_is_as_likely(conditions, order, repeats):
     protocol = plan(conditions, order=order, repeats=repeats)
-    every = sorted(permitted(protocol, order == "blocks"))
+    every = sorted(valid_orders(protocol, order == "blocks"))
     counts = Counter(names(protocol, seed) for seed in range(40 * len(every)))
     assert set(counts) == set(every)
     assert chisquare([counts[one] for one in every]).pvalue > 1e-3 or len(every) == 1
@@ -276,7 +262,7 @@ def test_every_permitted_order_is_as_likely(conditions, order, repeats):
 def test_what_holds_of_any_order(seed, count, repeats, order):
     conditions = {f"c{number}": WANDER for number in range(count)}
     if count > 3:
-        conditions["c3"] = yoked("c1")
+        conditions["c3"] = yoked_condition("c1")
     protocol = plan(conditions, order=order, repeats=repeats, seed=seed)
     rows = trials(protocol)
     assert [one.number for one in rows] == list(range(1, count * repeats + 1))
@@ -299,7 +285,7 @@ def test_what_holds_of_any_order(seed, count, repeats, order):
 
 def test_an_order_is_the_same_on_any_machine():
     """Made with the code as it stood at first: a protocol must give the same order for ever."""
-    conditions = dict.fromkeys("abcde", WANDER) | {"f": yoked("b")}
+    conditions = dict.fromkeys("abcde", WANDER) | {"f": yoked_condition("b")}
     orders = {
         order: "".join(names(plan(conditions, order=order, repeats=3), 2026))
         for order in ("shuffled", "blocks")
@@ -391,7 +377,7 @@ def complaint(folder, content):
     return caught.value.came.splitlines()[1:]
 
 
-def refused(folder, content, *wanted):
+def refuse(folder, content, *wanted):
     """All complaints, each of which must begin with what is wanted of it."""
     lines = [line.strip() for line in complaint(folder, content)]
     assert len(lines) == len(wanted), lines
@@ -443,7 +429,7 @@ CONDITION = "  a: {seconds: 10, motion: {wander: true}}\n"
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_line(tmp_path, text, wanted):
-    refused(tmp_path, HEAD + text + "conditions:\n" + CONDITION, wanted)
+    refuse(tmp_path, HEAD + text + "conditions:\n" + CONDITION, wanted)
 
 
 @pytest.mark.parametrize(
@@ -478,14 +464,14 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path, text, wanted):
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_condition_is_said(tmp_path, condition, wanted):
-    refused(tmp_path, f"{HEAD}conditions:\n  a: {condition}\n", f"line 5: conditions.a.{wanted}"
+    refuse(tmp_path, f"{HEAD}conditions:\n  a: {condition}\n", f"line 5: conditions.a.{wanted}"
             if not wanted.startswith("should be keys") else f"line 5: conditions.a: {wanted}")  # fmt: skip
 
 
 def test_what_contradicts_itself_is_refused(tmp_path):
     start = HEAD + "animals: {}\nconditions:\n"
     rule = "  a: {seconds: 10, motion: {rule: {rule: follow}}, change: {reversed: true}}\n"
-    refused(tmp_path, start + rule, "line 6: conditions.a.change: requires a motion that is known")
+    refuse(tmp_path, start + rule, "line 6: conditions.a.change: requires a motion that is known")
     circle = "".join(
         f"  {a}: {{seconds: 1, motion: {{again: {b}}}}}\n" for a, b in ("ab", "bc", "ca")
     )
@@ -493,23 +479,23 @@ def test_what_contradicts_itself_is_refused(tmp_path):
     wanted = [
         f"line {6 + at}: conditions.{name}.motion.again: {said}" for at, name in enumerate("abc")
     ]
-    refused(tmp_path, start + circle, *wanted)
+    refuse(tmp_path, start + circle, *wanted)
     lasso = "  d: {seconds: 1, motion: {again: a}}\n"  # leads into the circle
-    refused(tmp_path, start + circle + lasso, *wanted)
+    refuse(tmp_path, start + circle + lasso, *wanted)
     before = "  b: {seconds: 1, motion: {again: a}}\n" + CONDITION
-    refused(tmp_path, start + before, "line 6: conditions.b.motion.again: comes before a in the")
+    refuse(tmp_path, start + before, "line 6: conditions.b.motion.again: comes before a in the")
     load = start.replace("animals: {}", "order: shuffled") + before
     (tmp_path / "good.yaml").write_text(load)
     assert names(load_protocol(tmp_path / "good.yaml")) == ("a", "b")
     longer = CONDITION + "  b: {seconds: 6, motion: {again: a}, change: {speed: 2}}\n"
-    refused(tmp_path, start + longer, "line 7: conditions.b.seconds: takes 12 s of the motion of a")
+    refuse(tmp_path, start + longer, "line 7: conditions.b.seconds: takes 12 s of the motion of a")
     still = longer.replace("speed: 2", "still: true")
     (tmp_path / "good.yaml").write_text(start + still)
     load_protocol(tmp_path / "good.yaml")
     fades = start.replace("animals: {}", "fade_s: 6") + CONDITION
-    refused(tmp_path, fades, "line 6: conditions.a.seconds: should be at least two fades of 6 s")
+    refuse(tmp_path, fades, "line 6: conditions.a.seconds: should be at least two fades of 6 s")
     many = start.replace("animals: {}", "repeats: 5001") + CONDITION + CONDITION.replace("a:", "b:")
-    refused(tmp_path, many, "line 4: repeats: gives more than 10000 trials")
+    refuse(tmp_path, many, "line 4: repeats: gives more than 10000 trials")
 
 
 def test_all_that_is_wrong_is_said_at_once_in_the_order_of_its_lines(tmp_path):
@@ -534,22 +520,22 @@ def test_a_file_that_is_no_yaml_is_refused(tmp_path):
         load_protocol(tmp_path / "none.yaml")
     with pytest.raises(FinloopError, match="cannot be read"):
         load_protocol(tmp_path)
-    refused(tmp_path, "", "the file is empty")
-    refused(tmp_path, "# a comment\n", "the file is empty")
-    refused(tmp_path, "- 1\n", "line 1: should be keys with values, got [1]")
-    refused(tmp_path, "a: [1\n", "line 2, column 1: no YAML")
-    refused(tmp_path, "a: b: c\n", "line 1, column 5: no YAML: mapping values are not allowed")
-    refused(tmp_path, "a: 1\n---\nb: 2\n", "line 2, column 1: no YAML: expected a single document")
-    refused(tmp_path, "a: *b\n", "line 1, column 4: no YAML: found undefined alias")
-    refused(tmp_path, "a: \x00\n", "no YAML: unacceptable character")
-    refused(tmp_path, b"name: a\nseed: \xff\n", "line 2: no UTF-8")
-    refused(tmp_path, b"#" * (MOST_BYTES + 1), "larger than 1 MB")
-    refused(tmp_path, "[" * 100_000, "it is nested too deeply")
-    refused(tmp_path, "a: &a {b: *a}\n", "line 1: nested too deeply, or an anchor within itself")
+    refuse(tmp_path, "", "the file is empty")
+    refuse(tmp_path, "# a comment\n", "the file is empty")
+    refuse(tmp_path, "- 1\n", "line 1: should be keys with values, got [1]")
+    refuse(tmp_path, "a: [1\n", "line 2, column 1: no YAML")
+    refuse(tmp_path, "a: b: c\n", "line 1, column 5: no YAML: mapping values are not allowed")
+    refuse(tmp_path, "a: 1\n---\nb: 2\n", "line 2, column 1: no YAML: expected a single document")
+    refuse(tmp_path, "a: *b\n", "line 1, column 4: no YAML: found undefined alias")
+    refuse(tmp_path, "a: \x00\n", "no YAML: unacceptable character")
+    refuse(tmp_path, b"name: a\nseed: \xff\n", "line 2: no UTF-8")
+    refuse(tmp_path, b"#" * (MOST_BYTES + 1), "larger than 1 MB")
+    refuse(tmp_path, "[" * 100_000, "it is nested too deeply")
+    refuse(tmp_path, "a: &a {b: *a}\n", "line 1: nested too deeply, or an anchor within itself")
     bomb = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
         f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 12)
     )
-    refused(tmp_path, bomb, "more than 100000 values, anchors written out")
+    refuse(tmp_path, bomb, "more than 100000 values, anchors written out")
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,12 @@ def spec(rule, **how):
     return RuleSpec(rule=rule, **how)
 
 
-def turned(x, y, angle):
+def aim_of(rule, own, others, now=NOW, tank=SEA, **how):
+    """Where a rule sends a fish."""
+    return aim(spec(rule, **how), own, others, now, tank)
+
+
+def rotate(x, y, angle):
     """A place turned about the middle of the sea, anticlockwise as seen."""
     cos, sin = math.cos(angle), math.sin(angle)
     x, y = x - MIDDLE, y - MIDDLE
@@ -68,41 +73,35 @@ def apart(scene, least=1.0):
 # --- symmetry
 
 
+def mirror(x, y):
+    return 1000 - x, y
+
+
 @pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("mirrored", [False, True])
 @laws
 @given(scenes, angles, st.floats(0.5, 30))
-def test_a_scene_that_is_turned_has_its_aim_turned(rule, scene, angle, distance):
+def test_a_scene_that_is_turned_or_mirrored_has_its_aim_turned_or_mirrored(
+    rule, mirrored, scene, angle, distance
+):
     how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
     x, y, heading, to_x, to_y, to_heading = scene
     at_distance = abs(math.hypot(x - to_x, y - to_y) - distance * SEA.length_px) < 1e-6
     if at_distance or not apart(scene):  # by the last bit near or far
         return
-    plain = aim(
-        spec(rule, **how), (x, y, heading), Sightings(animal(to_x, to_y, to_heading)), NOW, SEA
-    )
-    own = *turned(x, y, angle), heading + angle
-    other = Sightings(animal(*turned(to_x, to_y, angle), to_heading + angle))
-    wanted = None if plain is None else pytest.approx(turned(*plain, angle), abs=1e-6)
-    assert aim(spec(rule, **how), own, other, NOW, SEA) == wanted
 
+    def moved_place(x, y):
+        return mirror(x, y) if mirrored else rotate(x, y, angle)
 
-@pytest.mark.parametrize("rule", RULES)
-@laws
-@given(scenes, st.floats(0.5, 30))
-def test_a_scene_in_a_mirror_has_its_aim_mirrored(rule, scene, distance):
-    how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
-    x, y, heading, to_x, to_y, to_heading = scene
-    at_distance = abs(math.hypot(x - to_x, y - to_y) - distance * SEA.length_px) < 1e-6
-    if at_distance or not apart(scene):  # by the last bit near or far
-        return
-    plain = aim(
-        spec(rule, **how), (x, y, heading), Sightings(animal(to_x, to_y, to_heading)), NOW, SEA
-    )
-    other = Sightings(animal(1000 - to_x, to_y, math.pi - to_heading))
-    image = aim(spec(rule, **how), (1000 - x, y, math.pi - heading), other, NOW, SEA)
-    assert image == (
-        None if plain is None else pytest.approx((1000 - plain[0], plain[1]), abs=1e-6)
-    )
+    def moved_heading(heading):
+        return math.pi - heading if mirrored else heading + angle
+
+    other = Sightings(animal(to_x, to_y, to_heading))
+    plain = aim_of(rule, (x, y, heading), other, **how)
+    own = *moved_place(x, y), moved_heading(heading)
+    other = Sightings(animal(*moved_place(to_x, to_y), moved_heading(to_heading)))
+    wanted = None if plain is None else pytest.approx(moved_place(*plain), abs=1e-6)
+    assert aim_of(rule, own, other, **how) == wanted
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -112,17 +111,17 @@ def test_every_aim_is_where_a_fish_can_be(rule, scene, distance, far):
     how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
     x, y, heading, _, to_y, to_heading = scene
     own = (*POOL.into(x / 2.5, y / 3.4), heading)
-    place = aim(spec(rule, **how), own, Sightings(animal(far, to_y, to_heading)), NOW, WALLED)
+    place = aim_of(rule, own, Sightings(animal(far, to_y, to_heading)), tank=WALLED, **how)
     assert place is None or POOL.into(*place) == place
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_still_animal_gives_a_constant_aim_and_no_animal_gives_none(rule):
     own, still = (520.0, 480.0, 1.0), Sightings(animal(500.0, 500.0, 0.3))
-    aims = {aim(spec(rule), own, still, now, SEA) for now in np.arange(0, 90, 7.3)}
+    aims = {aim_of(rule, own, still, now=now) for now in np.arange(0, 90, 7.3)}
     assert len(aims) == 1 and None not in aims
-    assert aim(spec(rule), own, Sightings(), NOW, SEA) is None
-    assert aim(spec(rule, animal="2"), own, still, NOW, SEA) is None
+    assert aim_of(rule, own, Sightings()) is None
+    assert aim_of(rule, own, still, animal="2") is None
 
 
 # --- each rule
@@ -134,7 +133,7 @@ def test_distances_are_body_lengths_of_the_fish():
         tank = SEA._replace(length_px=length)
 
         def place(rule, tank=tank, **how):
-            return pytest.approx(aim(spec(rule, **how), own, there, NOW, tank))
+            return pytest.approx(aim_of(rule, own, there, tank=tank, **how))
 
         assert place("approach") == (500.0, 500.0)
         assert (500.0, 500 + 3 * length) == place("follow", distance=3)
@@ -146,12 +145,8 @@ def test_distances_are_body_lengths_of_the_fish():
 @given(scenes, st.floats(0.1, 30))
 def test_keep_distance_is_so_far_from_the_animal_and_towards_the_fish(scene, distance):
     x, y, heading, to_x, to_y, _ = scene
-    place = aim(
-        spec("keep distance", distance=distance),
-        (x, y, heading),
-        Sightings(animal(to_x, to_y)),
-        NOW,
-        SEA,
+    place = aim_of(
+        "keep distance", (x, y, heading), Sightings(animal(to_x, to_y)), distance=distance
     )
     assert math.dist(place, (to_x, to_y)) == pytest.approx(distance * LENGTH)
     far = math.hypot(x - to_x, y - to_y)
@@ -162,9 +157,7 @@ def test_keep_distance_is_so_far_from_the_animal_and_towards_the_fish(scene, dis
 @given(scenes)
 def test_who_follows_and_who_leads_are_on_either_side(scene):
     own, there = scene[:3], Sightings(animal(*scene[3:]))
-    behind, ahead = (
-        aim(spec(rule, distance=2), own, there, NOW, SEA) for rule in ("follow", "lead")
-    )
+    behind, ahead = (aim_of(rule, own, there, distance=2) for rule in ("follow", "lead"))
     assert np.add(behind, ahead) / 2 == pytest.approx(scene[3:5])
     assert math.dist(behind, ahead) == pytest.approx(4 * LENGTH)
 
@@ -172,18 +165,18 @@ def test_who_follows_and_who_leads_are_on_either_side(scene):
 @pytest.mark.parametrize("rule", ["follow", "lead"])
 def test_a_heading_that_is_not_known_yet_is_no_reason_to_turn(rule):
     own, there = (600.0, 500.0, 2.0), Sightings(animal(500.0, 500.0, None))
-    assert aim(spec(rule), own, there, NOW, SEA) == (500 + LENGTH, 500)
+    assert aim_of(rule, own, there) == (500 + LENGTH, 500)
 
 
 def test_a_copy_is_where_the_animal_was_exactly():
-    def way(t):
+    def animal_place(t):
         return 500 + 90 * math.sin(t), 500 + 70 * math.cos(0.7 * t)
 
     for delay in (0.0, 0.5, 7.3):
-        there = Sightings(animal(0, 0), way=way)
-        assert aim(spec("copy", delay_s=delay), (0, 0, 0), there, NOW, SEA) == way(NOW - delay)
+        there = Sightings(animal(0, 0), way=animal_place)
+        assert aim_of("copy", (0, 0, 0), there, delay_s=delay) == animal_place(NOW - delay)
     there.past = lambda id, time_s: None
-    assert aim(spec("copy"), (0, 0, 0), there, NOW, SEA) is None
+    assert aim_of("copy", (0, 0, 0), there) is None
 
 
 @laws
@@ -197,21 +190,18 @@ def test_a_mirror_is_an_involution_about_the_middle(x, y, axis):
 
 def test_both_mirrors_together_are_the_centre():
     there = Sightings(animal(100.0, 90.0))
-    one = aim(spec("mirror", axis="x"), (0, 0, 0), there, NOW, WALLED)
-    both = aim(spec("mirror", axis="y"), (0, 0, 0), Sightings(animal(*one)), NOW, WALLED)
-    assert aim(spec("mirror"), (0, 0, 0), there, NOW, WALLED) == both == (299, 209)
+    one = aim_of("mirror", (0, 0, 0), there, axis="x", tank=WALLED)
+    both = aim_of("mirror", (0, 0, 0), Sightings(animal(*one)), axis="y", tank=WALLED)
+    assert aim_of("mirror", (0, 0, 0), there, tank=WALLED) == both == (299, 209)
 
 
 def test_the_nearest_animal_counts_or_the_one_that_is_named():
     there = Sightings(
         animal(500.0, 500.0, id="b"), animal(600.0, 500.0, id="a"), animal(700.0, 500.0, id="c")
     )
-    assert aim(spec("approach"), (640, 500, 0), there, NOW, SEA) == (600, 500)
-    assert aim(spec("approach"), (550, 500, 0), there, NOW, SEA) == (
-        600,
-        500,
-    )  # as near: a before b
-    assert aim(spec("approach", animal="c"), (500, 500, 0), there, NOW, SEA) == (700, 500)
+    assert aim_of("approach", (640, 500, 0), there) == (600, 500)
+    assert aim_of("approach", (550, 500, 0), there) == (600, 500)  # as near: a before b
+    assert aim_of("approach", (500, 500, 0), there, animal="c") == (700, 500)
 
 
 # --- away
@@ -222,9 +212,7 @@ def test_the_nearest_animal_counts_or_the_one_that_is_named():
 def test_in_open_water_the_fish_flees_straight_and_only_from_what_is_near(scene, distance):
     x, y, heading, to_x, to_y, _ = scene
     far = math.hypot(x - to_x, y - to_y)
-    place = aim(
-        spec("avoid", distance=distance), (x, y, heading), Sightings(animal(to_x, to_y)), NOW, SEA
-    )
+    place = aim_of("avoid", (x, y, heading), Sightings(animal(to_x, to_y)), distance=distance)
     assert (place is None) == (far >= distance * LENGTH)
     if place is not None and far > 1:
         away, ahead = np.array([x - to_x, y - to_y]) / far, np.subtract(place, (x, y))
@@ -237,7 +225,7 @@ def test_before_a_wall_the_fish_flees_along_it_to_the_side_it_looks_to():
     wall = POOL.into(0, 150)[0]
     for heading, side in ((math.pi / 2, -1), (-math.pi / 2, 1)):
         own = wall, 150.0, heading
-        x, y = aim(spec("avoid", distance=2), own, Sightings(animal(wall + 50, 150.0)), NOW, WALLED)
+        x, y = aim_of("avoid", own, Sightings(animal(wall + 50, 150.0)), distance=2, tank=WALLED)
         assert x < wall + 10 and side * (y - 150) > LENGTH
 
 
@@ -248,8 +236,8 @@ def test_a_fish_in_a_corner_gets_out_of_it_and_one_before_it_does_not_get_in(cor
     for start, near in ((0, 40), (30, 55), (40, 80)):  # in the corner, and before it
         own, other = end + start * inwards, end + (start + near) * inwards * [1, 0.9]
         for heading in np.linspace(-3, 3, 7):
-            place = aim(
-                spec("avoid", distance=3), (*own, heading), Sightings(animal(*other)), NOW, WALLED
+            place = aim_of(
+                "avoid", (*own, heading), Sightings(animal(*other)), distance=3, tank=WALLED
             )
             assert np.abs(place - end).max() > 1.5 * LENGTH
 
@@ -258,8 +246,8 @@ def test_a_chased_fish_does_not_end_in_a_corner():
     """A fish that swims to its aim a bit faster than an animal that chases it stays ahead of it."""
     own, chaser, heading, gaps = np.array([200.0, 150.0]), np.array([160.0, 160.0]), 0.0, []
     for _ in range(600):
-        place = aim(
-            spec("avoid", distance=2.5), (*own, heading), Sightings(animal(*chaser)), NOW, WALLED
+        place = aim_of(
+            "avoid", (*own, heading), Sightings(animal(*chaser)), distance=2.5, tank=WALLED
         )
         if place is not None:
             step = np.subtract(place, own)

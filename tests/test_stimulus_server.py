@@ -35,7 +35,7 @@ READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "r
 
 
 @contextmanager
-def served(app_of):
+def serve_app(app_of):
     """A server in a thread; yields its address."""
     with bind_socket(0) as listens:
         up, found = threading.Event(), []
@@ -67,7 +67,7 @@ def running(folder, token=None, digest=False, **plan):
     session.feed.facts["digest"] = digest
     room = SessionHub(session, "toy", folder / "display.json")
     session.attach(room.send, lambda to, text: room.tell(text))
-    with served(lambda port, fail: session_app(Door(port, token), room, list, fail)) as (
+    with serve_app(lambda port, fail: session_app(Door(port, token), room, list, fail)) as (
         address,
         _,
     ):
@@ -277,7 +277,7 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
         assert plan_again(record, session.scene, session.plan).different == 0
         feed = feed_of(session.scene, session.plan, mode="replay", digest=True)
         room, done = Replay(feed, frames_of(record), quick=True), threading.Event()
-        with served(lambda port, fail: replay_app(Door(port), room, done.set, fail)) as (
+        with serve_app(lambda port, fail: replay_app(Door(port), room, done.set, fail)) as (
             address,
             _,
         ):
@@ -291,7 +291,7 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
 def test_a_wait_on_the_real_clock_ends_in_time():
     clock = RealClock()
 
-    async def waited():
+    async def measure_lateness():
         late = []
         for _ in range(5):
             due = clock.read_time() + 0.01
@@ -299,4 +299,4 @@ def test_a_wait_on_the_real_clock_ends_in_time():
             late.append(clock.read_time() - due)
         return late
 
-    assert min(asyncio.run(waited())) >= 0
+    assert min(asyncio.run(measure_lateness())) >= 0

@@ -292,7 +292,7 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
     session.patient = False
     session.start()
 
-    async def played():
+    async def run_session():
         running = asyncio.create_task(session.run())
         while session._tick < 5:
             await asyncio.sleep(0)
@@ -304,7 +304,7 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
         await running
         return due, heard
 
-    due, heard = asyncio.run(played())
+    due, heard = asyncio.run(run_session())
     wanted = 1e3 * (due - 0.9 / rate + 0.004 - heard)
     assert list(session.numbers.drawn) == pytest.approx([wanted])
     session.log.close()
@@ -363,7 +363,7 @@ def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path)
     plan = plan_of({"a": {"seconds": 1.0} | GOALS}, start={"key": "space"}, repeats=2)
     session, _ = session_of(tmp_path, plan, Dry())
 
-    async def played():
+    async def run_session():
         session.start()
         running = asyncio.create_task(session.run())
         for number in range(2):
@@ -376,7 +376,7 @@ def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path)
                 await asyncio.sleep(0.001)
         await running
 
-    asyncio.run(played())
+    asyncio.run(run_session())
     session.log.close()
     assert session.done == {1: "done"} and session.phase == "done"
 
@@ -391,18 +391,20 @@ def test_a_picture_is_sent_once_and_slots_are_used_again():
     assert slots == 256
     states = np.zeros((1, made.width), np.float32)
 
-    def sent(picture, partner=-1):
+    def sent_headers(picture, partner=-1):
         states[0, [PICTURE, PARTNER]] = picture, partner
         return [json.loads(one[4 : 4 + int.from_bytes(one[:4], "little")])
                 for one in feed.rows(1, 0, 0.0, states)[:-1]]  # fmt: skip
 
-    assert [one["picture"] for one in sent(3, 4)] == [3, 4]
-    assert sent(3, 4) == sent(4) == []
+    assert [one["picture"] for one in sent_headers(3, 4)] == [3, 4]
+    assert sent_headers(3, 4) == sent_headers(4) == []
     for picture in range(10, 10 + slots - 2):
-        assert len(sent(picture)) == 1
-    sent(3)
-    assert [(one["picture"], one["slot"]) for one in sent(9)] == [(9, 1)]  # that of 4, long unused
-    assert sent(3) == [] and len(sent(4)) == 1
+        assert len(sent_headers(picture)) == 1
+    sent_headers(3)
+    assert [(one["picture"], one["slot"]) for one in sent_headers(9)] == [
+        (9, 1)
+    ]  # that of 4, long unused
+    assert sent_headers(3) == [] and len(sent_headers(4)) == 1
     kinds = [json.loads(one[4 : 4 + int.from_bytes(one[:4], "little")])["kind"]
              for one in feed.begin()]  # fmt: skip
     assert kinds.count("hello") == 1 and kinds.count("picture") == slots and kinds[-1] == "rows"

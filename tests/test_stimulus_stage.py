@@ -26,7 +26,7 @@ CONDITIONS = {
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory, tiny_run: TinyRun):
+def stimulus_run(tmp_path_factory, tiny_run: TinyRun):
     folder = tmp_path_factory.mktemp("stimulus")
     tiny_run.bring(folder, ["animate", "export"])
     shutil.copy2(tiny_run.folder / "params.yaml", folder / "params.yaml")
@@ -35,10 +35,10 @@ def made(tmp_path_factory, tiny_run: TinyRun):
 
 
 @pytest.fixture
-def there(made, monkeypatch):
+def workspace(stimulus_run, monkeypatch):
     monkeypatch.setattr("finloop.stimulus.course._REHEARSED", 5)
-    monkeypatch.chdir(made)
-    return made
+    monkeypatch.chdir(stimulus_run)
+    return stimulus_run
 
 
 def protocol(folder, name="protocol.yaml", **more):
@@ -53,7 +53,7 @@ def command(monkeypatch, *words):
     stages.stimulus.main()
 
 
-def test_it_is_listed_run_dry_and_planned_again(there, tmp_path, monkeypatch, capsys):
+def test_it_is_listed_run_dry_and_planned_again(workspace, tmp_path, monkeypatch, capsys):
     path = protocol(tmp_path)
     command(monkeypatch, "list", path)
     listed = capsys.readouterr().out
@@ -69,7 +69,7 @@ def test_it_is_listed_run_dry_and_planned_again(there, tmp_path, monkeypatch, ca
     assert ", 0 differ" in capsys.readouterr().out
 
 
-def test_a_journal_that_was_left_becomes_a_session(there, tmp_path, monkeypatch, capsys):
+def test_a_journal_that_was_left_becomes_a_session(workspace, tmp_path, monkeypatch, capsys):
     kept = []
 
     def cut(journal, path, schema):
@@ -88,7 +88,7 @@ def test_a_journal_that_was_left_becomes_a_session(there, tmp_path, monkeypatch,
         command(monkeypatch, "recover", tmp_path / "none.journal")
 
 
-def test_a_session_of_another_film_is_refused(there, tmp_path, monkeypatch):
+def test_a_session_of_another_film_is_refused(workspace, tmp_path, monkeypatch):
     command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path)
     [session] = tmp_path.glob("*.parquet")
     with monkeypatch.context() as patch:
@@ -102,7 +102,7 @@ def test_a_session_of_another_film_is_refused(there, tmp_path, monkeypatch):
         command(monkeypatch, "replay", session, "--check")
 
 
-def test_a_display_must_be_calibrated_where_the_protocol_says_so(there, tmp_path, monkeypatch):
+def test_a_display_must_be_calibrated_where_the_protocol_says_so(workspace, tmp_path, monkeypatch):
     path = protocol(tmp_path, display={"calibrated": True})
     with pytest.raises(FinloopError, match="the display wall is not calibrated"):
         command(monkeypatch, "show", path, "--display", "wall", "--port", "0")
@@ -121,14 +121,14 @@ def test_a_display_must_be_calibrated_where_the_protocol_says_so(there, tmp_path
         display_file("wall").unlink()
 
 
-def test_a_track_wants_a_protocol_with_animals(there, tmp_path, monkeypatch):
+def test_a_track_wants_a_protocol_with_animals(workspace, tmp_path, monkeypatch):
     known = {"goals": CONDITIONS["goals"]}
     path = protocol(tmp_path, animals=None, conditions=known)
     with pytest.raises(FinloopError, match="no live animals"):
         command(monkeypatch, "dry", path, "--animal", "track:0", "--out", tmp_path)
 
 
-def test_the_length_of_a_fish_on_the_display_settles_its_scale(there, tmp_path):
+def test_the_length_of_a_fish_on_the_display_settles_its_scale(workspace, tmp_path):
     from finloop.stimulus.protocol import load_protocol
 
     path = protocol(tmp_path, display={"calibrated": True, "fish_mm": 35.0})
@@ -138,7 +138,7 @@ def test_the_length_of_a_fish_on_the_display_settles_its_scale(there, tmp_path):
         assert scene.scene.mm_per_px * scene.scene.length_px == pytest.approx(35.0)
 
 
-def test_the_page_that_stands_alone_plays_the_edit_list(there):
+def test_the_page_that_stands_alone_plays_the_edit_list(workspace):
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 640, "height": 480})
         bad = []
@@ -147,7 +147,7 @@ def test_the_page_that_stands_alone_plays_the_edit_list(there):
             "request", lambda one: bad.append(one.url) if not one.url.startswith(WITHIN) else None
         )
         page.clock.install()
-        page.goto((there / "data/export/stimulus.html").absolute().as_uri())
+        page.goto((workspace / "data/export/stimulus.html").absolute().as_uri())
         pictures = []
         assert wait_for(lambda: page.evaluate("!!(drawer && drawer.box)"), 60)
         hold_time(page)

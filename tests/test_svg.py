@@ -40,7 +40,7 @@ def load(tmp_path, body, *more, **kinds):
     return load_svg(put(tmp_path, body, *more, **kinds))
 
 
-def one(tmp_path, body, *more):
+def load_curve(tmp_path, body, *more):
     (curve,) = load(tmp_path, body, *more).curves.values()
     return curve
 
@@ -103,7 +103,7 @@ def as_fonttools_sees(d):
     ],
 )
 def test_every_path_command(tmp_path, d):
-    curve, other = one(tmp_path, f'<path d="{d}"/>'), as_fonttools_sees(d)
+    curve, other = load_curve(tmp_path, f'<path d="{d}"/>'), as_fonttools_sees(d)
     assert not curve.closed
     rough = 6e-4 * 30 if "a" in d.lower() else 0  # that reader makes Bézier curves of arcs
     assert distance(other, curve.points).max() < FLATNESS * SIDE * 1.01 + rough
@@ -124,7 +124,7 @@ def test_every_path_command(tmp_path, d):
 )
 def test_s_and_t_mirror_their_own_kind_only(tmp_path, smooth, plain):
     turned = '<path transform="rotate(20) skewX(9)" d="{}"/>'
-    lines = [one(tmp_path, turned.format(d)).points for d in (smooth, plain)]
+    lines = [load_curve(tmp_path, turned.format(d)).points for d in (smooth, plain)]
     assert distance(lines[0], lines[1]).max() < 2 * FLATNESS * SIDE
     assert distance(lines[1], lines[0]).max() < 2 * FLATNESS * SIDE
 
@@ -139,7 +139,7 @@ def test_curves_are_followed_within_flatness(tmp_path_factory, nodes):
     path.mkdir(exist_ok=True)
     letter = "QC"[len(nodes) - 3]
     d = f"M{nodes[0][0]} {nodes[0][1]}{letter}" + " ".join(f"{x} {y}" for x, y in nodes[1:])
-    curve = one(path, f'<path d="{d}"/>')
+    curve = load_curve(path, f'<path d="{d}"/>')
     true = bezier(nodes, np.linspace(0, 1, 700))
     assert distance(true, curve.points).max() <= FLATNESS * SIDE * 1.001
     np.testing.assert_allclose(curve.points[[0, -1]], [nodes[0], nodes[-1]], atol=1e-9)
@@ -183,13 +183,13 @@ def test_a_path_goes_on_after_it_was_closed(tmp_path):
     ],
 )
 def test_areas_of_basic_shapes(tmp_path, shape, wanted):
-    curve = one(tmp_path, shape)
+    curve = load_curve(tmp_path, shape)
     assert curve.closed
     assert abs(area(curve)) == pytest.approx(wanted, rel=1e-3)
 
 
 def test_a_circle_is_round(tmp_path):
-    points = one(tmp_path, '<circle cx="50" cy="40" r="20"/>').points
+    points = load_curve(tmp_path, '<circle cx="50" cy="40" r="20"/>').points
     np.testing.assert_allclose(np.hypot(*(points - [50, 40]).T), 20, rtol=1e-9)
 
 
@@ -216,10 +216,12 @@ def test_transforms(tmp_path, transform, matrix, shift):
     corners = np.array([[10, 10], [40, 10], [40, 30.0]])
     path = '<path d="M10 10H40V30z"'
     wanted = corners @ np.array(matrix).T + shift
-    np.testing.assert_allclose(one(tmp_path, f'{path} transform="{transform}"/>').points, wanted)
+    np.testing.assert_allclose(
+        load_curve(tmp_path, f'{path} transform="{transform}"/>').points, wanted
+    )
     group = f'<g transform="{transform}"><g transform="translate(1 2)">{path}/></g></g>'
     moved = (corners + [1, 2]) @ np.array(matrix).T + shift
-    np.testing.assert_allclose(one(tmp_path, group).points, moved)
+    np.testing.assert_allclose(load_curve(tmp_path, group).points, moved)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,19 @@
 import numpy as np
 import pandas as pd
 import pytest
-from toy_fish import LENGTH, ROOM, SPRITE, WIDTH, S, covered, edit_list, fish_of, line, overlap, toy
+from toy_fish import (
+    LENGTH,
+    ROOM,
+    SPRITE,
+    WIDTH,
+    S,
+    edit_list,
+    fish_mask,
+    fish_of,
+    line,
+    overlap,
+    toy,
+)
 
 from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
@@ -107,7 +119,7 @@ def test_from_above_it_covers_what_the_painter_draws(row, angle, scale):
     ]
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
     painter.draw(88.4, 71.7, Turned(picture(cutouts[row].pixels, x, y), angle, scale))
-    assert overlap(covered(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
+    assert overlap(fish_mask(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
 
 @pytest.mark.parametrize(("sprite", "orientation"), [(0, 1), (0, 6), (1, 1), (1, 18)])
@@ -123,7 +135,7 @@ def test_sprites_are_turned_and_mirrored_as_their_pictures_are(sprite, orientati
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
     painter.draw(90, 75, Turned(picture(shown.pixels, x - shown.x0_px, y - shown.y0_px), 20.0))
     edit = edit_list(1, kind="sprite", source=sprite, orientation=orientation, rotation_deg=20.0)
-    assert overlap(covered(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
+    assert overlap(fish_mask(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
 
 def test_a_cross_fade_is_half_way_between():
@@ -142,7 +154,7 @@ def test_the_mass_centre_is_where_the_list_puts_it():
     fish = fish_of(edit_list(1, x_px=120.25, y_px=33.5, rotation_deg=77.0))
     assert fish.place[0, :2] == pytest.approx([120.25, -33.5])
     assert fish.head[0, :2] == pytest.approx([120.25, -33.5] + fish.poses.backbone[0, 0])
-    seen = covered(fish, 0, (150, 200))
+    seen = fish_mask(fish, 0, (150, 200))
     assert np.argwhere(seen).mean(0) == pytest.approx([33.5, 120.25], abs=0.7)
 
 

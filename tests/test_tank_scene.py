@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from conftest import wait_for
 from scratch import content, prepare
-from toy_fish import LENGTH, ROOM, P, covered, edit_list, fish_of, overlap, toy
+from toy_fish import LENGTH, ROOM, P, edit_list, fish_mask, fish_of, overlap, toy
 
 import stages.tank
 from finloop.base.errors import FinloopError
@@ -81,7 +81,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
             vivid = np.abs(shown[..., 0] - shown[..., 2]) > 42  # red or blue: the fish alone is
             seen = vivid[3:153, 4:204]  # the film within the picture
             assert shown[13:33, 14:34].mean() < 80 < 110 < shown[-30:-10, 20:40].mean() < 140
-            wanted = covered(fish, tick, seen.shape)
+            wanted = fish_mask(fish, tick, seen.shape)
             assert overlap(wanted, seen) > 0.7
             assert not (
                 seen & ~cv2.dilate(wanted.astype(np.uint8), np.ones((3, 3))).astype(bool)

@@ -19,7 +19,7 @@ def film_of(steps):
     return MotionGraph(rows, np.zeros(1, np.int32), empty, np.zeros(0), True, len(steps))
 
 
-def way(steps):
+def straight_path(steps):
     """The way (n, 3) of a fish that begins at 0, 0."""
     x = np.cumsum(steps)
     return np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
@@ -29,18 +29,18 @@ def test_who_swims_as_the_film_does_lags_by_nothing():
     film = film_of(np.where(np.arange(N) % 2 == 0, 1.0, 3.0))
     assert lags(film.rows).sum() == pytest.approx(0.0, abs=1e-9)
     tempo = Tempo.from_film(film, 50.0, 1.0)
-    even = way(np.full(40, mean_step_px(film.rows)))
+    even = straight_path(np.full(40, mean_step_px(film.rows)))
     assert tempo.lag_after(0.0, even, (0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_tick_on_the_spot_is_a_tick_behind_and_is_forgotten():
     tempo = Tempo(2.0, 0.9, 5.0)
-    assert tempo.lag_after(0.0, way([0.0]), (0.0, 0.0)) == pytest.approx(1.0)
-    assert tempo.lag_after(0.0, way([4.0]), (0.0, 0.0)) == pytest.approx(-1.0)
-    assert tempo.lag_after(10.0, way([2.0]), (0.0, 0.0)) == pytest.approx(9.0)
+    assert tempo.lag_after(0.0, straight_path([0.0]), (0.0, 0.0)) == pytest.approx(1.0)
+    assert tempo.lag_after(0.0, straight_path([4.0]), (0.0, 0.0)) == pytest.approx(-1.0)
+    assert tempo.lag_after(10.0, straight_path([2.0]), (0.0, 0.0)) == pytest.approx(9.0)
     # A way in two parts lags as far as the whole.
     steps = np.random.default_rng(0).uniform(0, 4, 30)
-    whole, first = way(steps), way(steps)[:11]
+    whole, first = straight_path(steps), straight_path(steps)[:11]
     half = tempo.lag_after(3.0, first, (0.0, 0.0))
     assert tempo.lag_after(half, whole[11:], (first[-1, 0], 0.0)) == pytest.approx(
         tempo.lag_after(3.0, whole, (0.0, 0.0))

@@ -26,7 +26,7 @@ def animal(tail: float, x: int = 90, gloom: float = 0.0) -> np.ndarray:
     return np.round(change).astype(np.uint8)
 
 
-def kept(change: np.ndarray) -> np.ndarray:
+def silhouette(change: np.ndarray) -> np.ndarray:
     """The silhouette that ends at 0.4 of the body's contrast, with its thin parts."""
     above = np.where(change > 0.4 * BODY, 255, 0).astype(np.uint8)
     return with_thin_parts(above, change, int(EDGE * BODY))
@@ -35,7 +35,7 @@ def kept(change: np.ndarray) -> np.ndarray:
 def test_a_pale_tail_belongs_to_the_body():
     change = animal(tail=30)
     assert not (change[:, 125:] > 0.4 * BODY).any()  # beyond the silhouette's edge
-    found = kept(change)
+    found = silhouette(change)
     assert set(np.unique(found)) == {0, 255}
     assert found[70, 167] == 255 and found[80, 90] == 255
     assert ((found > 0) <= (change > EDGE * BODY)).all()
@@ -43,15 +43,15 @@ def test_a_pale_tail_belongs_to_the_body():
 
 def test_what_is_pale_and_wide_or_apart_does_not():
     change = animal(tail=30, gloom=25)
-    found = kept(change)
+    found = silhouette(change)
     plain = change > 0.4 * BODY
     near = cv2.dilate(plain.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
     ring = (change > 20) & ~near
     ring[:, 115:] = False  # where the tail leaves it
     assert ring.sum() > 500 and not (found[ring] > 0).any()
     change[20:24, 20:80] = 30  # a stick elsewhere
-    assert not kept(change)[20:24, 20:80].any()
-    assert np.array_equal(kept(animal(tail=10)), np.where(animal(tail=10) > 40, 255, 0))
+    assert not silhouette(change)[20:24, 20:80].any()
+    assert np.array_equal(silhouette(animal(tail=10)), np.where(animal(tail=10) > 40, 255, 0))
 
 
 @pytest.mark.parametrize("tail", [25, 35, 38, 60])

@@ -136,12 +136,12 @@ def test_spread_frames_are_jumped_to(film, monkeypatch):
     path, _ = film
     decoded = 0
 
-    def counted(frame, step, number=video._number):
+    def count_frames(frame, step, number=video._number):
         nonlocal decoded
         decoded += 1
         return number(frame, step)
 
-    monkeypatch.setattr(video, "_number", counted)
+    monkeypatch.setattr(video, "_number", count_frames)
     list(read_spread(path, [0, 60, 99]))
     assert decoded <= 1 + 1 + 10
 
@@ -185,7 +185,7 @@ FRESH = """
 def test_same_frames_give_the_same_bytes_whatever_lay_in_the_memory_before(tmp_path):
     # glibc fills memory that is given out with the complement of the number, and that is given back
     # with the number: a long-lived process has such rubbish everywhere, a fresh one zeros.
-    def written(rubbish):
+    def write_clip(rubbish):
         return subprocess.run(
             [sys.executable, "-c", textwrap.dedent(FRESH), tmp_path / "clip.mp4"],
             env=os.environ | {"MALLOC_PERTURB_": str(rubbish)},
@@ -193,8 +193,8 @@ def test_same_frames_give_the_same_bytes_whatever_lay_in_the_memory_before(tmp_p
             check=True,
         ).stdout
 
-    assert len(zeros := written(0)) > 1000
-    assert written(1) == zeros
+    assert len(zeros := write_clip(0)) > 1000
+    assert write_clip(1) == zeros
 
 
 @pytest.mark.parametrize("bad", [np.zeros((8, 8), np.uint8), np.zeros((16, 16), np.int32)])

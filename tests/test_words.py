@@ -27,7 +27,7 @@ def names_nothing(name: str) -> bool:
 
 
 def trees(*folders: str) -> list[tuple[Path, ast.Module]]:
-    """Return the program's files."""
+    """Return the files of some folders, parsed."""
     paths = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
     return [(path, ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
 
@@ -39,10 +39,10 @@ def test_a_name_that_says_nothing_is_recognised(name):
 
 
 def test_no_function_is_named_by_a_participle_or_a_pronoun():
-    """But for the fields of NamedTuples, and what a library calls by its name."""
+    """Tests themselves begin with `test_`; their helpers and fixtures are checked, too."""
     found = [
         f"{path.relative_to(ROOT)}:{node.lineno} {node.name}"
-        for path, tree in trees("finloop", "stages", "benchmarks", "docs")
+        for path, tree in trees("finloop", "stages", "benchmarks", "docs", "tests")
         for node in ast.walk(tree)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and names_nothing(node.name)
     ]

@@ -78,3 +78,32 @@ class TinyRun:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(self.folder)
             importlib.import_module(module_of(word)).main()
+
+
+def stage_run(*words: str) -> Any:
+    """Return a fixture of a module: a folder in which stages, and all before them, have run."""
+
+    @pytest.fixture(scope="module")
+    def run(tmp_path_factory: pytest.TempPathFactory, tiny_run: TinyRun) -> Path:
+        folder = tmp_path_factory.mktemp(words[0])
+        prepare(folder, *TINY_CARP)
+        tiny_run.bring(folder, words)
+        return folder
+
+    return run
+
+
+def copy_of(run: str, *others: str) -> Any:
+    """Return a fixture: the working folder is a copy of a run; other fixtures are set up, too."""
+
+    @pytest.fixture
+    def workspace(
+        request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> Path:
+        for name in others:
+            request.getfixturevalue(name)
+        shutil.copytree(request.getfixturevalue(run), tmp_path, dirs_exist_ok=True)
+        monkeypatch.chdir(tmp_path)
+        return tmp_path
+
+    return workspace

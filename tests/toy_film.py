@@ -14,14 +14,18 @@ import scipy
 
 from finloop.animate.arena import Tank, tank
 from finloop.animate.cast import Cast
+from finloop.animate.kinematics import Target
 from finloop.animate.motion import MotionStatistics, learn
 from finloop.animate.protocols import AnyPlayer
+from finloop.animate.shoal import swim
 from finloop.animate.world import World
 from finloop.base.settings import settings, values_of
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
+from finloop.edit.build import edit_list
 from finloop.edit.joins import joins
 from finloop.edit.schema import WHY
+from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph
@@ -192,7 +196,7 @@ def order(rate: float = RATE) -> Sprites:
 # --- a film to swim by
 
 
-def swum(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
+def arc_track(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
     """A track that turns by so many degrees from row to row, at a constant speed."""
     headings = heading + np.cumsum([0.0, *turns])
     angle = np.radians(headings)
@@ -234,11 +238,20 @@ def film_of(
     )  # fmt: skip
 
 
+def film_with_dead_ends() -> MotionGraph:
+    """Three tracks of 201 rows; each is joined to the others only in its beginning."""
+    pairs = loops(
+        *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
+        *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
+    )  # fmt: skip
+    return film_of(table_of(*(arc_track([rate] * 200) for rate in (4.0, -4.0, 0.0))), pairs)
+
+
 def rich(seed=0, heading=True):
     """Circles to both sides and straight lines, 150 rows each; loops between any of them."""
     rng = np.random.default_rng(seed)
     rates = (0.0, 2.0, -2.0, 4.0, -4.0, 7.0, -7.0, 0.5)
-    tracks = table_of(*(swum([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
+    tracks = table_of(*(arc_track([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
     ends = np.concatenate([150 * i + np.arange(4, 146, 6) for i in range(len(rates))])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 4) if abs(int(a) - b) > 12}
     if not heading:  # FILM: both fish of a loop must head alike
@@ -283,7 +296,9 @@ def gateways(features=None, every=7, seed=1) -> pd.DataFrame:
 def random_film(rng, most_rows=24):
     """A few short tracks with a few random loops, and perhaps a barred row."""
     lengths = rng.integers(2, 9, rng.integers(1, 5))
-    table = table_of(*(swum(rng.uniform(-30, 30, n - 1), rng.uniform(0, 360)) for n in lengths))
+    table = table_of(
+        *(arc_track(rng.uniform(-30, 30, n - 1), rng.uniform(0, 360)) for n in lengths)
+    )
     n = len(table)
     drawn = {tuple(sorted(rng.choice(n, 2, replace=False))) for _ in range(rng.integers(1, 7))}
     barred = rng.choice(n, rng.integers(0, 3))
@@ -310,6 +325,21 @@ def waters_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
 
 
 HULL = np.array([[20.0, 0], [-20, 5], [-20, -5]])
+
+
+@cache
+def crowd_player(overlap=False) -> Planner:
+    """A player of fish as wide as HULL, in a tank of ten lengths."""
+    arena = np.zeros((600, 800), bool)
+    arena[100:500, 200:600] = True
+    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=overlap))
+
+
+def narrow_tank() -> Tank:
+    """A tank with room for a few fish."""
+    arena = np.zeros((80, 130), bool)
+    arena[10:70, 10:120] = True
+    return tank(arena, 0.6 * LENGTH)
 
 
 def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
@@ -400,7 +430,7 @@ def bodies_of(film_: MotionGraph) -> Bodies:
     )  # fmt: skip
 
 
-def undecided() -> dict[str, None]:
+def empty_reasons() -> dict[str, None]:
     """The columns that say why, empty, as on most ticks of an edit list."""
     return dict.fromkeys(WHY)
 
@@ -410,3 +440,14 @@ def shoaling(zones: Zones) -> Shoaling:
     turn = np.exp(1j * np.random.default_rng(1).normal(0, 0.5, 200))
     own = SocialSteps(np.full(200, 0.2 + 0j), np.full(200, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
     return Shoaling(zones, own, 15, 10)
+
+
+def spot(x, y, touch=TOUCH, head=HEAD) -> Target:
+    """A place to swim to."""
+    return Target(float(x), float(y), touch, head)
+
+
+def edit_of(player, goals, ticks, seed) -> tuple[Swim, pd.DataFrame]:
+    """A swim, and its edit list."""
+    found = swim(player, goals, ticks, np.random.default_rng(seed))
+    return found, edit_list(found, ticks, player.sources)

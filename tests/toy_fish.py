@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.cutout import Cutout
+from finloop.edit.schema import WHY
 from finloop.tank.body import typical_width
 from finloop.tank.camera import Room
 from finloop.tank.fish import FishSurface
@@ -15,6 +16,19 @@ P, LENGTH = 33, 60.0
 S = np.linspace(0, 1, P)
 WIDTH = LENGTH * 0.1 * np.sqrt(np.abs(np.sin(np.pi * S**0.7))) * (1.05 - 0.75 * S)
 ROOM = Room(200, 150, 120, LENGTH)
+
+
+def mass_centre(alpha):
+    """The mass centre (x, y) of a grey picture."""
+    y, x = np.mgrid[: alpha.shape[0], : alpha.shape[1]]
+    return np.array([(alpha * x).sum(), (alpha * y).sum()]) / alpha.sum()
+
+
+def rough_picture(rng, height, width, channels):
+    """A premultiplied picture that is as rough as can be."""
+    alpha = rng.choice([0, 0, 60, 255, 255], (height, width, 1))
+    colour = np.rint(rng.random((height, width, channels - 1)) * alpha)
+    return np.concatenate([colour, alpha], axis=2).astype(np.uint8)
 
 
 def line(bend):
@@ -32,7 +46,7 @@ def outline(backbone, width):
     return np.vstack([backbone + left, (backbone - left)[::-1]])
 
 
-def filled(polygon, shape):
+def polygon_mask(polygon, shape):
     """A mask of a polygon, px of a picture."""
     mask = np.zeros(shape, np.uint8)
     cv2.fillPoly(mask, [np.rint(16 * polygon).astype(np.int32)], 255, cv2.LINE_AA, 4)
@@ -45,10 +59,9 @@ def toy(bends=(0.9, -0.5), backwards=(False, True)):
     for frame, (bend, back) in enumerate(zip(bends, backwards, strict=True)):
         local = line(bend)
         down = local * (1, -1) + (70.0 + 5 * frame, 40.0)
-        mask = filled(outline(down, WIDTH), (90, 120))
-        y, x = np.mgrid[:90, :120].astype(float)
-        mass = np.array([(mask * x).sum(), (mask * y).sum()]) / mask.sum()
-        left = filled(np.vstack([outline(down, WIDTH)[P:], down]), (90, 120)) > 0  # y is down
+        mask = polygon_mask(outline(down, WIDTH), (90, 120))
+        mass = mass_centre(mask.astype(float))
+        left = polygon_mask(np.vstack([outline(down, WIDTH)[P:], down]), (90, 120)) > 0  # y is down
         colours = np.where(left[..., None], [200, 30, 30], [30, 30, 200]) * (
             mask[..., None] / 255.0
         )
@@ -75,13 +88,18 @@ SPRITE = pd.DataFrame({
 
 
 def edit_list(n, **columns):
+    """An edit list of n ticks on the film's own pictures, every column as given."""
+    none = pd.array([pd.NA] * n, "Int32")
     usual = {
-        "kind": "frame", "source": 0, "orientation": pd.array([pd.NA] * n, "Int8"), "rotation_deg": 0.0, "scale": 1.0, "x_px": 90.0, "y_px": 75.0,
-        "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
-        "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "heading_deg": 0.0,
-        "mirrored": False, "partner_mirrored": False, "pose": None,
+        "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / 25, "kind": "frame", "source": 0,
+        "orientation": none.astype("Int8"), "rotation_deg": 0.0, "scale": 1.0, "x_px": 90.0,
+        "y_px": 75.0, "mirrored": False, "partner_kind": None, "partner": none,
+        "partner_orientation": none.astype("Int8"), "partner_rotation_deg": np.nan,
+        "partner_scale": np.nan, "partner_mirrored": False, "weight": 0.0, "pose": None,
+        "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "network",
+        "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
     }  # fmt: skip
-    return pd.DataFrame(usual | columns, index=range(n))
+    return pd.DataFrame(usual | dict.fromkeys(WHY) | columns, index=range(n))
 
 
 def fish_of(edit):
@@ -94,7 +112,7 @@ def fish_of(edit):
     return FishSurface(pose, place, skins, typical, LENGTH)
 
 
-def covered(fish, tick, shape):
+def fish_mask(fish, tick, shape):
     """What a fish covers, seen from above."""
     mask = np.zeros(shape, np.uint8)
     at = (fish.shape_at(tick)[0][..., :2] * (1, -1)).astype(np.float32)

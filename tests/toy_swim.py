@@ -24,7 +24,7 @@ def plain(film):
     return np.zeros((len(film.states), 1))
 
 
-def swum(count=3000, seed=0, tracks=1):
+def random_swimmer(count=3000, seed=0, tracks=1):
     """A fish (features, codes) whose bend and speed are autoregressive, and whose bend turns it."""
     rng = np.random.default_rng(seed)
     bend, speed = np.zeros(count), np.full(count, 1.5)

@@ -68,7 +68,7 @@ def read(frame):
     return json.loads(frame[4 : 4 + length]), picture
 
 
-def played(tank, ticks, fish=0):
+def played_rows(tank, ticks, fish=0):
     rows = []
     for _ in range(ticks):
         tank.advance()
