@@ -237,5 +237,5 @@ def _why_not(modes: Floats, share: Floats, why: str) -> str:
     terms = np.stack([np.ones(len(modes)), np.cos(slow), np.sin(slow)], axis=1)
     left = first - terms @ np.linalg.lstsq(terms, first, rcond=None)[0]
     if left @ left < 0.1 * (first @ first):
-        return f"the {len(modes)} frames hold at most about half a cycle"
+        return f"the {len(modes)} frames hold no more than about half a cycle"
     return f"at most in bursts: {why}" if share.max() >= _STEADY else "no frequency explains it"
