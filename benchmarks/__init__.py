@@ -1,1 +1,1 @@
-"""Speed, memory and accuracy, measured; never part of the tests. `make bench` runs all of it."""
+"""Benchmarks of speed, memory and accuracy, no part of the tests. `make bench` runs them all."""

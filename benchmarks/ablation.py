@@ -1,10 +1,10 @@
-"""What each part of the planner of mode `matching` is for: one after the other is taken out.
+"""Ablation of the planner of mode `matching`: it runs without one part after the other.
 
-`python -m benchmarks.ablation [--seeds 10] FOLDER …` takes working copies in which the pipeline was
-run, of a film each (none: the one that it is called in), and writes benchmarks/ablation.csv: goals
-met and the time to one, seams, steps, rests on the spot, repeats and motion beside the film's, and
-how nearly two paths are followed, with the standard deviations over the seeds. What differs from
-the whole planner by more than twice the standard error of the difference is named.
+`python -m benchmarks.ablation [--seeds 10] FOLDER …` takes working copies with a finished pipeline,
+one per film (default: the present folder), and writes benchmarks/ablation.csv: goals reached and
+the time to a goal, discontinuities, steps, rests, repeats, motion compared with the film, and the
+distance from two paths, with standard deviations over the seeds. The column `changes` names what
+differs from the whole planner by more than twice the standard error of the difference.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -47,7 +47,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "no correction on paths": {"path_max_correction_ratio": 0.0},
     "no cost of correction": {"path_correction_cost": 0.0},
 }
-"""What is taken out, and the parameters and constants that do so."""
+"""The parts, and the parameters and constants that remove each."""
 GOALS, SECONDS, TRIALS = 3, 60.0, 2
 MEASURES = {
     "goals_reached_pct": "goals", "time_to_goal_median_s": "time_s", "seam_ratio_p95": "seams",
@@ -59,7 +59,7 @@ MEASURES = {
 
 
 def shapes() -> dict[str, Line]:
-    """Return a circle at the fish's own pace, and an eight with times, in shares of the tank."""
+    """Return a circle without times and an eight with times, in shares of the tank."""
     turn = np.linspace(0, 2 * np.pi, 300)
     circle = Line("circle", 0.5 + 0.3 * np.cos(turn), 0.5 + 0.25 * np.sin(turn), TANK, closed=True)
     eight = Line(
@@ -70,9 +70,9 @@ def shapes() -> dict[str, Line]:
 
 
 def measure_seed(job: tuple[str, int]) -> dict[str, float] | str:
-    """Return the measures of the film in the present folder, with one part taken out.
+    """Return the measures of the film in the present folder, without one part of the planner.
 
-    job: the part, and the seed. Where nothing can be played, why.
+    `job` is the part and the seed. If planning fails, the result is the reason.
     """
     try:
         return _measure_seed(*job)
@@ -103,7 +103,7 @@ def _measure_seed(part: str, seed: int) -> dict[str, float]:
 
 
 def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
-    """Return how far beside two paths a fish swims, RMS in body lengths."""
+    """Return the RMS distances of a fish from two paths, in body lengths."""
     world, ticks, made = plans.world, round(30 * plans.world.motion.rate_hz), {}
     for name, line in shapes().items():
         path = lay(line, world.tank, world.motion, None)
@@ -116,7 +116,7 @@ def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
 
 
 def film_table(film: str, seeds: int) -> pd.DataFrame:
-    """Return a row for each part that is taken out, of the film in the present folder."""
+    """Return a row for each removed part, for the film in the present folder."""
     jobs = [(part, seed) for part in PARTS for seed in range(seeds)]
     found = list(ordered_map(measure_seed, jobs, Processes(2)))
     rows, whole = [], pd.DataFrame()

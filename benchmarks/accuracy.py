@@ -35,7 +35,7 @@ COLUMNS = {
 
 
 def main(quick: bool = False) -> None:
-    """Run every film through the pipeline and print what was measured."""
+    """Run the pipeline on every film and print the accuracy."""
     rows = {}
     with tempfile.TemporaryDirectory() as scratch:
         for name, overrides in FILMS.items():

@@ -1,9 +1,9 @@
 """Speed of planning: ticks per second, beside the copy of one frame through memory.
 
-`python -m benchmarks.animate` swims a drawn carp in every mode and writes benchmarks/animate.csv. A
-tick costs its share of deciding, moving and writing the edit list; the limit is what a player
-cannot do without, to copy one 1280×720 frame. Both are run in turn, and the median of the pairwise
-ratios is given.
+`python -m benchmarks.animate` animates a drawn carp in every mode and writes
+benchmarks/animate.csv. A tick costs its share of deciding, moving and writing the edit list. The
+limit is the least work of a player: to copy one 1280×720 frame. Both run in turn, and the table
+has the median of the pairwise ratios.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -25,7 +25,7 @@ from finloop.project import Project
 from stages.all_modes import open_modes
 
 TICKS, COPIES = 20_000, 500
-MODES = "modes-"  # stages that are not run, but brought together here
+MODES = "modes-"  # these stages do not run here: `open_modes` replaces them
 STAGES = [one for one in data_stages(["animate"]) if one != "animate" and not one.startswith(MODES)]
 
 

@@ -1,7 +1,7 @@
 """Speed of learning the motion model: the paper's 200 epochs on 4480 rows (70 s there, Table 2).
 
-`python -m benchmarks.bpn` prints the table and writes benchmarks/bpn.csv. Beside it, in turn in the
-same run: the same steps by torch's own autograd and SGD, the usual way.
+`python -m benchmarks.bpn` prints the table and writes benchmarks/bpn.csv. The peer, in turn in the
+same run, is the usual way: the same steps by torch's autograd and SGD.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -23,19 +23,19 @@ PEER_EPOCHS = 2  # autograd is slow; both sides of its pair run this many
 
 
 def rows(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Made-up inputs and outputs: what they are does not change the time."""
+    """Return random inputs and outputs: their values do not change the time."""
     rng = np.random.default_rng(count)
     inputs = rng.uniform([0, -1, 0, -90], [1, 1, 2, 90], (count, 4))
     return inputs, np.column_stack([inputs[:, 0], inputs[:, 1].round()])
 
 
 def ours(how: BpnSettings) -> None:
-    """What the stage does for one split: learning, with the errors after each epoch."""
+    """Train on one split as the stage does, with the errors after each epoch."""
     train(*rows(ROWS), rows(HELD_OUT), how, 0.2, np.random.default_rng(0))
 
 
 def autograd(how: BpnSettings) -> None:
-    """The same network and rule by torch.autograd and torch.optim.SGD."""
+    """Train the same network by the same rule with torch.autograd and torch.optim.SGD."""
     rng = np.random.default_rng(0)
     weights = torch.from_numpy(new_weights(how.hidden_units, rng)).requires_grad_()
     first, second = layers(weights)

@@ -1,9 +1,9 @@
-"""`extract` by workers of Dask: its time beside processes, and its bytes when workers are killed.
+"""`extract` by workers of Dask: its time against processes, and its bytes when workers are killed.
 
-`python -m benchmarks.cluster` extracts the zebrafish by two processes and by two workers of Dask (a
-scheduler and workers that run already; then those of `cluster=local`, begun and ended by the
-stage), and compares the bytes. Then, of drawn carp, 20 times a random worker is killed with -9, at
-frames drawn from a seed. Wants the extra `cluster`; writes benchmarks/cluster.csv.
+`python -m benchmarks.cluster` extracts the zebrafish by two processes and by two workers of Dask,
+and compares the bytes. The scheduler and workers run already, or the stage starts and ends them
+(`cluster=local`). Then, on drawn carp, signal 9 kills 20 times a random worker, at frames drawn
+from a seed. Needs the extra `cluster`; writes benchmarks/cluster.csv.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -38,12 +38,12 @@ FILM = ["clip=zebrafish"]
 CARP = ["clip=carp", "clip.frames=1920", "clip.width_px=320", "clip.height_px=240",
         "clip.body_length_px=70", "clip.colour=false"]  # fmt: skip
 PAIRS, KILLS, SEED = 3, 20, 1
-SHORT = 24  # frames of a piece while workers are killed, for more pieces than kills
+SHORT = 24  # frames of a piece while workers are killed: more pieces than kills
 PORT = 18786
 
 
 def content(folder: Path) -> dict[str, str]:
-    """The files of a folder with their digests."""
+    """Return the digests of the files of a folder, by name."""
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
 
 
@@ -60,7 +60,7 @@ def processor_times(processes: list[psutil.Process]) -> dict[int, float]:
 
 
 def time_extract(folder: Path, others: list[psutil.Process]) -> tuple[float, float]:
-    """Return the seconds of `extract`, and processor seconds of it, its workers and `others`."""
+    """Return the seconds of `extract`, and the processor seconds of all its processes."""
     before, last = processor_times(others), dict[int, float]()
     start = time.perf_counter()
     command = [sys.executable, "-m", "stages.extract"]
@@ -75,7 +75,7 @@ def time_extract(folder: Path, others: list[psutil.Process]) -> tuple[float, flo
 
 @contextmanager
 def scheduler() -> Iterator[list[psutil.Process]]:
-    """Dask's scheduler and two workers, as docs/cluster.md starts them."""
+    """Run Dask's scheduler and two workers as docs/cluster.md does; yield the processes."""
     address = f"tcp://127.0.0.1:{PORT}"
     quiet = {"env": environment(), "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     dask = [sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", str(PORT)]
@@ -93,7 +93,7 @@ def scheduler() -> Iterator[list[psutil.Process]]:
 
 
 def times(folder: Path) -> pd.DataFrame:
-    """Seconds of `extract`, and of processors, by who works; the bytes are compared."""
+    """Return seconds and processor seconds of `extract`, by kind of workers; compare the bytes."""
     wheres = {
         "2 processes": [],
         "2 workers of Dask": [f"cluster.scheduler_address=tcp://127.0.0.1:{PORT}"],
@@ -103,13 +103,13 @@ def times(folder: Path) -> pd.DataFrame:
     prepare(folder, FILM)
     stage(folder, "clip")
     with scheduler() as others:
-        for _ in range(PAIRS + 1):  # the first is not counted: it compiles, and workers import
+        for _ in range(PAIRS + 1):  # the first run does not count: it compiles, and workers import
             for name, where in wheres.items():
                 prepare(folder, [*FILM, *where])
                 rows.append((name, *time_extract(folder, others)))
                 made.append(content(folder / "data/extract"))
     if any(one != made[0] for one in made):
-        raise SystemExit("other bytes")
+        raise SystemExit("the bytes differ")
     table = pd.DataFrame(rows[len(wheres) :], columns=["by", "wall_s", "processor_s"])
     table["pair"] = np.repeat(np.arange(PAIRS), len(wheres))
     first = table[table["by"] == "2 processes"].set_index("pair")
@@ -119,19 +119,19 @@ def times(folder: Path) -> pd.DataFrame:
 
 
 def extract_with_kills(
-    folder: Path, out: Path, crew: Workers, there: Callable[[], set[int]], kills: int
+    folder: Path, out: Path, pool: Workers, there: Callable[[], set[int]], kills: int
 ) -> int:
     """Run `extract` while workers are killed at random frames; return how many were killed.
 
-    there: the ids of the workers' processes. One that has only just begun is left: Dask gives up a
-    place whose worker ends while it begins.
+    `there` returns the ids of the workers' processes. A new worker is spared: Dask gives up a place
+    if its worker ends while it starts.
     """
     clip = folder / "data/clip"
     rng = np.random.default_rng(SEED)
     frames = load_facts(clip / FACTS_NAME).frames
     moments = sorted(rng.choice(frames - 4 * SHORT, kills, replace=False).tolist(), reverse=True)
     count = done = 0
-    before: set[int] = set()  # there when a piece ended
+    before: set[int] = set()  # workers at the end of the last piece
 
     def advance() -> None:
         nonlocal count, done, before
@@ -144,31 +144,31 @@ def extract_with_kills(
             before = there()
 
     out.mkdir()
-    extract(clip, load("extract"), out, crew, advance)
+    extract(clip, load("extract"), out, pool, advance)
     return count
 
 
 def compare_killed_runs(folder: Path) -> list[tuple[str, int, bool]]:
-    """Return, for each kind of workers: its name, the kills, whether the bytes stay the same."""
+    """Return, for each kind of workers, its name, the kills, and whether the bytes stay equal."""
     film._STRETCH = SHORT
     prepare(folder, CARP)
     stage(folder, "clip")
     stage(folder, "extract")
-    told: list[tuple[str, int, bool]] = []
+    results: list[tuple[str, int, bool]] = []
     for name, where in {"2 processes": [], "cluster=local": ["cluster=local"]}.items():
         prepare(folder, [*CARP, *where])
-        with chdir(folder), workers(WORKERS_NEED) as crew:
+        with chdir(folder), workers(WORKERS_NEED) as pool:
 
-            def worker_ids(crew: Workers = crew) -> set[int]:
-                if client := getattr(crew, "client", None):
+            def worker_ids(pool: Workers = pool) -> set[int]:
+                if client := getattr(pool, "client", None):
                     return {*client.run(os.getpid, on_error="ignore").values()}
                 return {one.pid for one in multiprocessing.active_children() if one.pid}
 
-            out = folder / f"out-{len(told)}"
-            count = extract_with_kills(folder, out, crew, worker_ids, KILLS)
-        told.append((name, count, content(out) == content(folder / "data/extract")))
-        print(f"{name}: {count} workers killed; the same bytes: {told[-1][2]}", flush=True)
-    return told
+            out = folder / f"out-{len(results)}"
+            count = extract_with_kills(folder, out, pool, worker_ids, KILLS)
+        results.append((name, count, content(out) == content(folder / "data/extract")))
+        print(f"{name}: {count} workers killed; the same bytes: {results[-1][2]}", flush=True)
+    return results
 
 
 def main() -> None:
@@ -179,7 +179,7 @@ def main() -> None:
         print(table.to_string(index=False))
         table.to_csv(ROOT / "benchmarks/cluster.csv", index=False)
         if not all(same for _, _, same in compare_killed_runs(folder)):
-            raise SystemExit("other bytes")
+            raise SystemExit("the bytes differ")
 
 
 if __name__ == "__main__":

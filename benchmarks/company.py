@@ -1,12 +1,11 @@
-"""Whether fish of one tank keep clear of each other, and what that costs them.
+"""Collision avoidance of several fish in the live tank, and its costs.
 
-`python -m benchmarks.company FOLDER …` takes working copies in which the pipeline was run, of a
-film each (none: the one that it is called in), and writes benchmarks/company.csv. Eight fish, or as
-many as there is room for, swim in the live tank for a minute of film, each to a random place and
-at once to the next: clear of each other, and with `matching.overlap=true`. Outlines are those of
-the pictures, at the heading that is planned, without what joins still bend and turn. A fish that
-moves less than a twentieth of a body length in a second is still. Beside it stands what the animals
-of the film do.
+`python -m benchmarks.company FOLDER …` takes working copies with a finished pipeline, one per film
+(default: the present folder), and writes benchmarks/company.csv. Eight fish, or as many as the tank
+holds, swim in the live tank for a minute of film, each from one random place to the next: with
+collision avoidance, and with `matching.overlap=true`. Outlines are those of the pictures at the
+planned heading, without the bends and turns of transitions. A fish is still if it moves less than a
+twentieth of a body length in a second. The filmed animals have a row of their own.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -30,7 +29,7 @@ FISH, SECONDS, STILL = 8, 60.0, 0.05
 
 
 def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, float]:
-    """Distances (k,) to the nearest, and how still; speeds (ticks, n), NaN unknown.
+    """Summarize distances (k,) to the nearest fish and speeds (ticks, n), NaN unknown.
 
     All in body lengths.
     """
@@ -48,10 +47,10 @@ def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, f
 
 def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
     """Return overlaps, goals, distances and speeds of animated fish, as a row of the table."""
-    waters, player = plans.world, plans.player
-    length, rate = waters.motion.body_length_px, waters.motion.rate_hz
+    world, player = plans.world, plans.player
+    length, rate = world.motion.body_length_px, world.motion.rate_hz
     tank, rng = LiveTank({MODE: player}, MODE, FISH, 0), np.random.default_rng(1)
-    y, x = np.nonzero(waters.tank.legal)
+    y, x = np.nonzero(world.tank.legal)
     count, ticks = len(tank.fish), round(SECONDS * rate)
     places, near, met, reached, took = np.empty((ticks, count, 2)), [], 0, 0, 0.0
     for tick in range(ticks):
@@ -71,7 +70,7 @@ def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
     speeds = np.hypot(*np.diff(places, axis=0).transpose(2, 0, 1)) / length * rate
     distances = np.concatenate([np.zeros(0), *near])
     return {
-        "mode": MODE, "overlap": waters.settings.overlap, "fish": count,
+        "mode": MODE, "overlap": world.settings.overlap, "fish": count,
         "overlapping_pairs_per_1000_ticks": 1000 * met / ticks,
         "goals_per_fish_min": reached / count / SECONDS * 60,
         **summary(distances, speeds, rate), "real_times": ticks / rate / took,
@@ -79,7 +78,7 @@ def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
 
 
 def measure_film(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
-    """Return distances and speeds of the filmed animals; touching outlines stay unseparated."""
+    """Return distances and speeds of the filmed animals, as a row of the table."""
     length = typical_length(features).to_numpy(float)
     places = features[["x_px", "y_px"]].to_numpy(float)
     step = np.hypot(*np.diff(places, axis=0, append=np.nan).T) / length * rate_hz
@@ -90,7 +89,7 @@ def measure_film(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """Return what is swum of the film in the present folder."""
+    """Yield the rows of the film in the present folder."""
     p = settings_without_path()
     with Project() as project:
         made = material(project, p)

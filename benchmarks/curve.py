@@ -1,8 +1,8 @@
 """Speed and error of the wavelet curves: against PyWavelets, scipy's integrator, a sparse product.
 
-`python -m benchmarks.curve` prints the tables and writes benchmarks/curve.csv. Ratios are of runs
-in turn. The exact solution is that of a bent hoop of 1024 points; peers get sparse K in the φ
-basis. Round trips, off-diagonal energies and the error of every method are figures, not times.
+`python -m benchmarks.curve` prints the tables and writes benchmarks/curve.csv. Ratios come from
+runs in turn. The exact solution is that of a bent hoop of 1024 points; peers get sparse K in the φ
+basis. Round trips, off-diagonal energies and the errors of all methods are printed only.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -34,7 +34,7 @@ WAVELETS = ("db3", "db4", "db6", "sym8", "coif1", "coif2", "coif5")
 
 
 def loop(points: NDArray, wavelet: pywt.Wavelet) -> list[list[NDArray]]:
-    """PyWavelets, one curve and one coordinate at a time."""
+    """Transform by PyWavelets, one curve and one coordinate at a time."""
     return [
         pywt.wavedec(column, wavelet, mode="periodization", level=LEVELS)
         for curve in points
@@ -43,11 +43,12 @@ def loop(points: NDArray, wavelet: pywt.Wavelet) -> list[list[NDArray]]:
 
 
 def loop_back(coefficients: list[list[NDArray]], wavelet: pywt.Wavelet) -> list[NDArray]:
+    """Invert `loop`."""
     return [pywt.waverec(one, wavelet, mode="periodization") for one in coefficients]
 
 
 def transforms() -> list[tuple[str, float, float, float]]:
-    """Rows of the table of speed; the worst round trip is printed."""
+    """Return the rows of the table on transforms; print the worst round trip."""
     points = np.random.default_rng(0).normal(size=(CURVES, POINTS, 2))
     rows, worst = [], 0.0
     for name in ("db4", "coif2", "bior4.4"):
@@ -98,6 +99,7 @@ def integrate_with_scipy(problem: Problem) -> NDArray:
 
 
 def change_basis(k: csr_array, basis: csr_array) -> csr_array:
+    """Return K in another basis by two sparse products."""
     return basis @ k @ basis.T
 
 

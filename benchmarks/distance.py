@@ -1,9 +1,9 @@
 """Speed of the distance maps: against the bare matrix product, scipy, and one pair at a time.
 
 `python -m benchmarks.distance` prints the tables and writes benchmarks/distance.csv. Pictures are
-made up; the mix of orientations and types is such that Eq. 7 alone skips what it does in the
-paper's Table 1, 94.4 % of all pairs. Ratios are of runs in turn; the two slow peers are measured
-once, on a part of the map, and their times are scaled to all of it.
+random; the mix of orientations and types makes Eq. 7 alone skip 94.4 % of all pairs, as in the
+paper's Table 1. Ratios come from runs in turn. The two slow peers run once, on a part of the map,
+and their times are scaled to the whole map.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -30,12 +30,12 @@ FRAMES, LONG, SIZE, CHANNELS, THRESHOLD = 4480, 20000, 64, 2, 0.1
 SKIPPED = 0.944  # of all pairs, by orientation and swimming type (Table 1)
 TYPES = np.array([0.62, 0.20, 0.18])  # straight, left, right
 ORIENTATIONS = 24
-PART = 0.02  # of the frames are given to the slow peers
-LEAST = LONG * SIZE**2 * CHANNELS * 4 / 2**30  # GiB, the pictures of the long film
+PART = 0.02  # share of the frames for the slow peers
+LEAST = LONG * SIZE**2 * CHANNELS * 4 / 2**30  # GiB of the pictures of the long film
 
 
 def shares() -> NDArray[np.float64]:
-    """Of 24 × 3 kinds; Σ share² = 1 − SKIPPED, the orientations falling geometrically."""
+    """Return the shares of 24 × 3 kinds, geometric in the orientation, Σ share² = 1 − SKIPPED."""
     low, high = 0.5, 1.0
     while high - low > 1e-12:
         fall = (low + high) / 2
@@ -46,7 +46,7 @@ def shares() -> NDArray[np.float64]:
 
 
 def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], Ints, Floats]:
-    """Pictures (n, SIZE, SIZE, CHANNELS), kinds, areas; `mixed` False: only the three types."""
+    """Return random pictures (n, SIZE, SIZE, CHANNELS), kinds and areas; not `mixed`: 3 kinds."""
     rng = np.random.default_rng(frames)
     pictures = rng.random((frames, SIZE, SIZE, CHANNELS), np.float32)
     share = shares() if mixed else TYPES
@@ -62,14 +62,14 @@ def pairs_by_kind(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd
 
 
 def peak_gib(frames: int, mixed: bool) -> float:
-    """Peak resident memory of the grouped way in a process of its own, in GiB."""
+    """Return the peak resident memory of `pairs_by_kind` in a process of its own, in GiB."""
     call = f"pairs_by_kind(*film({frames}, {mixed}))"
     code = f"from benchmarks.distance import film, pairs_by_kind; {call}"
     return peak_mib(ROOT, "-c", code) / 1024
 
 
 def loop(pictures: NDArray[np.float32]) -> list[float]:
-    """Eq. 5 pair by pair."""
+    """Return Eq. 5 pair by pair."""
     return [
         float(np.linalg.norm(one - other))
         for number, one in enumerate(pictures)

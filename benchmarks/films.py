@@ -1,9 +1,9 @@
-"""Films as people have them, with no parameter but the path, from the film to `render`.
+"""The pipeline up to `render` on various films, with no parameter but the path.
 
-`python -m benchmarks.films [FILM …]` draws carp as a quick, a slow, a flickering, a shaking, a
-short, a large and a small film, and runs the pipeline on each of them and on the films that are
-given. How well each ends is written into films.csv, in place of what that said of the same film; of
-one that fails, why. `--realism` asks for that stage, too.
+`python -m benchmarks.films [FILM …]` draws carp as a fast, a slow, a flickering, a shaking, a
+short, a large and a small film, and runs the pipeline on each of them and on the given films.
+films.csv gets a row per film, which replaces the film's old row; a failed film has the reason.
+`--realism` runs that stage, too.
 """
 
 import argparse
@@ -44,8 +44,8 @@ _RATE = 25
 _TABLE = ROOT / "benchmarks/films.csv"
 
 
-def spoilt(name: str, pictures: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-    """The pictures of a film, in a light that flickers or from a camera that shakes."""
+def disturb(name: str, pictures: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
+    """Yield the pictures of a film with flickering light or from a shaking camera."""
     rng = np.random.default_rng(0)
     for picture in pictures:
         if "flickers" in name:
@@ -55,9 +55,9 @@ def spoilt(name: str, pictures: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
 
 
 def overrides(name: str, folder: Path) -> list[str]:
-    """What is given of a drawn film: the drawing, or the path of a file that is written here.
+    """Return the overrides of a drawn film; write the file of a disturbed film.
 
-    Beside that file lies the truth, of the film before it was spoilt.
+    The truth of the undisturbed film lies beside that file.
     """
     values = DRAWN[name]
     if "flickers" not in name and "shakes" not in name:
@@ -72,15 +72,15 @@ def overrides(name: str, folder: Path) -> list[str]:
             yield np.asarray(picture)
 
     with VideoWriter(path, carp.width_px, carp.height_px, Fraction(_RATE), carp.colour) as writer:
-        for picture in spoilt(name, pictures()):
+        for picture in disturb(name, pictures()):
             writer.write(picture)
     save_table(path.with_name(TRUTH_NAME), pd.DataFrame(truth), TRUTH)
     return file_overrides(path)
 
 
 def file_overrides(path: Path) -> list[str]:
-    """The overrides of a film of this path, as Hydra reads them."""
-    # `${` would begin the name of another value; only the backslashes right before it count twice.
+    """Return the overrides for a film at this path, as Hydra reads them."""
+    # `${` begins the name of another value; only the backslashes right before it count twice.
     name = re.sub(r"(\\*)\$\{", r"\1\1\\${", str(path.resolve()))
     return ["clip=file", f"clip.path={QuotedString(name, Quote.double).with_quotes()}"]
 
@@ -93,27 +93,27 @@ def run_pipeline(folder: Path, overridden: list[str], last: list[str]) -> dict[s
         numbers[word] = stage(folder, word)
         if word == "clip" and (truth := folder / TRUTH_NAME).is_file():
             shutil.copyfile(truth, folder / "data/clip" / TRUTH_NAME)  # `features` compares with it
-    features, swum = numbers["features"], numbers["animate"]
+    features, animated = numbers["features"], numbers["animate"]
     row = {
         "rows": features["fish_frames"],
         "delta_s": features["delta_s"],
         "heading_error_median_deg": features.get("truth_heading_error_median_deg"),
         "head_tail_swaps": features.get("truth_head_tail_swaps"),
         "heading_off_travel_median_deg": features.get("heading_off_travel_median_deg"),
-        "film_share_pct": swum["matching_film_pct"],
+        "film_share_pct": animated["matching_film_pct"],
         "video": (folder / "data/render/hybrid.mp4").is_file(),
     }
     for mode in MODES:
         for name in ("trials_goals_reached_pct", "seam_ratio_p95", "steps_above_film_p995_pct",
                      "longest_exact_repeat_s", "frames_outside"):  # fmt: skip
-            row[f"{mode}_{name}"] = swum.get(f"{mode}_{name}")
+            row[f"{mode}_{name}"] = animated.get(f"{mode}_{name}")
         if "realism" in numbers:
             row[f"{mode}_auc"] = numbers["realism"].get(f"{mode}_auc")
     return row
 
 
 def keep(row: pd.DataFrame) -> None:
-    """Write the row of a film into the table, in place of the one that it has."""
+    """Write the row of a film into the table, in place of its old row."""
     if _TABLE.is_file():
         table = pd.read_csv(_TABLE)
         row = pd.concat([table[table["film"] != row["film"].iloc[0]], row], ignore_index=True)
@@ -121,28 +121,28 @@ def keep(row: pd.DataFrame) -> None:
 
 
 def keys(films: Sequence[str]) -> list[str]:
-    """The names of films in the table: file names without suffix; paths where these are alike."""
+    """Return the names of films in the table: file names without suffix, or paths if not unique."""
     stems = Counter(Path(film).stem for film in films)
     return [Path(film).stem if stems[Path(film).stem] == 1 else film for film in films]
 
 
 def arguments(line: Sequence[str] | None = None) -> argparse.Namespace:
-    """The command line. It ends with a message if a film is not there, or not one of the drawn."""
+    """Parse the command line; exit with a message if a film is missing or unknown."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("films", nargs="*")
-    parser.add_argument("--realism", action="store_true", help="a classifier looks at each, too")
-    parser.add_argument("--only", nargs="*", default=list(DRAWN), help="of the drawn films")
-    parser.add_argument("--keep", type=Path, help="a folder to work in, which stays")
+    parser.add_argument("--realism", action="store_true", help="also run the stage realism")
+    parser.add_argument("--only", nargs="*", default=list(DRAWN), help="only these drawn films")
+    parser.add_argument("--keep", type=Path, help="a working folder, which is kept")
     args = parser.parse_args(line)
     if strange := [name for name in args.only if name not in DRAWN]:
-        parser.error(f"--only {strange}: no drawn films; these are: {list(DRAWN)}")
+        parser.error(f"--only {strange}: unknown drawn films; choose from {list(DRAWN)}")
     if absent := [film for film in args.films if not Path(film).is_file()]:
         parser.error(f"no such files: {absent}")
     return args
 
 
 def message(error: BaseException) -> str:
-    """A line that says why a film failed: what the stage says of it, else the last one."""
+    """Return a line with the reason of a failure: the stage's message, else the last line."""
     lines = (str(error).strip() or repr(error)).splitlines()
     own = [line.removeprefix("finloop: ") for line in lines if line.startswith("finloop: ")]
     return (own or lines)[-1]
@@ -151,9 +151,9 @@ def message(error: BaseException) -> str:
 def results(
     films: Sequence[tuple[str, list[str] | None]], folder: Path, last: list[str]
 ) -> Iterator[dict[str, Any]]:
-    """A row for every film: its key, and its overrides, None for a drawn one, which is the key.
+    """Yield a row for every film, given its key and overrides, None for a drawn film.
 
-    A film that fails has its message under `failed` alone, and the next one begins.
+    A failed film only has its message under `failed`, and the next film begins.
     """
     for number, (key, overridden) in enumerate(films):
         place = folder / f"film-{number}"
@@ -161,14 +161,14 @@ def results(
         row = {"film": key if overridden else f"drawn carp, {key}"}
         try:
             row |= run_pipeline(place, overridden or overrides(key, place), last)
-        except (Exception, SystemExit) as error:  # whatever it is, the other films are run
+        except (Exception, SystemExit) as error:  # the other films run anyway
             print(error, file=sys.stderr)
             row["failed"] = message(error)
         yield row
 
 
 def main() -> None:
-    """Run, print, write. Exits with 1 where a film failed."""
+    """Run, print, write; exit with 1 if a film failed."""
     args = arguments()
     last = ["animate", "render", *(["realism"] if args.realism else [])]
     own = zip(keys(args.films), (file_overrides(Path(film)) for film in args.films), strict=True)

@@ -1,22 +1,22 @@
-"""Whose tracks are whose: finloop beside idtracker.ai 6.0.14, on its own clips and on drawn carp.
+"""Identity tracking: finloop and idtracker.ai 6.0.14, on the latter's clips and on drawn carp.
 
 `python -m benchmarks.identities [--environment FOLDER | --alone] [--films A B drawn-1 …]`
 
-idtracker.ai runs from its command line in an environment of its own, which pip makes unless
-`--environment` names one that has it; `--alone` leaves it out. Clips A and B are those of its
-wheel, eight zebrafish each; the drawn films show five carp that swim through one another for a
-minute, with the truth.
+idtracker.ai runs from its command line in an environment of its own. pip makes it unless
+`--environment` names one that contains it; `--alone` omits it. Clips A and B come from its wheel,
+eight zebrafish each. The drawn films show five carp that swim through one another for a minute,
+with the truth.
 idtracker.ai gets the number of animals, the tank, and the thresholds of its own example and test;
 finloop gets the path. Both write the place and the animal of every fish-frame. A switch is a change
-of the animal that a program sees in a fish, between two of its places that are beyond doubt: of the
-true fish of a drawn film; of clips A and B, whose truth nobody knows, of the other program's.
+of the animal that a program assigns to a fish, between two unambiguous places. The fish is the true
+fish of a drawn film; clips A and B have no truth, so there it is the other program's.
 
-On a processor idtracker.ai's default, contrastive learning, takes hours of a clip:
-`--idtracker "--disable_contrastive true"` asks for what its version 5 did, and the table says so.
-With OMP_NUM_THREADS=1 that takes three quarters of an hour of clip A.
+On a processor idtracker.ai's default, contrastive learning, takes hours per clip.
+`--idtracker "--disable_contrastive true"` selects the method of its version 5, and the table shows
+this. With OMP_NUM_THREADS=1 clip A then takes three quarters of an hour.
 
-Results: identities.csv, a row for each film and program, in place of what it said of that film; and
-in the folder `--keep` disagreements.csv, every switch with its frames and place.
+Results: identities.csv, a row for each film and program, which replaces the old row; and in the
+folder `--keep` disagreements.csv, every switch with its frames and place.
 """
 
 import argparse
@@ -50,38 +50,34 @@ from finloop.io.table import save_csv
 from finloop.io.wheel import PACKAGE, TANK_PX, cache_folder, zebrafish_clips
 from finloop.project import Project
 
-# PyTorch and torchvision are wanted by the package, which leaves their choice to its user.
+# The package needs PyTorch and torchvision, but does not install them.
 PACKAGES = (PACKAGE, "torch", "torchvision")
 TABLE = ROOT / "benchmarks/identities.csv"
 FISH, RATE = 5, 25  # of a drawn film
-_TOUCH, _TWICE = 0.5, 2.0  # body lengths; how much farther the next animal must be
+_TOUCH, _TWICE = 0.5, 2.0  # body lengths; least ratio of the next animal's distance
 
 
 @dataclass(frozen=True)
 class Film:
-    """A film, how each program is asked for it, and its truth, if it is known.
-
-    box: left, top, width, height of the tank, px; dark: the brightest level of an animal; least_px:
-    the least area of one; truth: frame, animal, x_px, y_px.
-    """
+    """A film, the settings of each program for it, and its truth, if known."""
 
     path: Path
     overrides: list[str]
     animals: int
-    box: tuple[int, int, int, int]
-    dark: int
-    least_px: int
-    truth: pd.DataFrame | None = None
+    box: tuple[int, int, int, int]  # left, top, width, height of the tank, px
+    dark: int  # brightest level of an animal
+    least_px: int  # least area of an animal
+    truth: pd.DataFrame | None = None  # frame, animal, x_px, y_px
 
 
 def zebrafish(part: str, dark: int, least_px: int) -> Film:
-    """A clip of the package."""
+    """Return a clip of the package."""
     (path,) = zebrafish_clips([part], cache_folder())
     return Film(path, ["clip=zebrafish", f"clip.parts={part}"], 8, TANK_PX, dark, least_px)
 
 
 def carp(seed: int, folder: Path) -> Film:
-    """Carp that know nothing of each other, so that they swim through one another."""
+    """Draw carp that ignore each other, and so swim through one another."""
     p = settings(
         "clip", source="carp", frames=60 * RATE, fish=FISH, width_px=480, height_px=360,
         body_length_px=60.0, frame_rate_hz=float(RATE), colour=False, seed=seed,
@@ -98,7 +94,7 @@ def carp(seed: int, folder: Path) -> Film:
 
 
 def crossing(p: Carp) -> CarpMotion:
-    """Poses of carp of which each swims as if it were alone."""
+    """Return the poses of carp that each swim as if alone."""
     room = room_of(p.width_px, p.height_px, p.body_length_px)
     streams = np.random.default_rng(p.seed).spawn(p.fish)
     alone = [
@@ -120,7 +116,7 @@ _PLACE = ["x_px", "y_px"]
 
 
 def environment(folder: Path) -> Path:
-    """The environment of idtracker.ai; made there if it is not."""
+    """Return the environment of idtracker.ai; install it if missing."""
     if not command(folder).exists():
         venv.create(folder, with_pip=True)
         python = command(folder).with_name("python")
@@ -129,15 +125,15 @@ def environment(folder: Path) -> Path:
 
 
 def command(environment: Path) -> Path:
-    """The program of that environment."""
+    """Return the path of idtracker.ai's program in its environment."""
     return environment / "bin/idtrackerai"
 
 
 def idtracker(one: Film, folder: Path, environment: Path, own: Sequence[str]) -> pd.DataFrame:
-    """The places that idtracker.ai gives animals; `own`: further words for its command line."""
+    """Track by idtracker.ai, with `own` additional arguments; return frame, animal, x_px, y_px."""
     left, top, width, height = map(float, one.box)
     right, low = left + width, top + height
-    asked = {
+    options = {
         "name": "film",
         "video_paths": [str(one.path)],
         "output_dir": str(folder),
@@ -149,14 +145,14 @@ def idtracker(one: Film, folder: Path, environment: Path, own: Sequence[str]) ->
         "trajectories_formats": ["npy"],
     }  # fmt: skip
     toml = folder / "film.toml"
-    text = "\n".join(f"{key} = {value!r}" for key, value in asked.items())
+    text = "\n".join(f"{key} = {value!r}" for key, value in options.items())
     toml.write_text(text, encoding="utf-8")
-    told = os.environ | {"IDTRACKERAI_DISABLE_ANALYTICS": "1", "QT_QPA_PLATFORM": "offscreen"}
+    variables = os.environ | {"IDTRACKERAI_DISABLE_ANALYTICS": "1", "QT_QPA_PLATFORM": "offscreen"}
     line = [str(command(environment)), "--load", str(toml), "--track", *own]
     with (folder / "log.txt").open("w", encoding="utf-8") as log:
-        subprocess.run(line, cwd=folder, env=told, stdout=log, stderr=log, check=False)
+        subprocess.run(line, cwd=folder, env=variables, stdout=log, stderr=log, check=False)
     session = folder / "session_film"
-    if not (session / "trajectories").is_dir():  # its status says nothing: 1 after a success, too
+    if not (session / "trajectories").is_dir():  # its exit status is 1 even after a success
         raise SystemExit(f"idtracker.ai made no trajectories of {one.path}; see {folder}/log.txt")
     poses = load_poses(session, "idtracker.ai", RATE)
     places = pd.DataFrame(poses.places[:, 0], columns=_PLACE)
@@ -164,7 +160,7 @@ def idtracker(one: Film, folder: Path, environment: Path, own: Sequence[str]) ->
 
 
 def finloop(one: Film, folder: Path) -> pd.DataFrame:
-    """The places that finloop gives animals."""
+    """Track by finloop; return frame, animal, x_px, y_px, body_length_px."""
     prepare(folder, one.overrides)
     for word in ("clip", "extract", "features", "identity"):
         stage(folder, word)
@@ -179,57 +175,58 @@ def finloop(one: Film, folder: Path) -> pd.DataFrame:
 
 
 def matches(reference: pd.DataFrame, other: pd.DataFrame, length: float) -> pd.DataFrame:
-    """Places of two tables that are of one fish beyond doubt: frame, animal, x_px, y_px, other.
+    """Match places of two tables that show one fish: frame, animal, x_px, y_px, other.
 
-    They are each other's nearest, less than half a body length apart, and no third place is within
-    twice that distance of either.
+    Matched places are each other's nearest, less than half a body length apart, and no third place
+    is within twice that distance of either.
     """
     there = dict(list(other.groupby("frame")))
     parts = [reference.iloc[:0].assign(other=0)]
     for frame, rows in reference.groupby("frame"):
         if frame in there:
             far = cdist(rows[_PLACE], there[frame][_PLACE]) / length
-            row, column = np.nonzero(clear(far) & clear(far.T).T)
+            row, column = np.nonzero(is_unambiguous(far) & is_unambiguous(far.T).T)
             seen = there[frame]["animal"].to_numpy()[column]
             parts.append(rows.iloc[row].assign(other=seen))
     return pd.concat(parts).sort_values(["animal", "frame"], ignore_index=True)
 
 
-def clear(far: Floats) -> Mask:
-    """Of each row (n, m) of distances, the least, where no other is as small, nor near it."""
+def is_unambiguous(far: Floats) -> Mask:
+    """Mark the least distance of each row (n, m), unless it is large or another is similar."""
     nearest = np.sort(np.pad(far, ((0, 0), (0, 1)), constant_values=np.inf), axis=1)
     sure = (nearest[:, 0] < _TOUCH) & (nearest[:, 1] > _TWICE * nearest[:, 0])
     return sure[:, None] & (far == nearest[:, :1])
 
 
-def switches(of: pd.DataFrame) -> pd.DataFrame:
-    """Changes of the animal that the other table sees in a fish; `of`: `matches`."""
-    before = of.shift()
-    changed = of[(of["animal"] == before["animal"]) & (of["other"] != before["other"])]
+def switches(matched: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of `matches` in which the other table's animal of a fish changes."""
+    before = matched.shift()
+    same_fish = matched["animal"] == before["animal"]
+    changed = matched[same_fish & (matched["other"] != before["other"])]
     last = before.loc[changed.index, ["frame", "other"]].astype(int)
     return changed.rename(columns={"other": "becomes"}).assign(
         last_frame=last["frame"], was=last["other"]
     )
 
 
-def right(of: pd.DataFrame) -> int:
-    """Matched fish-frames with the right animal, when each fish has at most one."""
-    table = pd.crosstab(of["animal"], of["other"]).to_numpy()
+def count_right_animals(matched: pd.DataFrame) -> int:
+    """Count fish-frames with the right animal, under the best assignment of animals to fish."""
+    table = pd.crosstab(matched["animal"], matched["other"]).to_numpy()
     return int(table[linear_sum_assignment(table, maximize=True)].sum())
 
 
-def numbers(
-    told: pd.DataFrame, animals: int, frames: int, of: pd.DataFrame
-) -> dict[str, float]:  # fmt: skip
-    """The numbers of a program, shares of all fish-frames; `of`: `matches` with its places."""
-    rows = told.groupby("animal").size().sort_values(ascending=False)
+def summarize_program(
+    found: pd.DataFrame, animals: int, frames: int, matched: pd.DataFrame
+) -> dict[str, float]:
+    """Return the scores of a program, from its places and their `matches`."""
+    rows = found.groupby("animal").size().sort_values(ascending=False)
     share = 100 / (animals * frames)
     return {
         "animals": len(rows),
-        "fish_frames_pct": share * len(told),
+        "fish_frames_pct": share * len(found),
         "fish_frames_of_most_pct": share * float(rows.iloc[:animals].sum()),
-        "switches": len(switches(of)),
-        "same_animal_pct": share * right(of),
+        "switches": len(switches(matched)),
+        "same_animal_pct": share * count_right_animals(matched),
     }
 
 
@@ -245,31 +242,31 @@ def time_programs(work: Callable[[], pd.DataFrame]) -> tuple[pd.DataFrame, dict[
 def compare_programs(
     name: str, folder: Path, environment: Path | None, own: Sequence[str]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return a film's rows of the table, and the switches of both programs or finloop alone."""
+    """Return a film's rows of the table, and the switches of each program."""
     one = FILMS[name](folder)
     (ours := folder / "finloop").mkdir(exist_ok=True)
     mine, my_time = time_programs(lambda: finloop(one, ours))
     frames = Project(ours).facts.frames
     length = float(mine["body_length_px"].median())
-    told = [("finloop", "", mine[["frame", "animal", *_PLACE]], my_time)]
+    runs = [("finloop", "", mine[["frame", "animal", *_PLACE]], my_time)]
     if environment is not None:
         (theirs := folder / "idtracker").mkdir(exist_ok=True)
         its, its_time = time_programs(lambda: idtracker(one, theirs, environment, own))
-        told.append(("idtracker.ai", " ".join(own), its, its_time))
+        runs.append(("idtracker.ai", " ".join(own), its, its_time))
     rows, found = list[dict[str, object]](), list[pd.DataFrame]()
-    for number, (program, words, places, took) in enumerate(told):
-        of = matches(told[1 - number][2] if one.truth is None else one.truth, places, length)
+    for number, (program, words, places, took) in enumerate(runs):
+        matched = matches(runs[1 - number][2] if one.truth is None else one.truth, places, length)
         rows.append({
             "film": name, "program": program, "settings": words,
             "beside": "the other" if one.truth is None else "truth",
-            **numbers(places, one.animals, frames, of), **took,
+            **summarize_program(places, one.animals, frames, matched), **took,
         })  # fmt: skip
-        found.append(switches(of).assign(film=name, program=program))
+        found.append(switches(matched).assign(film=name, program=program))
     return pd.DataFrame(rows), pd.concat(found)
 
 
 def keep(rows: pd.DataFrame) -> None:
-    """Write the rows of a film into the table, in place of those of the same programs."""
+    """Write the rows of a film into the table, in place of its old rows."""
     if TABLE.is_file():
         key = ["film", "program"]
         table = pd.read_csv(TABLE, dtype={"settings": str}).fillna({"settings": ""})
@@ -278,17 +275,17 @@ def keep(rows: pd.DataFrame) -> None:
 
 
 def main() -> None:
-    """Run both programs on each film; print and keep what they say of it."""
+    """Run both programs on each film; print and keep the results."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--environment", type=Path, help="with idtracker.ai; else one is made")
-    parser.add_argument("--alone", action="store_true", help="finloop, on films with a truth")
-    parser.add_argument("--keep", type=Path, help="a folder to work in, which stays")
+    parser.add_argument("--environment", type=Path, help="one with idtracker.ai")
+    parser.add_argument("--alone", action="store_true", help="only finloop, on films with a truth")
+    parser.add_argument("--keep", type=Path, help="a working folder, which is kept")
     parser.add_argument("--films", nargs="*", choices=list(FILMS))
-    parser.add_argument("--idtracker", default="", help="more words for its command line")
+    parser.add_argument("--idtracker", default="", help="more arguments for idtracker.ai")
     args = parser.parse_args()
     films = args.films or [name for name in FILMS if not args.alone or name.startswith("drawn")]
     if args.alone and not all(name.startswith("drawn") for name in films):
-        parser.error("--alone wants films with a truth: clips A and B have none")
+        parser.error("--alone needs films with a truth: clips A and B have none")
     with tempfile.TemporaryDirectory() as scratch:
         home = (args.keep or Path(scratch)).resolve()
         home.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Mode `matching` for benchmarks that plan it anew with other parameters, or without some film."""
+"""Mode `matching` for benchmarks that plan with other parameters, or without some of the film."""
 
 from typing import Any
 
@@ -12,12 +12,12 @@ MODE = "matching"
 
 
 def settings_without_path() -> AllSettings:
-    """Return the parameters of the present folder, with no path to swim."""
+    """Return the parameters of the present folder, without a path."""
     return replace_settings(merge_settings(load("animate"), load("matching")), path=None)
 
 
 def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
-    """Return a copy of the settings with other values, of parameters or of constants.
+    """Return a copy of the settings with other values for parameters or constants.
 
     ValueError if there is no such parameter or constant.
     """
@@ -29,7 +29,7 @@ def replace_settings(p: AllSettings, **values: Any) -> AllSettings:
 
 
 def material(project: Project, p: AllSettings) -> MatchingData:
-    """Return what the stage `modes-matching` makes its animation of."""
+    """Return the data from which the stage `modes-matching` makes its animation."""
     return MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.steps, project.jumps, project.poses, project.forecast,

@@ -1,9 +1,9 @@
 """Folding of morphs: all pairs of single-contour letters and digits of DejaVu Sans.
 
-`python -m benchmarks.morph` prints the table and writes benchmarks/morph.csv: of 256 points and 60
-frames in between, the share of pairs all of whose frames are strictly simple, counted exactly; the
-time a pair on one core; how far the vertices go, in the linear morph's way. The figures of other
-tools were measured beforehand on 276 such pairs and stand beside for comparison.
+`python -m benchmarks.morph` prints the table and writes benchmarks/morph.csv, for 256 points and 60
+frames in between: the exact share of pairs with only strictly simple frames; the time per pair on
+one core; the vertices' path length, relative to the linear morph. The figures of other tools are
+earlier measurements on 276 such pairs.
 """
 
 from functools import partial
@@ -40,11 +40,13 @@ OTHERS = {
 
 
 def glyphs() -> dict[str, Curve]:
+    """Return the outlines of all letters and digits with a single contour."""
     outlines = {name: glyph(name) for name in string.ascii_letters + string.digits}
     return {name: found[0] for name, found in outlines.items() if len(found) == 1}
 
 
 def row(what: str, free: list[bool], seconds: list[float], ratios: list[float]) -> dict:
+    """Return a row of the table."""
     ms = 1000 * np.array(seconds)
     return {
         "what": what,

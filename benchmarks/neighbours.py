@@ -1,11 +1,11 @@
-"""The 20 nearest neighbours of all rows of a film, beside other libraries, at equal recall.
+"""The 20 nearest neighbours of all rows of a film, against other libraries, at equal recall.
 
 `python -m benchmarks.neighbours DATA …`, each a data/ folder in which `pose` has run (the film's
 own; `python -m benchmarks.scale 100000 --stages features pose --keep DIR` makes a larger one).
 hnswlib and pynndescent are no requirements of finloop: `pip install hnswlib pynndescent` first.
 
-Every library has some settings, from the quickest on; the first whose recall is as wanted counts,
-building and searching together. Recall is that of 1,000 rows, against the exact answer.
+Every library has some settings, fastest first. The first with enough recall counts, building and
+searching together. Recall is measured on 1,000 rows, against the exact answer.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -39,7 +39,7 @@ Search = Callable[[Vectors], Ints]
 
 
 def vectors_of(data: Path) -> Vectors:
-    """What the stage `jumps` compares rows by, (n, d)."""
+    """Return the vectors (n, d) by which the stage `jumps` compares rows."""
     p = settings("jumps")
     with Project(data.parent) as project:
         source = InMemory.from_reel(project.film_reel, project.poses, p.look_px)
@@ -48,12 +48,12 @@ def vectors_of(data: Path) -> Vectors:
 
 
 def ours() -> Iterator[tuple[str, Search]]:
-    """finloop, which takes its own settings from the vectors."""
+    """Yield finloop's search, which takes its settings from the vectors."""
     yield "cells or all", lambda v: Nearest.from_vectors(v).search(v, NEAREST + 1)
 
 
 def flat() -> Iterator[tuple[str, Search]]:
-    """faiss, every vector compared with every other."""
+    """Yield the search of faiss that compares all vectors."""
 
     def search(vectors: Vectors) -> Ints:
         index = faiss.IndexFlatL2(vectors.shape[1])
@@ -64,7 +64,7 @@ def flat() -> Iterator[tuple[str, Search]]:
 
 
 def graph() -> Iterator[tuple[str, Search]]:
-    """hnswlib: a navigable graph."""
+    """Yield the searches of hnswlib, a navigable graph."""
 
     def search(vectors: Vectors, links: int, built: int, wide: int) -> Ints:
         index = hnswlib.Index("l2", vectors.shape[1])
@@ -79,7 +79,7 @@ def graph() -> Iterator[tuple[str, Search]]:
 
 
 def descent() -> Iterator[tuple[str, Search]]:
-    """pynndescent: neighbours of neighbours."""
+    """Yield the searches of pynndescent, by neighbours of neighbours."""
 
     def search(vectors: Vectors, count: int) -> Ints:
         made = NNDescent(vectors, n_neighbors=count, random_state=0, n_jobs=THREADS)
@@ -93,7 +93,7 @@ LIBRARIES = {"finloop": ours, "faiss, flat": flat, "hnswlib": graph, "pynndescen
 
 
 def recall(found: Ints, rows: Ints, true: list[Ints]) -> float:
-    """Share of the true nearest of rows (k,) that are among the found (n, m)."""
+    """Return the share of the true neighbours of rows (k,) that are among the found (n, m)."""
     own = others(found[rows], rows)
     return float(
         np.mean([np.isin(one, other).mean() for one, other in zip(true, own, strict=True)])
@@ -101,7 +101,7 @@ def recall(found: Ints, rows: Ints, true: list[Ints]) -> float:
 
 
 def others(near: Ints, rows: Ints) -> list[Ints]:
-    """The nearest (20,) of each row without the row itself; near: (k, 21 or more)."""
+    """Return the nearest (20,) of each row, from (k, 21 or more), without the row itself."""
     return [one[one != row][:NEAREST] for one, row in zip(near, rows, strict=True)]
 
 
@@ -112,7 +112,7 @@ def measure_libraries(vectors: Vectors) -> pd.DataFrame:
     table = []
     for library, ways in LIBRARIES.items():
         for setting, search in ways():
-            search(vectors[:500])  # what is compiled is compiled now
+            search(vectors[:500])  # compiles
             clock, work = time.perf_counter(), time.process_time()
             found = search(vectors)
             took, worked = time.perf_counter() - clock, time.process_time() - work

@@ -1,9 +1,9 @@
-"""Every parameter of conf/ changed in turn on tiny films: which change nothing that can be seen?
+"""Search for parameters of conf/ without effect, by changing each in turn on tiny films.
 
-`python -m benchmarks.parameters [group …]` runs the stages that read a parameter with another value
-and compares what they write, byte by byte. A parameter that changes no output on any of the films
-is listed, unless `WHEN` says when it acts. No parameter may be dead: the last lines list those that
-are, and the exit status is 1 if there are any. A value that makes a stage fail does not count.
+`python -m benchmarks.parameters [group …]` gives each parameter another value, runs the stages that
+read it, and compares the outputs byte by byte. A parameter is dead if it changes no output on any
+film and `WHEN` does not explain it. The last line lists the dead parameters, and the exit status is
+1 if there are any. A value that makes a stage fail does not count.
 """
 
 import contextlib
@@ -55,7 +55,7 @@ MORE: dict[str, tuple[list[str], Sequence[str]]] = {
          "retarget"),
     ),
 }  # fmt: skip
-"""Further runs: their settings beside those of FILM, and the stages that are run again."""
+"""Further runs: their settings in addition to FILM, and the stages to run again."""
 OTHER = {
     "morph.first_drawing": "data/drawings/face_b.svg",
     "morph.last_drawing": "data/drawings/face_a.svg",
@@ -66,7 +66,7 @@ OTHER = {
     "gait.swimmer_gait": None,
     "retarget.tracks": "track:1",
 }
-"""The value to try of a parameter of which `other_values` finds none that acts."""
+"""The value to try for a parameter for which `other_values` finds no effective value."""
 WHEN: dict[str, str] = {
     "matching.follow_pairs": "several fish, one of which follows another",
     "matching.path": "a fish that is to swim a path",
@@ -101,11 +101,11 @@ WHEN: dict[str, str] = {
     "sprites.min_head_confidence": "films whose heads are doubtful",
     "sprites.min_neighbour_distance_bl": "films of several animals",
 }
-"""When a parameter acts that changes nothing on these films; or all whose names begin so."""
+"""The condition for an effect of parameters without one on these films, by name or prefix."""
 
 
 def when(name: str) -> str:
-    """Return when a parameter acts that changes nothing on these films; empty if it is unknown."""
+    """Return when a parameter without effect on these films acts; empty if unknown."""
     return WHEN.get(name) or next((WHEN[start] for start in WHEN if name.startswith(start)), "")
 
 
@@ -119,7 +119,7 @@ def stages() -> dict[str, Any]:
 def readers(group: str) -> list[str]:
     """Return the stages that read a group of parameters, in their order.
 
-    `realism` reads those of `extract` and `features`, too: it measures as they do.
+    `realism` also reads the parameters of `extract` and `features`: it measures as they do.
     """
     return [
         word
@@ -135,7 +135,7 @@ def outputs(word: str) -> list[str]:
 
 
 def digest(folder: Path, word: str) -> str:
-    """Return a digest of what a stage has written."""
+    """Return a digest of a stage's outputs."""
     whole = hashlib.sha256()
     for out in outputs(word):
         path = folder / out
@@ -147,7 +147,7 @@ def digest(folder: Path, word: str) -> str:
 
 
 def other_values(hint: Any, value: Any) -> Iterator[Any]:
-    """Yield values that differ from one, of its type, mild ones first."""
+    """Yield other values of a parameter's type, mild changes first."""
     if get_origin(hint) is Annotated:
         yield from other_values(get_args(hint)[0], value)
     elif get_origin(hint) is Literal:
@@ -180,7 +180,7 @@ def inside(folder: Path) -> Iterator[None]:
 
 
 def run_stage(folder: Path, word: str) -> str | None:
-    """Run a stage in a folder; return the digest of what it writes, None if it fails."""
+    """Run a stage in a folder; return the digest of its outputs, None if it fails."""
     with inside(folder):
         try:
             importlib.import_module(module_of(word)).main()
@@ -190,7 +190,7 @@ def run_stage(folder: Path, word: str) -> str | None:
 
 
 def write_params(folder: Path, overrides: list[str]) -> dict[str, Any]:
-    """Write params.yaml with overrides, and return it; FinloopError if they are refused."""
+    """Write params.yaml with overrides, and return it; FinloopError if they are invalid."""
     text = compose_params(["~local", *overrides])
     (folder / "params.yaml").write_text(text, encoding="utf-8")
     values: dict[str, Any] = yaml.safe_load(text)
@@ -198,7 +198,7 @@ def write_params(folder: Path, overrides: list[str]) -> dict[str, Any]:
 
 
 def first_run(folder: Path, overrides: list[str], words: Sequence[str]) -> dict[str, str]:
-    """Run stages in a folder; return the digest of each. Those that fail are told and left out."""
+    """Run stages in a folder; return their digests, and print and omit those that fail."""
     for name in ("conf", "benchmarks", "data/drawings", "data/gaits"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         if not (folder / name).exists():

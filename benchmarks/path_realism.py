@@ -1,11 +1,11 @@
-"""Whether a fish on a path can be told from its film more easily than one that wanders.
+"""Whether a fish on a path is easier to distinguish from film than a wandering fish.
 
-`python -m benchmarks.path_realism FOLDER …` takes working copies in which the pipeline was run, of
-a film each (none: the one that it is called in), and writes benchmarks/path_realism.csv: the area
-under the ROC curve of the stage `realism`, as many seconds of each as `realism.seconds` says. Fish
-wander; swim the fourteen shapes of `benchmarks.paths` at their own pace; and swim eighteen tracks
-of the film, each left out of the film while it is swum, at their own pace and at its times. The
-film's halves and the film drawn again stand beside them.
+`python -m benchmarks.path_realism FOLDER …` takes working copies with a finished pipeline, one per
+film (default: the present folder), and writes benchmarks/path_realism.csv: the area under the ROC
+curve of the stage `realism`, for `realism.seconds` of each. Fish wander, swim the fourteen shapes
+of `benchmarks.paths` at their own speed, and swim eighteen tracks of the film, without that part of
+the film, at their own speed and at the track's times. The film's halves and the film drawn again
+are there for comparison.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -34,19 +34,19 @@ from stages.realism import WORKERS_NEED, GalleryOpener, instrument_of, swimming_
 from stages.settings import load
 
 PIECE_S = 20.0
-"""An animation is so long at most."""
+"""Longest duration of an animation."""
 TRACKS = 18
 
 
 class Swimming(NamedTuple):
-    """Who swims, and along which path."""
+    """The animator of a fish, and its path."""
 
     plans: MatchingAnimator
     route: Route | None
 
 
 def animate_route(player: Planner, ticks: int, seed: int, route: Route | None = None) -> Work:
-    """Animate a fish along a route while the route lasts, or wandering without one."""
+    """Animate a fish along a route until its end, or wandering without a route."""
     made = swim(player, [], ticks, np.random.default_rng(seed), route)
     if route is not None:
         way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
@@ -57,12 +57,12 @@ def animate_route(player: Planner, ticks: int, seed: int, route: Route | None = 
 def routes_of(
     made: MatchingData, plans: MatchingAnimator, p: AllSettings
 ) -> dict[str, list[Swimming]]:
-    """Along what fish swim, and by which players: those of a track know nothing of its film."""
-    waters = plans.world
+    """Return routes and animators by kind of motion; those of a track omit its film."""
+    world = plans.world
     found: dict[str, list[Swimming]] = {
         "wandering": [Swimming(plans, None)],
         "shapes, own pace": [
-            Swimming(plans, lay(line, waters.tank, waters.motion, None).route)
+            Swimming(plans, lay(line, world.tank, world.motion, None).route)
             for _, line in shapes(plans, np.random.default_rng(0))
         ],
         "tracks, own pace": [],
@@ -74,13 +74,13 @@ def routes_of(
             ("tracks, own pace", line._replace(time_s=None, heading_deg=None)),
             ("tracks, with times", line),
         ):
-            route = lay(one, waters.tank, waters.motion, None).route
+            route = lay(one, world.tank, world.motion, None).route
             found[name].append(Swimming(without, route))
     return found
 
 
 def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, list[Work]]:
-    """Return the animations that are compared, by what the fish do."""
+    """Return the animations to compare, by kind of motion."""
     plans = routes["wandering"][0].plans
     rate = plans.world.motion.rate_hz
     works: dict[str, list[Work]] = {}
@@ -95,13 +95,13 @@ def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, l
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """All comparisons of the film in the present folder."""
+    """Yield all comparisons for the film in the present folder."""
     p, q = load("realism"), replace_settings(settings_without_path(), path_own_frames=False)
     project = Project()
     rate, features = project.rate_hz, project.features
     works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
-    with project, workers(WORKERS_NEED) as crew:
+    with project, workers(WORKERS_NEED) as pool:
         made = material(project, q)
         plans = matching_animator(made, q)
         size = plans.pictures.reel.size
@@ -109,10 +109,10 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         pictures, instrument = GalleryOpener(project), instrument_of(project)
         drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
-        measured = swimming_of(works, pictures, instruments, crew)
+        measured = swimming_of(works, pictures, instruments, pool)
         sample = compare.sample(measured[FILM], features, rate, p)
         sides = sample.sides({k: v for k, v in measured.items() if k != FILM}, features)
-        table = compare.table(verdicts_of(sides, p, crew))
+        table = compare.table(verdicts_of(sides, p, pool))
     for row in table.to_dict("records"):
         yield {"film": film, **{str(key): value for key, value in row.items()}}
 

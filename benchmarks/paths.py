@@ -1,10 +1,10 @@
-"""How near a fish keeps to a path, and how fast that is planned.
+"""How closely a fish follows a path, and the speed of planning.
 
-`python -m benchmarks.paths FOLDER …` takes working copies in which the pipeline was run, of a film
-each (none: the one that it is called in), and writes benchmarks/paths.csv. Twenty smooth paths:
-a figure of eight, a spiral, a rounded square, a wave; ten random splines that bend no more than
-nine of ten bends of the film's own fish; six stretches of its tracks, each left out of the film
-while it is swum. All at the fish's own pace, then with times: the tracks' own, the others at the
+`python -m benchmarks.paths FOLDER …` takes working copies with a finished pipeline, one per film
+(default: the present folder), and writes benchmarks/paths.csv. There are twenty smooth paths: a
+figure of eight, a spiral, a rounded square, a wave; ten random splines that bend at most as much as
+90 % of the bends of the film's fish; six stretches of its tracks, planned without that part of the
+film. Each is followed at the fish's own speed, then with times: the tracks' own, the others at the
 film's median speed.
 """
 
@@ -29,14 +29,14 @@ from finloop.project import Project
 
 SECONDS, TRACK_S, TRACKS, SPLINES = 30.0, 10.0, 6, 10
 TRIES, KNOTS = 20_000, 6
-WALL = 0.15  # body lengths that the paths keep from where the centre may not be
+WALL = 0.15  # body lengths: clearance of the paths from places that centres must avoid
 
 
 def shapes(plans: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[str, Line]]:
-    """Fourteen paths in the free middle of the tank, px."""
-    waters = plans.world
-    length = waters.motion.body_length_px
-    depth = scipy.ndimage.distance_transform_edt(waters.tank.legal)
+    """Yield fourteen paths in the free middle of the tank, px."""
+    world = plans.world
+    length = world.motion.body_length_px
+    depth = scipy.ndimage.distance_transform_edt(world.tank.legal)
     y, x = map(float, np.unravel_index(depth.argmax(), depth.shape))
     r = float(depth.max()) - WALL * length
     t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
@@ -52,14 +52,14 @@ def shapes(plans: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[
         ("wave", 0.9 * r * along, 0.3 * r * np.sin(2 * np.pi * along), False),
     ):
         yield name, Line(name, x + across, y + down, PX, closed=closed)
-    bend = limits(waters.film, waters).bend / length
+    bend = limits(world.film, world).bend / length
     free = depth > WALL * length
     for number in range(SPLINES):
         yield f"spline {number}", spline(f"spline {number}", free, bend, rng)
 
 
 def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -> Line:
-    """A cubic spline through random places, all free, that bends by `bend` [1/px] at most."""
+    """Return a random cubic spline within `free`, of curvature at most `bend` [1/px]."""
     rows, columns = np.nonzero(free)
     for number in range(TRIES):
         knots = max(3, KNOTS - number * KNOTS // TRIES)
@@ -82,7 +82,7 @@ def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -
 def tracks(
     made: MatchingData, plans: MatchingAnimator, count: int = TRACKS
 ) -> Iterator[tuple[str, Line]]:
-    """The longest stretches of tracks where a drawn fish may be; of these the liveliest."""
+    """Yield the longest stretches of tracks within the tank, the liveliest first among equals."""
     features, legal = made.reel.features, plans.world.tank.legal
     most = round(TRACK_S * made.rate_hz)
     found = []
@@ -100,7 +100,7 @@ def tracks(
 
 
 def cut(line: Line, part: slice) -> Line:
-    """A part of a track."""
+    """Return a part of a track."""
     assert line.time_s is not None and line.heading_deg is not None and line.rows is not None
     return line._replace(
         x=line.x[part], y=line.y[part], time_s=line.time_s[part],
@@ -109,7 +109,7 @@ def cut(line: Line, part: slice) -> Line:
 
 
 def add_times(line: Line, speed_px: float) -> Line:
-    """Return the line with times [s], swum once at a constant speed [px/s]."""
+    """Return the line with times [s], at a constant speed [px/s]."""
     x, y = line.x, line.y
     if line.closed:
         x, y = np.append(x, x[0]), np.append(y, y[0])
@@ -118,35 +118,35 @@ def add_times(line: Line, speed_px: float) -> Line:
 
 
 def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[str, object]:
-    """Return how a path is followed."""
-    waters = plans.world
-    path = lay(line, waters.tank, waters.motion, None)
-    ticks = round(SECONDS * waters.motion.rate_hz)
+    """Follow a path; return a row of the table."""
+    world = plans.world
+    path = lay(line, world.tank, world.motion, None)
+    ticks = round(SECONDS * world.motion.rate_hz)
     if path.route.is_timed:
         ticks = min(ticks, len(path.route.when))
     player = plans.player
     swum = swim(player, [], ticks, np.random.default_rng(0), path.route)
     played = sum(len(one.way) for one, at in zip(swum.stretches, swum.names, strict=True) if at)
-    begin = time.process_time()  # of the path alone: after an open one the fish wanders
+    begin = time.process_time()  # time of the path alone: after an open path the fish wanders
     swim(player, [], played, np.random.default_rng(0), path.route)
     took = time.process_time() - begin
-    table = swum_path(MODE, swum, path, ticks, waters)
-    left = where_left(table, path, waters, limits(waters.film, waters))
-    numbers = path_metrics(table, left, path, waters)
+    table = swum_path(MODE, swum, path, ticks, world)
+    left = where_left(table, path, world, limits(world.film, world))
+    numbers = path_metrics(table, left, path, world)
     new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]
     return {
         "film": film, "path": name, "timed": path.route.is_timed, "mode": MODE,
         **{key.removeprefix("path_"): value for key, value in numbers.items()},
-        "seconds": len(table) / waters.motion.rate_hz,
-        "jumps_per_s": len(jumps) / max(played, 1) * waters.motion.rate_hz,
+        "seconds": len(table) / world.motion.rate_hz,
+        "jumps_per_s": len(jumps) / max(played, 1) * world.motion.rate_hz,
         "seam_median": float(np.nanmedian(jumps)) if np.isfinite(jumps).any() else np.nan,
-        "real_times": played / waters.motion.rate_hz / took,
+        "real_times": played / world.motion.rate_hz / took,
     }  # fmt: skip
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """All paths of the film in the present folder."""
+    """Yield the rows of all paths for the film in the present folder."""
     p = replace_settings(settings_without_path(), path_own_frames=False)
     with Project() as project:
         made = material(project, p)

@@ -1,4 +1,4 @@
-"""The real stages, run in a scratch folder with some parameters overridden."""
+"""Running the real stages in a scratch folder, with some parameters overridden."""
 
 import os
 import re
@@ -21,11 +21,11 @@ STAGES = ("clip", "extract", "features")
 
 
 FilmRows = Callable[[str], Iterable[dict[str, Any]]]
-"""The rows of the film in the present folder, whose name is given."""
+"""A function that returns the rows of the film in the present folder, given its name."""
 
 
 def film_table(film_rows: FilmRows) -> pd.DataFrame:
-    """The rows of each film whose working copy is named on the command line, else of this one."""
+    """Return the rows of all films, whose working copies the command line names (default: .)."""
     rows: list[dict[str, Any]] = []
     for folder in map(Path, sys.argv[1:] or ["."]):
         name = folder.resolve().name
@@ -35,7 +35,7 @@ def film_table(film_rows: FilmRows) -> pd.DataFrame:
 
 
 def write_table(benchmark: str, film_rows: FilmRows) -> None:
-    """Print `film_table`, and write it beside the benchmark's file."""
+    """Print `film_table` and write it beside the benchmark's file."""
     table = film_table(film_rows)
     print(table.round(3).to_string())
     table.to_csv(Path(benchmark).with_suffix(".csv"), index=False, float_format="%.3g")
@@ -50,26 +50,26 @@ def prepare(folder: Path, overrides: Sequence[str]) -> None:
 
 
 def stage(folder: Path, word: str) -> dict[str, Any]:
-    """Run one stage in `folder`; return its numbers, none of a stage `modes-…`."""
+    """Run one stage in `folder`; return its numbers, empty for stages `modes-…`."""
     _python(folder, f"stages.{word.replace('-', '.')}")
     return load_numbers(folder / f"reports/{word}")
 
 
 def paths(stage: dict[str, Any]) -> set[str]:
-    """Return what a stage of dvc.yaml writes."""
+    """Return the paths that a stage of dvc.yaml writes."""
     every = [*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])]
     return {next(iter(one)) if isinstance(one, dict) else one for one in every}
 
 
 def reads(dep: str, out: str) -> bool:
-    """Return whether a stage that depends on a path reads what another one makes."""
+    """Return whether a stage with dependency `dep` reads an output `out`."""
     return dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
 
 
 def with_those_before(last: Iterable[str]) -> list[str]:
-    """Return stages and all that they wait for, in the order of dvc.yaml, in which each can run.
+    """Return stages and all they depend on, in the order of dvc.yaml.
 
-    Where a dependency names a mode, that is the mode in conf/.
+    If a dependency contains a mode, it is the mode in conf/.
     """
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     makers = [(out, word) for word, stage in stages.items() for out in paths(stage)]
@@ -82,12 +82,12 @@ def with_those_before(last: Iterable[str]) -> list[str]:
 
 
 def data_stages(last: Iterable[str]) -> list[str]:
-    """Return the given stages and all they depend on, without those that only check or draw."""
+    """Return the given stages and all they depend on, except checks and plots."""
     return [word for word in with_those_before(last) if makes_data(word)]
 
 
 def makes_data(word: str) -> bool:
-    """Return whether a stage makes anything but checks and pictures."""
+    """Return whether a stage makes more than checks and plots."""
     return word not in ("code", "params") and not word.startswith("plots-")
 
 
@@ -107,10 +107,10 @@ sys.exit(status)
 
 
 def peak_mib(folder: Path, *arguments: str) -> float:
-    """Peak resident memory, in MiB, of `python arguments` in `folder`, of its largest process.
+    """Return the peak memory, in MiB, of the largest process of `python arguments` in `folder`.
 
-    A process's `ru_maxrss` begins at the peak of the one that started it, here or by fork. So a
-    launcher starts it that has loaded next to nothing, and reports its child's peak, not its own.
+    A process's `ru_maxrss` begins at the peak of its parent. So a launcher that has loaded next to
+    nothing starts it, and reports its child's peak.
     """
     command = [sys.executable, "-I", "-S", "-c", _LAUNCHER, sys.executable, *arguments]
     return int(_output(folder, command).split()[-1]) / 1024
@@ -128,6 +128,6 @@ def _output(folder: Path, command: list[str]) -> str:
 
 
 def environment() -> dict[str, str]:
-    """For a process that imports the program from anywhere."""
+    """Return environment variables for a process that imports the program from anywhere."""
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     return dict(os.environ) | {"PYTHONPATH": path}

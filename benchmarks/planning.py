@@ -1,7 +1,7 @@
-"""The start of the live tank, or ticks planned in a second, with what the stages left in data/.
+"""The start of the live tank, or the ticks planned per second, from the stages' outputs in data/.
 
-`python -m benchmarks.planning start` opens the live tank, shows a frame and ends. `… plan` swims
-and prints ticks a second of the wall and of the processor, by mode.
+`python -m benchmarks.planning start` opens the live tank, shows a frame and exits. `… plan` plans
+and writes ticks per second of wall time and of processor time, by mode.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -29,7 +29,7 @@ def start() -> None:
 
 
 def plan() -> None:
-    """Write planning.json: ticks a second by mode, on the wall and of the processor."""
+    """Write planning.json: ticks per second of wall time and of processor time, by mode."""
     numbers = {}
     with Project() as project:
         for mode, animator in open_modes(project).items():

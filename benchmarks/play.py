@@ -1,8 +1,8 @@
-"""The live tank: what a frame takes, how soon a goal counts, what hostile messages do.
+"""The live tank: the time of a frame, the delay of a goal, the effect of hostile messages.
 
-`python -m benchmarks.play` prints the table and writes benchmarks/play.csv. Four fish in hybrid
-mode are sent to a new place every second: on a drawn carp in colour at 1280×720, and on what lies
-in data/. A frame is a tick of every fish, drawn, coded as JPEG, with its text.
+`python -m benchmarks.play` prints the table and writes benchmarks/play.csv. Four fish in mode
+`matching` get a new goal every second: on a drawn carp in colour at 1280×720, and on the results in
+data/. A frame is a tick of every fish, drawn, encoded as JPEG, with its text.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -37,7 +37,7 @@ Row = tuple[str, str, str, float]
 
 @contextmanager
 def serving(view: View) -> Iterator[ClientConnection]:
-    """The server in a thread, and a page that looks on."""
+    """Run the server in a thread; yield the connection of a page."""
     with bind_socket(0) as listens:
         up, address = threading.Event(), f"127.0.0.1:{listens.getsockname()[1]}"
         server = Server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
@@ -54,7 +54,7 @@ def serving(view: View) -> Iterator[ClientConnection]:
 
 
 def frames(view: View) -> np.ndarray:
-    """Milliseconds of every frame (n, 2): on the wall, and of the processors."""
+    """Return the milliseconds (n, 2) of every frame: wall time and processor time."""
     host, rng, took = Host(view), np.random.default_rng(0), []
     height, width = view.painter.canvas.shape[:2]
     for number in range(FRAMES):
@@ -69,7 +69,7 @@ def frames(view: View) -> np.ndarray:
 
 
 def state_of(page: ClientConnection) -> dict:
-    """The next state, acknowledged."""
+    """Receive, acknowledge and return the next state."""
     frame = page.recv(timeout=10, decode=False)
     state = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "little")])
     page.send(json.dumps({"do": "seen", "frame": state["frame"]}))
@@ -77,7 +77,7 @@ def state_of(page: ClientConnection) -> dict:
 
 
 def reactions(page: ClientConnection) -> np.ndarray:
-    """Milliseconds from a click to the first frame in which the fish swims by a new decision."""
+    """Return the milliseconds from a click to the first frame with a new decision."""
     rng, took = np.random.default_rng(1), []
     state = state_of(page)
     for _ in range(CLICKS):
@@ -96,7 +96,7 @@ def reactions(page: ClientConnection) -> np.ndarray:
 
 
 def flood(page: ClientConnection) -> tuple[float, float, int]:
-    """Messages per second, growth of memory in MiB, bad ones counted, of random messages."""
+    """Send random messages; return messages per second, memory growth (MiB), bad messages."""
     rng, good = np.random.default_rng(2), b'{"do":"goal","fish":0,"x":10,"y":20,"drag":true}'
     messages: list[bytes | str] = []
     for _ in range(MESSAGES):

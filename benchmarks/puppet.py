@@ -2,7 +2,7 @@
 
 `python -m benchmarks.puppet` prints the table and writes benchmarks/puppet.csv. Frames of the
 zebrafish and of a drawn carp in colour, 110 px pictures, random rows in poses of others, one core.
-`cv2.remap` takes the same frames with maps that are made before; its filter is named.
+`cv2.remap` gets the same frames with precomputed maps; the table names its filter.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -33,7 +33,7 @@ FILTERS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
 
 
 def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]]:
-    """Random frames of a film, and their poses."""
+    """Return random frames of a film, and their poses."""
     prepare(folder, overrides)
     for word in ("clip", "extract"):
         stage(folder, word)

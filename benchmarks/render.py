@@ -1,8 +1,8 @@
 """Speed of drawing at 1280×720 RGB, against the copy of one frame through memory in the same run.
 
-`python -m benchmarks.render` prints the table, writes benchmarks/render.csv. A frame is done when
-the canvas holds it whole; fish are those of a drawn carp, turned by any angle, at any part of a
-pixel. The files' coders are measured last, by themselves.
+`python -m benchmarks.render` prints the table and writes benchmarks/render.csv. A frame is done
+when the canvas holds all of it. The fish is a drawn carp, at any angle and any subpixel place. The
+file encoders are measured last, on their own.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -37,10 +37,7 @@ TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
 def swim(
     gallery: Gallery, bodies: Bodies, fades: bool = False, seed: int = 0, bends: bool = False
 ) -> list[Placed]:
-    """A fish on a wide circle, in the film's own order of pictures, turned as it goes.
-
-    fades: with a partner; bends: in the posture of the partner.
-    """
+    """Return a fish on a wide circle, cross-faded with a partner or in the partner's posture."""
     rng = np.random.default_rng(seed)
     at, turn = rng.uniform(0, 2 * np.pi, 2)
     angle = at + 0.01 * np.arange(TICKS)
@@ -59,7 +56,7 @@ def swim(
 
 
 def journey(way: list[Placed]) -> pd.DataFrame:
-    """What marks want to know of it."""
+    """Return the columns of the edit list that `MarkPainter` reads."""
     states = ["straight", "turn", "slide", "accelerate", "decelerate"]
     return pd.DataFrame(
         {
@@ -80,7 +77,7 @@ def journey(way: list[Placed]) -> pd.DataFrame:
 def ways_to_draw(
     background: np.ndarray, gallery: Gallery, bodies: Bodies
 ) -> dict[str, Callable[[], None]]:
-    """Name → draw all ticks."""
+    """Return functions that draw all ticks, by name."""
     school = [swim(gallery, bodies, seed=seed) for seed in range(8)]
     joined = [swim(gallery, bodies, True, seed, True) for seed in range(8)]
     fading, bent = swim(gallery, bodies, True), swim(gallery, bodies, bends=True)
@@ -112,7 +109,7 @@ def ways_to_draw(
 
 
 def coders(background: np.ndarray, way: list[Placed], folder: Path) -> None:
-    """Print how many frames the coders take per second."""
+    """Print how many frames per second the encoders write."""
     painter, frames = Painter(background), []
     for one in way[:100]:
         painter.show(one)

@@ -1,9 +1,9 @@
-"""Everything after extraction, on films of ten thousand to a million pictures.
+"""All stages after extraction, on films of ten thousand to a million pictures.
 
 `python -m benchmarks.scale [PICTURES …]` varies the film in data/ (`benchmarks.varied`), runs every
-stage that comes after `extract`, starts the live tank, plans, and writes scale.csv and scale.png:
-time, time of the processors, the most memory of all processes of a stage together, and what it
-leaves on disk. With `--keep` it can be stopped: what a folder has figures of is not run again.
+stage after `extract`, starts the live tank, plans, and writes scale.csv and scale.png: wall time,
+processor time, the peak memory of all processes of a stage together, and its size on disk. With
+`--keep` it can be interrupted: stages with figures in that folder do not run again.
 """
 
 import argparse
@@ -27,22 +27,22 @@ from benchmarks.varied import write_film
 from finloop.io.numbers import load_numbers
 
 PICTURES = (10_000, 100_000, 1_000_000)
-FORGOTTEN = {"gait", "report"}  # gait: of several thousand pictures no more than of a hundred
+FORGOTTEN = {"gait", "report"}  # gait: the same for several thousand pictures as for a hundred
 PROGRAMS = {"start": ["benchmarks.planning", "start"], "planning": ["benchmarks.planning", "plan"]}
-"""What is measured beside stages: the start of `make play`, and ticks planned in a second."""
+"""Measured in addition to stages: the start of `make play`, and the ticks planned per second."""
 
 FILM, TOGETHER = "film", "together"
-"""The film itself, as extraction would have left it, and the sum of all stages."""
+"""The film itself, as extraction writes it, and the sum of all stages."""
 
-MEMORY_GIB = 8.0  # at most, of a million pictures
+MEMORY_GIB = 8.0  # most memory for a million pictures
 
-_EVERY_S = 1.0  # memory is looked at so often; a look at large processes takes long
-_COLOURS = 10  # of lines; then they begin again, dotted
+_EVERY_S = 1.0  # period of the memory check, which takes long for large processes
+_COLOURS = 10  # colours of lines; further lines are dotted
 _TABLE = ROOT / "benchmarks/scale.csv"
 
 
 def later_stages() -> list[str]:
-    """The stages, those of plots left out, that read what `extract` made, in their order."""
+    """Return the stages, except plots, that depend on `extract`, in their order."""
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     made, words = {"data/extract"}, []
     for word, stage in stages.items():
@@ -58,10 +58,10 @@ def measure_stage(folder: Path, word: str) -> dict[str, float]:
     log = folder / f"{word}.log"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    with log.open("wb") as said:
+    with log.open("wb") as output:
         process = psutil.Popen(
             [sys.executable, "-m", *PROGRAMS.get(word, [f"stages.{word}"])],
-            cwd=folder, env=environment, stdout=said, stderr=said,
+            cwd=folder, env=environment, stdout=output, stderr=output,
         )  # fmt: skip
         most, worked = 0, dict[int, float]()
         while process.poll() is None:
@@ -81,10 +81,9 @@ def measure_stage(folder: Path, word: str) -> dict[str, float]:
 
 
 def _looked_at(process: psutil.Process) -> tuple[int, dict[int, float]]:
-    """Bytes of a process and all that it has started, and the processor time of each by number.
+    """Return the bytes of a process and its children, and the processor time of each by id.
 
-    What they share is counted once. The system does not add up the time of workers, whom no stage
-    itself has waited for.
+    Shared memory counts once. The system does not sum the time of workers that no stage waits for.
     """
     total, worked = 0, {}
     with suppress(psutil.Error):
@@ -100,7 +99,7 @@ def _on_disk(folder: Path) -> int:
 
 
 def make_film(folder: Path, home: Path, pictures: int) -> None:
-    """Vary the film in `home` into a folder, unless it is there. Its time and what it takes."""
+    """Write a varied film into a folder, unless it is there, and keep its time and size."""
     if (folder / "conf").exists():
         return
     start = time.perf_counter()
@@ -118,7 +117,7 @@ def keep(folder: Path, word: str, numbers: dict[str, float]) -> None:
 
 
 def figures(folder: Path, word: str) -> dict[str, float]:
-    """The figures of a stage, `measure_stage` now or, in a folder that is kept, before."""
+    """Return the figures of a stage, from the kept folder or by `measure_stage`."""
     path = folder / "figures" / f"{word}.json"
     if not path.exists():
         keep(folder, word, measure_stage(folder, word))
@@ -126,7 +125,7 @@ def figures(folder: Path, word: str) -> dict[str, float]:
 
 
 def quality(folder: Path) -> dict[str, float]:
-    """What else is wanted of a film: recall, goals met, ticks planned, size of a cut-out."""
+    """Return recall, goals reached, ticks planned and the size of a cut-out."""
     numbers = dict[str, float]()
     if (report := folder / "reports/animate/measures.csv").exists():
         measures = pd.read_csv(report, index_col="measure").drop(columns="film")
@@ -140,20 +139,20 @@ def quality(folder: Path) -> dict[str, float]:
 
 
 def exponent(pictures: pd.Series, seconds: pd.Series) -> float:
-    """k of seconds ∝ picturesᵏ, by least squares of the logarithms."""
+    """Return the exponent k in seconds ∝ picturesᵏ, by least squares of the logarithms."""
     return float(np.polyfit(np.log(pictures), np.log(seconds), 1)[0])
 
 
 def _all(figures: "pd.Series[float]") -> float:
-    """The sum of figures, NaN if one of them is."""
+    """Return the sum of figures, NaN if one of them is NaN."""
     return float(figures.sum(skipna=False))
 
 
 def whole(table: pd.DataFrame) -> pd.DataFrame:
-    """The sums of all stages, a row for each number of pictures of which all are there.
+    """Sum all stages: a row for each number of pictures with complete figures.
 
-    Of memory the most. The disk is also that of the film itself; its time is none after extraction.
-    A sum is not known where one of its figures is not.
+    Memory is the maximum. The disk includes the film itself, the time does not. A sum is NaN if one
+    of its figures is.
     """
     many = table.groupby("pictures")["stage"].transform("size")
     stages = table[~table["stage"].isin(PROGRAMS) & (many == many.max())].copy()
@@ -168,7 +167,7 @@ def whole(table: pd.DataFrame) -> pd.DataFrame:
 def plot_growth(table: pd.DataFrame) -> Figure:
     """Plot processor time and memory of every stage over the number of pictures.
 
-    Dashed: n log n, and the memory that is wanted.
+    Dashed lines show n log n and the memory limit.
     """
     figure, words = Figure(figsize=(10, 5), layout="constrained"), list(table["stage"].unique())
     for axes, column in zip(figure.subplots(1, 2), ("processor_s", "memory_gib"), strict=True):
@@ -191,7 +190,7 @@ def plot_growth(table: pd.DataFrame) -> Figure:
 
 
 def report(table: pd.DataFrame) -> None:
-    """Print how time grows; write the table and the plot."""
+    """Print the growth of time; write the table and the plot."""
     sums = whole(table)
     print(sums.round(2).to_string(index=False))
     table = pd.concat([table, sums], ignore_index=True)
@@ -207,10 +206,12 @@ def main() -> None:
     """Measure, print, write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("pictures", nargs="*", type=int, default=PICTURES)
-    parser.add_argument("--data", type=Path, default=ROOT / "data", help="of the film to vary")
-    parser.add_argument("--stages", nargs="*", default=None, help="only these")
-    parser.add_argument("--keep", type=Path, help="a folder to work in, and to go on in")
-    parser.add_argument("--report", action="store_true", help="of what is in --keep; run nothing")
+    parser.add_argument(
+        "--data", type=Path, default=ROOT / "data", help="folder of the film to vary"
+    )
+    parser.add_argument("--stages", nargs="*", default=None, help="only these stages")
+    parser.add_argument("--keep", type=Path, help="a working folder, kept for later runs")
+    parser.add_argument("--report", action="store_true", help="report --keep; run nothing")
     wanted = parser.parse_args()
     words = [FILM, *(word for word in later_stages() if word not in FORGOTTEN), *PROGRAMS]
     rows = []

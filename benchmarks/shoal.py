@@ -1,10 +1,10 @@
-"""Several fish planned together in mode `matching`: overlaps, goals, rests, and time taken.
+"""Groups of fish planned together in mode `matching`: overlaps, goals, rests, and planning time.
 
-`python -m benchmarks.shoal FOLDER …` takes working copies in which the pipeline was run, of a film
-each (none: the one that it is called in), and writes benchmarks/shoal.csv. Eight fish swim for ten
-minutes of film in the tank of the film, with a random goal every half minute each; 64 for two
-minutes, drawn a third as large, with a goal a minute. A fish that moves less than a twentieth of a
-body length in a second is still. Goals that were not reached for want of time count as not reached.
+`python -m benchmarks.shoal FOLDER …` takes working copies with a finished pipeline, one per film
+(default: the present folder), and writes benchmarks/shoal.csv. Eight fish swim for ten minutes in
+the film's tank, each with a random goal every half minute; 64 fish, a third as large, swim for two
+minutes, with a goal a minute. A fish is still if it moves less than a twentieth of a body length in
+a second. Goals that lack time count as not reached.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -25,8 +25,8 @@ from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.project import Project
 
 SHOALS = ((8, 1.0, 600.0, 30.0), (64, 1 / 3, 120.0, 60.0))
-"""Fish, their drawn size / filmed size, s, s a goal."""
-WARM_UP = 20  # ticks, after which everything is compiled
+"""Number of fish, drawn size / filmed size, duration in s, s per goal."""
+WARM_UP = 20  # ticks that compile everything
 
 
 def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
@@ -54,7 +54,7 @@ def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """Return what is swum of the film in the present folder."""
+    """Yield the rows of the film in the present folder."""
     p = settings_without_path()
     with Project() as project:
         made = material(project, p)

@@ -1,10 +1,10 @@
 """Speed of `extract` + `features`, each as a ratio against a named limit or peer in the same run.
 
-`python -m benchmarks.speed` prints the table and writes benchmarks/speed.csv. Every pair is run in
-turn, A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed
-drifts does not decide. Of zebrafish A files are read and written as the stages do; pictures and the
-start of Python are left out. Of a film ten times as long the two stages are run as commands, from
-start to end.
+`python -m benchmarks.speed` prints the table and writes benchmarks/speed.csv. Every pair runs in
+turn, A B A B …, and the table has the median of the pairwise ratios, which a drifting machine
+speed does not affect. On zebrafish A, files are read and written as the stages do, without pictures
+and the start of Python. On a film ten times as long the two stages run as commands, from start to
+end.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -57,7 +57,7 @@ from stages.extract import WORKERS_NEED
 from stages.run import THREADS
 
 PAIRS, LONG_PAIRS = 5, 3
-TIMES = 10  # as long as zebrafish A
+TIMES = 10  # length of the long film / zebrafish A
 
 
 def time_call(work: Callable[[], Any]) -> tuple[float, Any]:
@@ -70,7 +70,7 @@ def time_call(work: Callable[[], Any]) -> tuple[float, Any]:
 def time_pairs(
     ours: Callable[[], Any], theirs: Callable[[], Any], pairs: int = PAIRS
 ) -> tuple[float, float, float, Any]:
-    """Return the median seconds of both, the median ratio ours / theirs, and ours' result."""
+    """Return the median seconds of both, the median ratio ours / theirs, and our result."""
     ours(), theirs()
     times = []
     for _ in range(pairs):
@@ -85,7 +85,7 @@ def time_pairs(
 
 
 def decode(path: Path) -> int:
-    """Only decode a film to grey frames, with as many threads as the stages use."""
+    """Decode a film to grey frames, with as many threads as the stages use."""
     count = 0
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
@@ -98,7 +98,7 @@ def decode(path: Path) -> int:
 
 
 def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: FeatureSettings) -> int:
-    """What the two stages do, pictures left out; returns the number of fish-frames."""
+    """Run the work of both stages without pictures; return the number of fish-frames."""
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
     frames = sample_of(clip / "clip.mp4", facts, how.samples)
@@ -134,14 +134,14 @@ def lengthen_clip(folder: Path) -> None:
 
 
 def both_stages(folder: Path) -> int:
-    """Run the stages `extract` and `features`; the number of fish-frames."""
+    """Run the stages `extract` and `features`; return the number of fish-frames."""
     fish = stage(folder, "extract")["fish_frames"]
     stage(folder, "features")
     return int(fish)
 
 
 def carp_outlines(count: int, how: ExtractSettings) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Masks and difference images of the drawn carp, default size."""
+    """Return masks and difference images of the drawn carp, default size."""
     frames = [
         frame for frame, _ in film(settings("clip", source="carp", frames=count, colour=False))
     ]
@@ -157,7 +157,7 @@ def carp_outlines(count: int, how: ExtractSettings) -> list[tuple[np.ndarray, np
 
 
 def skan_lengths(masks: list[np.ndarray]) -> float:
-    """The peer skan: branch lengths of each skeleton."""
+    """Return the total length of the longest branches, by the peer skan."""
     return sum(
         float(summarize(Skeleton(skeletonize(m)), separator="-")["branch-distance"].max())
         for m in masks
@@ -165,7 +165,7 @@ def skan_lengths(masks: list[np.ndarray]) -> float:
 
 
 def longest_paths(masks: list[np.ndarray]) -> int:
-    """The peer scikit-image: thinning, then the longest path between end points of the skeleton."""
+    """Return the total length of the longest skeleton paths, by the peer scikit-image."""
     total = 0
     for mask in masks:
         skeleton = skeletonize(mask)

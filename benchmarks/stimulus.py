@@ -1,9 +1,9 @@
-"""The stimulus: how soon it reacts, whether frames are dropped, what hostile messages do.
+"""The stimulus: its reaction time, dropped frames, and the effect of hostile messages.
 
-`python -m benchmarks.stimulus` prints the table and writes benchmarks/stimulus.csv, of what lies in
-data/. A session runs as for a user, as a program of its own, with headless Chromium (software
-WebGL, 1280×720) as its display; what is told is read from the session's file. `--minutes 60` makes
-the long session as long. A real display's figures are in the summary of any session.
+`python -m benchmarks.stimulus` prints the table and writes benchmarks/stimulus.csv, for the results
+in data/. A session runs as for a user, as a program of its own, with headless Chromium (software
+WebGL, 1280×720) as its display; the figures come from the session's file. `--minutes 60` sets the
+length of the long session. The summary of any session has the figures of a real display.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -46,7 +46,7 @@ from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
 from stages.stimulus_scene import FilmedScene, open_scene
 
 GPU = ["--no-sandbox", "--enable-unsafe-swiftshader"]
-RATE_HZ = 60.0  # of the tracker
+RATE_HZ = 60.0  # rate of the tracker
 MESSAGES = 10_000
 REHEARSAL = {
     "version": 1, "name": "-", "seed": 0,
@@ -56,7 +56,7 @@ Row = tuple[str, str, str, float]
 
 
 class Live(NamedTuple):
-    """A session that runs: its program, its address, its display, its folder, its ports by UDP."""
+    """A running session: its program, address, display, folder and UDP ports."""
 
     program: psutil.Process
     address: str
@@ -66,11 +66,12 @@ class Live(NamedTuple):
     way: socket.socket
 
     def send(self, text: bytes, osc: bool = False) -> None:
-        """What a tracker says, by UDP."""
+        """Send a tracker's message by UDP."""
         self.way.sendto(text, ("127.0.0.1", self.ports[osc]))
 
 
 def free_ports(count: int) -> list[int]:
+    """Return free UDP ports."""
     ports = []
     for _ in range(count):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
@@ -81,7 +82,7 @@ def free_ports(count: int) -> list[int]:
 
 @contextmanager
 def session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
-    """A session with a display; when the block ends it has ended, and its file is there."""
+    """Run a session with a display; at the end of the block it ends and leaves its file."""
     udp, osc = free_ports(2)
     with tempfile.TemporaryDirectory() as name, sync_playwright() as play:
         folder = Path(name)
@@ -107,6 +108,7 @@ def session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
 
 
 def desk(live: Live) -> Any:
+    """Connect as the experimenter's page."""
     return connect(
         f"ws://{live.address}/experimenter", origin=Origin(f"http://{live.address}"),
         compression=None, max_queue=4,
@@ -114,37 +116,37 @@ def desk(live: Live) -> Any:
 
 
 def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -> list[dict]:
-    """Start it, do something every step, until it is done; what the desk was told at last."""
+    """Start a session, call `meanwhile` every step until the end; return the last state."""
     with desk(live) as way:
-        told = json.loads(way.recv())
+        state = json.loads(way.recv())
         way.send('{"do":"start"}')
         due = time.perf_counter()
-        while told["phase"] != "done":
+        while state["phase"] != "done":
             meanwhile(time.perf_counter())
             due += step_s
             while True:
                 left = due - time.perf_counter()
                 try:
-                    told = json.loads(way.recv(timeout=max(left, 0.0)))
+                    state = json.loads(way.recv(timeout=max(left, 0.0)))
                 except TimeoutError:
                     break
-        return told
+        return state
 
 
 def finish(live: Live) -> None:
-    """End a session whose trials are done."""
+    """End a session after its trials."""
     live.page.close()
     live.program.send_signal(2)
     live.program.wait(60)
 
 
 def record_of(live: Live) -> Record:
-    """The file of a session that has ended."""
+    """Open the file of a finished session."""
     return open_record(next(live.folder.glob("*.parquet")))
 
 
 class Swimmer:
-    """A live animal that swims round and darts, as a tracker tells it."""
+    """A simulated live animal that darts, as a tracker reports it."""
 
     def __init__(self, live: Live, size: tuple[float, float]) -> None:
         self._live, self._size, self._begin = live, size, time.perf_counter()
@@ -152,9 +154,9 @@ class Swimmer:
         self._place = np.array([0.5, 0.5])
 
     def __call__(self, now: float) -> None:
-        """Its place now."""
+        """Send its present place."""
         if self._rng.random() < 1 / RATE_HZ:
-            self._place = self._rng.uniform(0.2, 0.8, 2)  # once a second it is elsewhere
+            self._place = self._rng.uniform(0.2, 0.8, 2)  # it jumps about once a second
         x, y = self._place * self._size
         self._live.send(json.dumps({
             "t": now - self._begin, "id": "1", "x": round(x, 1), "y": round(y, 1),
@@ -162,12 +164,13 @@ class Swimmer:
 
 
 def size_of_tank() -> tuple[float, float]:
+    """Return width and height of the tank, px."""
     height, width = Project().background.shape[:2]
     return float(width), float(height)
 
 
 def closed_loop(fish: int, seconds: float) -> Iterator[Row]:
-    """How soon fish react to an animal that a tracker tells of."""
+    """Yield the reaction times of fish to an animal that a tracker reports."""
     what = f"closed loop, {fish} fish, tracker {RATE_HZ:g} Hz"
     protocol = {
         "name": "loop", "seed": 1, "fish": fish, "animals": {"unit": "px"},
@@ -180,7 +183,7 @@ def closed_loop(fish: int, seconds: float) -> Iterator[Row]:
 
 
 def timing(what: str, record: Record) -> Iterator[Row]:
-    """What a session's file says of its timing."""
+    """Yield the timing in a session's file."""
     table = table_of(record)
     planned, drawn = reactions_ms(table, record.header["rate_hz"])
     for name, values in (("planned reaction", planned), ("drawn frame", drawn)):
@@ -200,7 +203,7 @@ def timing(what: str, record: Record) -> Iterator[Row]:
 
 
 def long_show(fish: int, minutes: float) -> Iterator[Row]:
-    """Frames and memory of a motion known beforehand, over a long time."""
+    """Yield frames and memory of a motion known beforehand, over a long time."""
     what = f"known motion, {fish} fish, {minutes:g} min"
     protocol = {
         "name": "long", "seed": 1, "fish": fish, "pause_s": 0.5, "repeats": max(1, round(minutes)),
@@ -225,7 +228,7 @@ def long_show(fish: int, minutes: float) -> Iterator[Row]:
 
 
 def steps_of(record: Record) -> np.ndarray:
-    """How fast (n,) a single fish moved from each displayed frame to the next, px/s."""
+    """Return the speed (n,) of a single fish between displayed frames, px/s."""
     steps, last = [], None
     for frame in frames_of(record):
         seen = len(frame.states) and frame.states[0, PICTURE] >= 0
@@ -237,7 +240,7 @@ def steps_of(record: Record) -> np.ndarray:
 
 
 def measure_poor_input() -> Iterator[Row]:
-    """Yield whether fish jump while they follow an animal with lost, late or missing input."""
+    """Yield the steps of fish that follow an animal with lost, late or missing input."""
     seconds, steps = 60.0, {}
     conditions = {
         "wander": {"seconds": seconds, "motion": {"wander": True}},
@@ -268,7 +271,7 @@ def measure_poor_input() -> Iterator[Row]:
 
 
 def hostile_texts(count: int, seed: int) -> Iterator[bytes]:
-    """Random bytes, and good messages of which bytes are changed."""
+    """Yield random bytes, and valid messages with changed bytes."""
     rng, good = np.random.default_rng(seed), b'{"t":1.5,"id":"1","x":100.0,"y":80.0,"heading":12}'
     for _ in range(count):
         if rng.integers(3) == 0:
@@ -281,7 +284,7 @@ def hostile_texts(count: int, seed: int) -> Iterator[bytes]:
 
 
 def flood() -> Iterator[Row]:
-    """Hostile messages on every input, in the middle of a trial."""
+    """Send hostile messages to every input during a trial; yield the effects."""
     what = f"{MESSAGES} hostile messages on each of five inputs"
     protocol = {
         "name": "flood", "seed": 1, "animals": {"unit": "px"},
@@ -309,8 +312,8 @@ def flood() -> Iterator[Row]:
                             way.recv()
         growth = live.program.memory_info().rss / 2**20 - before
         with desk(live) as way:
-            told = json.loads(way.recv())
-            heard = told["heard"]
+            state = json.loads(way.recv())
+            heard = state["heard"]
             way.send('{"do":"abort"}')
         finish(live)
         yield what, "memory that they took", "MiB", growth
@@ -320,7 +323,7 @@ def flood() -> Iterator[Row]:
 
 
 def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, Protocol]:
-    """A session of two trials with spoiled input, without a display; seed: of all chance."""
+    """Run a session of two trials with poor input, without a display, from a seed."""
     rng = np.random.default_rng(seed)
     rules = rng.choice(get_args(RuleSpec.model_fields["rule"].annotation), 2, replace=False)
     plan = protocol_of({
@@ -349,13 +352,13 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, 
 
 
 def replays() -> Iterator[Row]:
-    """Whether random sessions are the same when they are planned again from their files."""
+    """Yield whether random sessions stay equal when replayed from their files."""
     what, ticks, anew, different = "100 random sessions, planned again", 0, 0, 0
     with open_scene(protocol_of(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
         for seed in range(100):
             record, plan = random_session(made, seed, Path(name))
-            told = plan_again(record, made.scene, plan)
-            ticks, different = ticks + told.ticks, different + told.different
+            replay = plan_again(record, made.scene, plan)
+            ticks, different = ticks + replay.ticks, different + replay.different
             anew += sum(row["verdict"] == "anew" for row in record.rows("tick"))
     yield what, "ticks", "1", ticks
     yield what, "of them anew, as an animal had moved", "1", anew
@@ -367,19 +370,19 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--part", choices=["loop", "long", "flood", "spoiled", "replays"])
-    asked = parser.parse_args()
+    options = parser.parse_args()
     parts: dict[str, Callable[[], Iterator[Row]]] = {
         "loop": lambda: iter([*closed_loop(1, 60), *closed_loop(8, 60)]),
         "flood": flood,
         "spoiled": measure_poor_input,
         "replays": replays,
-        "long": lambda: long_show(8, asked.minutes),
+        "long": lambda: long_show(8, options.minutes),
     }
-    rows = [row for name in ([asked.part] if asked.part else parts) for row in parts[name]()]
+    rows = [row for name in ([options.part] if options.part else parts) for row in parts[name]()]
     table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])
     print(table.to_string(index=False))
     path = Path(__file__).with_name("stimulus.csv")
-    if asked.part and path.exists():  # what the other parts measured stays
+    if options.part and path.exists():  # rows of other parts stay
         before = pd.read_csv(path)
         table = pd.concat([before[~before["where"].isin(table["where"])], table])
     table.to_csv(path, index=False, float_format="%.4g")

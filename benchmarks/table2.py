@@ -1,8 +1,8 @@
-"""The paper's Table 2 with ours beside it: `python -m benchmarks.table2`, writes table2.csv.
+"""The paper's Table 2 and ours: `python -m benchmarks.table2` writes table2.csv.
 
-The stages run one after the other on the zebrafish, start of Python and files included. The clip is
-fetched once and kept, as by `make demo`; its fetching and the normalising are not in the table, as
-they are not in the paper's.
+The stages run one after the other on the zebrafish, including the start of Python and files. The
+clip is fetched once and kept, as by `make demo`; like the paper's, the table excludes fetching and
+normalising.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)

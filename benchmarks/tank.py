@@ -1,8 +1,8 @@
 """Speed of the tank in three dimensions, drawn in software at 1280×720, frame by frame.
 
 `python -m benchmarks.tank`, in a folder with the results of the pipeline, prints the table and
-writes benchmarks/tank.csv: frames per second of each camera, everything included that a frame
-takes (shape, skin, light, drawing, reading the picture back), and of the film with its coder.
+writes benchmarks/tank.csv: frames per second of each camera, including all work of a frame (shape,
+skin, light, drawing, reading the picture back), and of the film with its encoder.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -65,9 +65,9 @@ def main() -> None:
 
 
 def rates(took: np.ndarray) -> tuple[float, ...]:
-    """Frames per second by the median and by the first quartile of the times; ms at p99.
+    """Return frames per second by the median and the first quartile of the times, and ms at p99.
 
-    Last, ms of work a frame on all cores together, which does not depend on what else is running.
+    Last comes ms of work per frame on all cores together, which ignores other running programs.
     """
     wall, work = took.T
     middle, quick, slow = np.quantile(wall, (0.5, 0.25, 0.99))

@@ -1,7 +1,7 @@
-"""A film of any number of pictures, varied from the film in data/: what `extract` would have left.
+"""A film of any number of pictures, varied from the film in data/, as `extract` writes it.
 
-Every track is shown again and again, each time another fish: bent more or less, larger or smaller,
-lighter or darker, its sides exchanged or not, and swimming another way, drawn by the puppet.
+Every track appears again and again, each time as another fish: bent more or less, larger or
+smaller, lighter or darker, its sides exchanged or not, in another direction, drawn by the puppet.
 """
 
 import shutil
@@ -36,17 +36,17 @@ WORKERS = 2
 
 @dataclass(frozen=True)
 class Base:
-    """The film that is varied: its folder `data`, tables and postures, row by row."""
+    """The film to vary: its folder `data`, tables and postures, row by row."""
 
     home: Path
     tracks: pd.DataFrame
     poses: FilmPoses
-    side: int  # px, of a square that holds the film's picture in all directions
+    side: int  # px of a square that holds the turned picture of the film
 
     @classmethod
     @cache
     def from_folder(cls, home: Path) -> "Base":
-        """Load it; FinloopError where a stage up to `pose` has not been run."""
+        """Load the film; FinloopError if a stage up to `pose` has not run."""
         points = load_record(home / "extract/scene.json", SceneFacts, "extract").points
         tracks = load_table(home / "extract" / TRACKS_NAME, tracks_schema(points))
         features = load_table(home / "features/features.parquet", FEATURES)
@@ -67,7 +67,7 @@ class Base:
 
 @dataclass(frozen=True)
 class Variation:
-    """How a copy differs. turn_rad: of the whole tank; the others are factors."""
+    """The changes of a copy: the turn of the whole tank, factors, and whether it is mirrored."""
 
     turn_rad: float
     bend: float
@@ -77,7 +77,7 @@ class Variation:
 
     @classmethod
     def from_number(cls, number: int) -> "Variation":
-        """The variation of a copy; the first is the film itself."""
+        """Return the variation of a copy; the first is the film itself."""
         if not number:
             return cls(0.0, 1.0, 1.0, 1.0, False)
         rng = np.random.default_rng(number)
@@ -86,7 +86,7 @@ class Variation:
         return cls(turn_rad, bend, size, light, bool(rng.integers(2)))
 
     def transform_points(self, points: Floats, base: Base) -> Floats:
-        """Move points (…, 2) of the film to where they lie in the picture of the copy."""
+        """Transform points (…, 2) of the film to the picture of the copy."""
         facts = load_facts(base.home / "clip" / FACTS_NAME)
         away = points - (facts.width_px / 2, facts.height_px / 2)
         if self.mirror:
@@ -99,7 +99,7 @@ class Variation:
 def write_film(home: Path, folder: Path, pictures: int) -> None:
     """Write data/clip and data/extract of a film of `pictures` pictures into a folder.
 
-    home: the folder `data` of a film that has been run up to `pose`.
+    `home` is the folder `data` of a film with stages up to `pose`.
     """
     base = Base.from_folder(home)
     clip, extract = folder / "clip", folder / "extract"
@@ -124,7 +124,7 @@ def write_film(home: Path, folder: Path, pictures: int) -> None:
 
 
 def _clip(base: Base, folder: Path, copies: int) -> None:
-    """Facts of so many copies one after the other, and the pictures of the tank, made square."""
+    """Write the facts of the copies one after the other, and square pictures of the tank."""
     home = base.home / "clip"
     facts = load_facts(home / FACTS_NAME)
     segments = [
@@ -143,7 +143,7 @@ def _clip(base: Base, folder: Path, copies: int) -> None:
 
 
 def _square(source: Path, target: Path, side: int) -> None:
-    """A picture in the middle of a square one, its edge drawn on outwards."""
+    """Pad a picture to a square by repeating its edge."""
     picture = load_picture(source)
     down, across = (side - length for length in picture.shape[:2])
     margins = (down // 2, down - down // 2, across // 2, across - across // 2)
@@ -151,7 +151,7 @@ def _square(source: Path, target: Path, side: int) -> None:
 
 
 def _copy(home: Path, number: int) -> tuple[pd.DataFrame, list[Cutout]]:
-    """The table of tracks and the cut-outs of one copy."""
+    """Return the table of tracks and the cut-outs of one copy."""
     base, how = Base.from_folder(home), Variation.from_number(number)
     frames = load_facts(home / "clip" / FACTS_NAME).frames
     tracks, pose = base.tracks, base.poses.pose
@@ -184,7 +184,7 @@ def _copy(home: Path, number: int) -> tuple[pd.DataFrame, list[Cutout]]:
 def _draw_cutouts(
     base: Base, store: CutoutStore, target: Pose, how: Variation, keys: list[list[int]]
 ) -> Iterator[Cutout]:
-    """Yield the copy's cut-outs, cropped to what shows the fish."""
+    """Yield the copy's cut-outs, cropped to the fish."""
     for row, (track_id, frame) in enumerate(keys):
         one = store[row]
         source = line(base.poses.pose[row], one.x0_px, one.y0_px)

@@ -1,13 +1,12 @@
-"""Whether fish that swim by zones shoal as those of the film do.
+"""Whether fish that swim by zones form groups like those of the film.
 
-`python -m benchmarks.zones FOLDER …` takes working copies in which the pipeline was run, of a film
-of several fish each (none: the one that it is called in), and writes benchmarks/zones.csv. As many
-fish as the film shows at once swim for a minute by the zones of the stage `calibrate`
-(`matching.rule=zones`), and without a rule. Points do for `CalibrateSettings.steps` steps, by these
-zones, by those of Couzin et al. 2002, and without. Beside them, if it is installed, couzinswarm
-0.0.3 with its own values, in a box of the tank's size, a body length deep. Numbers are Wasserstein
-distances to the film and to its second half, to which the zones were not fitted; `first_half` is
-the film's own.
+`python -m benchmarks.zones FOLDER …` takes working copies with a finished pipeline, one per film of
+several fish (default: the present folder), and writes benchmarks/zones.csv. As many fish as the
+film shows at once swim for a minute by the zones of the stage `calibrate` (`matching.rule=zones`),
+and without a rule. Points swim for `CalibrateSettings.steps` steps by these zones, by the zones of
+Couzin et al. 2002, and without zones. If installed, couzinswarm 0.0.3 runs with its own values in a
+box of the tank's size, a body length deep. Numbers are Wasserstein distances to the film and to its
+second half, which the fit of the zones did not use; `first_half` is the film's.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -39,7 +38,7 @@ STEPS, EVERY = 20_000, 20  # of couzinswarm
 
 
 def points(film: FilmShoal, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Fish that are points."""
+    """Yield the tables of simulated points, by zones."""
     p = load("calibrate")
     for name, zones in (("zones", fitted), ("couzin", COUZIN), ("alone", NO_ZONES)):
         steps = own_steps(film, film.whole_steps(p.rows), zones)
@@ -49,12 +48,12 @@ def points(film: FilmShoal, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]
 
 
 def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Couzinswarm, in px of a tank without corners cut off."""
+    """Yield the table of couzinswarm, in px of a rectangular tank."""
     if find_spec("couzinswarm") is None:
         return
     from couzinswarm import Swarm
 
-    np.random.seed(0)  # noqa: NPY002  (what the package draws from)
+    np.random.seed(0)  # noqa: NPY002  (the package's generator)
     y, x = np.nonzero(film.walls.arena)
     length = film.walls.length
     box = np.ptp(x) / length, np.ptp(y) / length
@@ -68,7 +67,7 @@ def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def film_tables(folder: Path) -> pd.DataFrame:
-    """All shoals beside the film in a folder."""
+    """Compare all groups with the film in a folder."""
     p = replace_settings(settings_without_path(), seconds=SECONDS, trials=0, follow_pairs=[])
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
@@ -82,9 +81,9 @@ def film_tables(folder: Path) -> pd.DataFrame:
             tables.setdefault(name, []).append(table)
         for rule in ("zones", "none"):
             for seed in range(SEEDS):
-                # One goal a fish at most: afterwards it wanders.
-                swum = replace_settings(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
-                plans = matching_animator(made, swum)
+                # At most one goal per fish: afterwards it wanders.
+                own = replace_settings(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
+                plans = matching_animator(made, own)
                 edit = plans.plan(plans.goals())[1]
                 where = edit[["x_px", "y_px"]].to_numpy(float)
                 heading = edit["heading_deg"].to_numpy(float)
@@ -101,7 +100,7 @@ def film_tables(folder: Path) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Print and write the table: mean and largest distance of the seeds."""
+    """Print and write the table: mean and largest distance over the seeds."""
     made = []
     for folder in map(Path, sys.argv[1:] or ["."]):
         with chdir(folder):

@@ -1,8 +1,8 @@
 """A small tracker for the stimulus: `python examples/camera_tracker.py 0 --animals 2`.
 
-It films with a camera (its number), or plays a film file, takes for animals what differs from the
-background, and sends where each is to finloop: t in seconds, id, and x, y in px of the picture.
-The background is the median of some frames: of the first seconds of a camera, of all of a film.
+It reads a camera (by number) or a film file, detects animals by their difference from the
+background, and sends their places to finloop: t in seconds, id, and x, y in px of the picture.
+The background is the median of some frames: from the camera's first seconds, or from all the film.
 --to udp://127.0.0.1:9000, or ws://127.0.0.1:8000/animals (the address of the stimulus's page).
 """
 
@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 
 
 def background_of(film: cv2.VideoCapture, count: int = 31) -> np.ndarray:
-    """The median of some grey frames; a film is at its beginning again after."""
+    """Return the median of some grey frames, and rewind a film."""
     grey, frames = [], int(film.get(cv2.CAP_PROP_FRAME_COUNT))
     for number in range(count):
         film.set(cv2.CAP_PROP_POS_FRAMES, number * frames // count)
@@ -33,7 +33,7 @@ def background_of(film: cv2.VideoCapture, count: int = 31) -> np.ndarray:
 
 
 def frames_of(film: cv2.VideoCapture) -> Iterator[tuple[float, np.ndarray]]:
-    """Time (s) and grey picture of each frame; of a film when it is due, of a camera at once."""
+    """Yield time (s) and grey picture of each frame; a film plays at its own rate."""
     is_film, begin = film.get(cv2.CAP_PROP_FRAME_COUNT) > 0, time.perf_counter()
     for number in itertools.count():
         there, frame = film.read()
@@ -48,7 +48,7 @@ def frames_of(film: cv2.VideoCapture) -> Iterator[tuple[float, np.ndarray]]:
 
 
 def blobs_of(grey: np.ndarray, background: np.ndarray, least: np.ndarray, most: int) -> np.ndarray:
-    """Centres (n, 2) of the largest blobs; the background follows the light where there is none."""
+    """Return the centres (n, 2) of the largest blobs; adapt the background elsewhere."""
     mask = np.uint8(cv2.absdiff(grey, cv2.convertScaleAbs(background)) > least)
     mask = cv2.medianBlur(mask, 5)
     cv2.accumulateWeighted(grey, background, 0.01, 1 - mask)
@@ -58,14 +58,14 @@ def blobs_of(grey: np.ndarray, background: np.ndarray, least: np.ndarray, most: 
     return centres[1:][largest[areas[largest] > 0.2 * areas.max(initial=0)]]
 
 
-def tracked(
+def track_animals(
     frames: Iterable[tuple[float, np.ndarray]], background: np.ndarray, least: np.ndarray, most: int
 ) -> Iterator[list[dict[str, float]]]:
-    """What to say of each frame. An animal keeps its id by being nearest to where it was.
+    """Yield the messages for each frame; an animal keeps its id by least motion.
 
-    least (h, w): grey levels from the background that make an animal; most: how many there are.
+    least (h, w) is the grey contrast of an animal, most the number of animals.
     """
-    places = np.full((most, 2), 1e6)  # of each id, the last
+    places = np.full((most, 2), 1e6)  # last place of each id
     for t, grey in frames:
         blobs = blobs_of(grey, background, least, most)
         away = np.linalg.norm(places[:, None] - blobs, axis=2)
@@ -75,8 +75,8 @@ def tracked(
 
 
 @contextlib.contextmanager
-def way_to(address: str) -> Iterator[Callable[[str], object]]:
-    """What sends a text to udp://host:port, or to a WebSocket."""
+def open_sender(address: str) -> Iterator[Callable[[str], object]]:
+    """Yield a function that sends text to udp://host:port, or to a WebSocket."""
     if address.startswith("ws"):
         with connect(address, compression=None) as connection:
             yield connection.send
@@ -90,20 +90,20 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("source", help="number of a camera, or a film file")
     parser.add_argument("--to", default="udp://127.0.0.1:9000")
-    parser.add_argument("--animals", type=int, default=1, help="how many there are at most")
+    parser.add_argument("--animals", type=int, default=1, help="most animals")
     parser.add_argument("--contrast", type=int, default=20, help="grey levels from background")
     parser.add_argument("--box", type=int, nargs=4, default=[0, 0, 99999, 99999],
                         help="left, top, right, bottom of the arena, px")  # fmt: skip
-    parser.add_argument("--token", help="by UDP, where finloop runs on another machine")
-    asked = parser.parse_args()
-    film = cv2.VideoCapture(int(asked.source) if asked.source.isdecimal() else asked.source)
+    parser.add_argument("--token", help="by UDP, if finloop runs on another machine")
+    options = parser.parse_args()
+    film = cv2.VideoCapture(int(options.source) if options.source.isdecimal() else options.source)
     if not film.isOpened():
-        parser.error(f"there is no camera or film {asked.source}")
+        parser.error(f"there is no camera or film {options.source}")
     ground = background_of(film)
-    (left, top, right, bottom), least = asked.box, np.full(ground.shape, 255)
-    least[top:bottom, left:right] = asked.contrast
-    with way_to(asked.to) as send:
-        for said in tracked(frames_of(film), ground, least, asked.animals):
-            if said:
-                said[0] |= {"token": asked.token} if asked.token else {}
-                send(json.dumps(said))
+    (left, top, right, bottom), least = options.box, np.full(ground.shape, 255)
+    least[top:bottom, left:right] = options.contrast
+    with open_sender(options.to) as send:
+        for messages in track_animals(frames_of(film), ground, least, options.animals):
+            if messages:
+                messages[0] |= {"token": options.token} if options.token else {}
+                send(json.dumps(messages))

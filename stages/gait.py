@@ -16,7 +16,7 @@ from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
 from finloop.gait.compare import CLOCKS, ClockComparison, compare
 from finloop.gait.cycles import film_of_regions, film_of_swim
-from finloop.gait.film import GaitContours, Keys, hips, samples_of
+from finloop.gait.film import GaitContours, Keys, hip_offsets, samples_of
 from finloop.gait.fit import fit, subcycles_of
 from finloop.gait.limbs import region_contour, trace_contour
 from finloop.gait.model import Gait
@@ -146,7 +146,7 @@ def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[st
     Column true: of the exact motion; exact: fitted to exact contours; clock: of the foot alone.
     """
     exact = GaitContours(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
-    exact = replace(exact, offsets=hips(exact))
+    exact = replace(exact, offsets=hip_offsets(exact))
     gait, _ = fit(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
     for k, (name, sub) in table[["contour", "subcycle"]].iterrows():

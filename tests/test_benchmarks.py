@@ -109,7 +109,7 @@ def switches(truth, told):
 def test_other_names_are_no_switches(two_fish):
     told = two_fish.assign(animal=7 - two_fish["animal"])
     of = identities.matches(two_fish, told, 10.0)
-    assert len(of) == identities.right(of) == 40
+    assert len(of) == identities.count_right_animals(of) == 40
     assert not len(identities.switches(of))
 
 
@@ -120,7 +120,7 @@ def test_names_that_change_places_are_two_switches(two_fish):
     assert found[["frame", "last_frame", "was", "becomes"]].to_numpy().tolist() == [
         [13, 10, 0, 1], [13, 10, 1, 0],
     ]  # fmt: skip
-    assert identities.right(identities.matches(two_fish, told, 10.0)) == 24
+    assert identities.count_right_animals(identities.matches(two_fish, told, 10.0)) == 24
 
 
 def test_places_in_doubt_are_not_compared(two_fish):
@@ -138,7 +138,7 @@ def test_shares_are_of_all_fish_and_frames(two_fish):
     told = two_fish[two_fish["frame"] < 15].assign(
         animal=lambda t: t["animal"] + (t["frame"] > 9) * 2
     )
-    row = identities.numbers(told, 2, 20, identities.matches(two_fish, told, 10.0))
+    row = identities.summarize_program(told, 2, 20, identities.matches(two_fish, told, 10.0))
     assert row == {
         "animals": 4, "fish_frames_pct": 75.0, "fish_frames_of_most_pct": 50.0, "switches": 2,
         "same_animal_pct": 50.0,

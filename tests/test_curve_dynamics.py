@@ -353,7 +353,7 @@ def test_force_at_is_of_place_and_time():
 @pytest.mark.parametrize(
     ("change", "method", "word"),
     [
-        ({"times": [0, 1, 1]}, "modal", "rise"),
+        ({"times": [0, 1, 1]}, "modal", "increase"),
         ({"times": [0, np.nan]}, "modal", "finite"),
         ({"displacement": np.full((64, 2), np.nan)}, "modal", "finite"),
         ({"displacement": np.zeros((32, 2))}, "modal", "shape"),
@@ -375,11 +375,11 @@ def test_what_makes_no_sense_is_refused(change, method, word):
 
 def test_explicit_euler_refuses_steps_that_grow_without_end_and_says_how_many_will_do():
     p = problem(Material(0, 1, 1.0, 1e-4))
-    with pytest.raises(FinloopError, match="grow without end") as refused:
+    with pytest.raises(FinloopError, match="unstable") as refused:
         solve(p, "explicit-euler", SolverOptions(substeps=1))
     enough = int(refused.value.do.split("substeps to ")[1].split()[0])
     assert solve(p, "explicit-euler", SolverOptions(substeps=enough)).error < 0.1
-    with pytest.raises(FinloopError, match="grow without end"):
+    with pytest.raises(FinloopError, match="unstable"):
         solve(p, "explicit-euler", SolverOptions(substeps=int(0.7 * enough)))
     with pytest.raises(FinloopError, match="sparse or schulz"):
         solve(problem(MASSLESS), "implicit-euler", SolverOptions(inverse="cholesky"))

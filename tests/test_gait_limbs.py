@@ -8,7 +8,14 @@ from toy_dog import fill, true_masks
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area, centroid
 from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, truth
-from finloop.gait.limbs import BORDER, EMPTY, corresponding, limbs, region_contour, smooth_track
+from finloop.gait.limbs import (
+    BORDER,
+    EMPTY,
+    limbs,
+    match_contours,
+    region_contour,
+    smooth_track,
+)
 from finloop.gait.truth import true_gamma
 
 DOG = DogFilm(frames=32, frame_rate_hz=16.0, cycles=2.0, width_px=240, height_px=160, trunk_px=85.0)
@@ -68,7 +75,7 @@ def test_masks_without_a_whole_limb_say_why():
 
 def test_points_belong_together_however_a_contour_is_turned_moved_and_begun():
     given = [egg(angle=0.4 * np.sin(k), at=(3 * k, -k), start=37 * k) for k in range(12)]
-    found = corresponding(given, 32)
+    found = match_contours(given, 32)
     back = [
         ((points - centroid(points)) @ [1, 1j]) * np.exp(-0.4j * np.sin(k))
         for k, points in enumerate(found)
@@ -80,10 +87,10 @@ def test_points_belong_together_however_a_contour_is_turned_moved_and_begun():
 
 def test_a_contour_the_other_way_round_and_a_gap_change_nothing_else():
     given = [egg(angle=0.1 * k) for k in range(6)]
-    there = corresponding(given, 32)
+    there = match_contours(given, 32)
     given[2] = Curve(given[2].points[::-1].copy(), True)
     given[4] = "not there"
-    found = corresponding(given, 32)
+    found = match_contours(given, 32)
     assert np.isnan(found[4]).all()
     rest = [0, 1, 2, 3, 5]
     assert found[rest] == pytest.approx(there[rest], abs=0.3)
@@ -95,7 +102,7 @@ def test_points_do_not_drift_in_a_long_film():
         Curve(egg(start=3 * k).points * [1, 1 + 0.2 * np.sin(k * np.pi / 5)], True)
         for k in range(200)
     ]
-    found = corresponding(given, 32)
+    found = match_contours(given, 32)
     assert found[190] == pytest.approx(found[0], abs=0.3)
 
 

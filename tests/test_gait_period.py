@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from finloop.base.errors import FinloopError
-from finloop.gait.period import CONFIDENT, assess, course, period, require_periodic, with_phase_zero
+from finloop.gait.period import (
+    CONFIDENT,
+    assess,
+    period,
+    remove_beat,
+    require_periodic,
+    with_phase_zero,
+)
 
 RATE = 50.0
 AT = np.arange(150)
@@ -157,7 +164,7 @@ def test_the_course_keeps_a_line_and_drops_the_beat() -> None:
     phase = 1.7 * TIME + 0.2
     line = np.column_stack([3 * TIME - 1, 2 - TIME])
     beat = np.column_stack([np.cos(2 * np.pi * phase), np.sin(2 * np.pi * phase)])
-    np.testing.assert_allclose(course(line + beat, phase), line, atol=1e-9)
+    np.testing.assert_allclose(remove_beat(line + beat, phase), line, atol=1e-9)
 
 
 def test_cycles_are_foretold_by_the_others() -> None:

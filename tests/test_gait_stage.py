@@ -173,7 +173,7 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
         ),
         (
             ("gait.walker_drawings=[data/drawings/dog_1.svg,data/drawings/fish_2.svg]",),
-            "do not belong together",
+            "do not match",
         ),
     ],
 )

@@ -84,9 +84,9 @@ def test_shipped_gaits_are_found_by_name_and_others_by_path(tmp_path):
     own = tmp_path / "own.json"
     own.write_bytes((SHIPPED / "dog_walk.json").read_bytes())
     assert path_of(str(own), SHIPPED) == own
-    with pytest.raises(FinloopError, match="one of dog_walk"):
+    with pytest.raises(FinloopError, match="dog_walk or "):
         path_of("cat", SHIPPED)
-    with pytest.raises(FinloopError, match="none is here"):
+    with pytest.raises(FinloopError, match="wanted: the path of"):
         path_of("cat", tmp_path / "nowhere")
 
 
@@ -129,7 +129,7 @@ def test_tempo(hz, frames, rate, wanted):
         (leg("a"), leg("b"), [], "'a' only in the first; 'b' only in the second"),
         (leg("a"), '<path id="a" d="M9 9H18V60"/>', [], "'a' closed in the first, open in the second"),
         (leg("a"), "", [], "no contour"),
-        (leg("a"), leg("a"), ["--gait", "cat"], "one of dog_walk"),
+        (leg("a"), leg("a"), ["--gait", "cat"], "dog_walk or "),
         (leg("a"), leg("a"), ["--frames", "3"], "3 frames"),
         (leg("a"), leg("a"), ["--frames", "0"], "0 frames"),
         (leg("a"), leg("a"), ["--frames", "99999"], "99999 frames"),

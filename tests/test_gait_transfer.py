@@ -11,7 +11,7 @@ from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
 from finloop.gait.ground import ground, path, plant_feet, supports
-from finloop.gait.match import corresponding, mirror_orders, renumber_curve
+from finloop.gait.match import match_poses, mirror_orders, renumber_curve
 from finloop.gait.model import Gait, mirror_contours
 from finloop.gait.transfer import repeat, transfer, with_pooled_gamma
 from finloop.io.svg import load_svg
@@ -83,7 +83,7 @@ def test_swap_passes_the_keys_of_left_and_right():
     for name, other in (("fore_left", "fore_right"), ("hind_right", "hind_left"), ("body", "body")):
         assert np.abs(layers[name][4] - layers[other][0]).max() < 0.02
         assert np.abs(layers[name][6] - layers[other][2]).max() < 0.02
-    keys = corresponding(one, two, "swap", 64)
+    keys = match_poses(one, two, "swap", 64)
     assert np.abs(layers["fore_left"][[0, 2]] - [key["fore_left"] for key in keys]).max() < 0.01
 
 
@@ -175,7 +175,7 @@ def test_left_and_right_limbs_are_numbered_alike():
     left = Curve(rotate(BOOT, 20), True)
     right = Curve(np.roll(rotate(BOOT, -15), 3, axis=0)[::-1] + [50, 0], True)
     pair = Drawing({"fore_left": left, "fore_right": right}, 100, 60)
-    first, second = corresponding(pair, pair, "swap", 64)
+    first, second = match_poses(pair, pair, "swap", 64)
     assert rotate(first["fore_right"] - [50, 0], 35) == pytest.approx(first["fore_left"], abs=0.7)
     assert second == {name: pytest.approx(points) for name, points in first.items()}
 
@@ -324,7 +324,7 @@ def test_poses_that_do_not_fit_are_named(one, two, says):
 def test_a_pair_must_be_of_one_kind():
     open_one = Curve(np.array([[0, 0], [9, 9], [5, 20]], float), False)
     pair = Drawing({"fore_left": Curve(BOOT, True), "fore_right": open_one}, 100, 60)
-    with pytest.raises(FinloopError, match="one is closed, the other open"):
+    with pytest.raises(FinloopError, match="is closed, the other open"):
         transfer(pair, pair, WALK, 8, 32)
 
 

@@ -801,7 +801,7 @@ def test_the_camera_tracker_finds_the_drawn_carp(tmp_path):
     video = cv2.VideoCapture(str(film.folder / "clip.mp4"))
     ground = example["background_of"](video)
     frames = [(n / 25, cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)) for n in range(40)]
-    said = list(example["tracked"](frames, ground, np.full(ground.shape, 20), 2))
+    said = list(example["track_animals"](frames, ground, np.full(ground.shape, 20), 2))
     ways = {number: [] for number in (1, 2)}
     for n, animals in enumerate(said):
         places = truth.loc[truth["frame"] == n, ["x_px", "y_px"]].to_numpy()
@@ -818,17 +818,17 @@ def test_the_camera_tracker_finds_the_drawn_carp(tmp_path):
 
 
 def test_the_camera_tracker_sends_json_by_udp_and_by_a_websocket():
-    way_to = runpy.run_path(str(ROOT / "examples/camera_tracker.py"))["way_to"]
+    open_sender = runpy.run_path(str(ROOT / "examples/camera_tracker.py"))["open_sender"]
     with bind_socket(0, kind=socket.SOCK_DGRAM) as listens:
         listens.settimeout(10)
-        with way_to(f"udp://127.0.0.1:{listens.getsockname()[1]}") as send:
+        with open_sender(f"udp://127.0.0.1:{listens.getsockname()[1]}") as send:
             send(message(1))
         assert json_of(listens.recv(2000), None) == message(1)
     came = queue.Queue()
     with serve(lambda one: came.put(one.recv()), "127.0.0.1", 0) as server:
         runs = threading.Thread(target=server.serve_forever)
         runs.start()
-        with way_to(f"ws://127.0.0.1:{server.socket.getsockname()[1]}/animals") as send:
+        with open_sender(f"ws://127.0.0.1:{server.socket.getsockname()[1]}/animals") as send:
             send(message(2))
             assert came.get(timeout=10) == message(2)
         server.shutdown()

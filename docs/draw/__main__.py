@@ -1,4 +1,4 @@
-"""Draw every picture: `python -m docs.draw`; from a run kept in a folder: `… docs.draw FOLDER`."""
+"""Draw all pictures: `python -m docs.draw`; from a finished run: `python -m docs.draw FOLDER`."""
 
 import argparse
 import subprocess
@@ -33,13 +33,13 @@ from finloop.edit.modes import MODES
 
 PICTURES = ROOT / "docs/pictures"
 CARP = ["clip=carp", "animate.trials=1"]
-SHOWN = "hybrid"  # the mode of the story and of what shows one mode alone
+SHOWN = "hybrid"  # the mode of the story and of pictures of a single mode
 HERO_PX, PANEL_PX, TANK_PX, REPORT_PX = 720, 320, 640, 800  # widths
-FILM_S, OUTLINE_S, AFTER_S = 2.0, 2.4, 1.0  # of the film, of its outlines, after the last goal
-WINDOW, PANEL_S = (360, 270), 8.0  # that follows the fish; seconds of it
-TANK_S = 7.0, 18.0  # of the film of the 3-D tank
+FILM_S, OUTLINE_S, AFTER_S = 2.0, 2.4, 1.0  # durations of film, outlines, end after the last goal
+WINDOW, PANEL_S = (360, 270), 8.0  # size and duration of the window that follows the fish
+TANK_S = 7.0, 18.0  # begin and end in the film of the 3-D tank
 OUTLINE = (120, 255, 220)
-SENT = [(0.25, 0.3), (0.75, 0.3), (0.55, 0.75)]  # the fish of the live tank
+SENT = [(0.25, 0.3), (0.75, 0.3), (0.55, 0.75)]  # goals of the fish in the live tank
 
 
 def draw_outlines(folder: Path, start_s: float, end_s: float) -> Iterator[Picture]:
@@ -56,14 +56,14 @@ def draw_outlines(folder: Path, start_s: float, end_s: float) -> Iterator[Pictur
 
 
 def tracks_rate(folder: Path) -> float:
-    """Frames per second of the clip."""
+    """Return the clip's frames per second."""
     table = pd.read_parquet(folder / "data/features/features.parquet", columns=["frame", "time_s"])
     last = table.loc[table["frame"].idxmax()]
     return float(last["frame"] / last["time_s"])
 
 
 def story(folder: Path) -> Iterator[Picture]:
-    """The film, what is measured in it, and the fish on its way to A, B and C."""
+    """Return the film, its outlines, and the fish on its way to A, B and C, with captions."""
     clip, edit = folder / "data/clip/clip.mp4", edit_list(folder, SHOWN)
     wanders = edit.loc[edit["goal"] == "", "time_s"]
     end_s = AFTER_S + float(wanders.iloc[0] if len(wanders) else edit["time_s"].iloc[-1])
@@ -79,12 +79,12 @@ def story(folder: Path) -> Iterator[Picture]:
 
 
 def edit_list(folder: Path, mode: str) -> pd.DataFrame:
-    """What is drawn in every tick; no goal is an empty name."""
+    """Return the edit list of a mode; no goal is an empty name."""
     return pd.read_parquet(folder / f"data/animate/{mode}.parquet").fillna({"goal": ""})
 
 
 def panel(path: Path, places: pd.DataFrame) -> Iterator[Picture]:
-    """A window of a film that follows the fish, smoothly."""
+    """Return a window of a film that follows the fish smoothly."""
     smooth = places[["x_px", "y_px"]].rolling(51, center=True, min_periods=1).mean()
 
     def place(time_s: float) -> tuple[float, float]:
@@ -97,18 +97,18 @@ def panel(path: Path, places: pd.DataFrame) -> Iterator[Picture]:
 
 
 def draw_panels(folder: Path) -> None:
-    """The film and every mode, to be put side by side."""
+    """Save panels of the film and of every mode, to be shown side by side."""
     film = pd.read_parquet(folder / "data/features/features.parquet")
     first = film[film["track_id"] == film["track_id"].iloc[0]]
     save_film(PICTURES / "film.webp", panel(folder / "data/clip/clip.mp4", first))
-    for mode in sorted(MODES, key=lambda name: name == SHOWN):  # that one last: films stay of it
+    for mode in sorted(MODES, key=lambda name: name == SHOWN):  # last, as its films are used later
         run(folder, [*CARP, f"render.mode={mode}", "render.comparison_seconds=0"], ["render"])
         moving = panel(folder / f"data/render/{mode}.mp4", edit_list(folder, mode))
         save_film(PICTURES / f"{mode}.webp", moving)
 
 
 def draw_drawings() -> None:
-    """A morph, and two drawings that a gait drives, by the commands of the guide."""
+    """Save a morph and two drawings driven by a gait, by the commands of the guide."""
     faces = ["morph", "face_a", "face_b", "--frames", "36", "--back"]
     dog = ["gait", "dog_1", "dog_2", "--gait", "dog_walk"]
     fish = ["gait", "fish_1", "fish_2", "--gait", "trout", "--frames", "24", "--rate", "30"]
@@ -120,7 +120,7 @@ def draw_drawings() -> None:
 
 
 def draw_all(folder: Path) -> None:
-    """All that is made from one run of the pipeline."""
+    """Save all pictures from one run of the pipeline."""
     draw_panels(folder)
     save_film(PICTURES / "goals.webp", story(folder))
     tank = frames(folder / "data/tank/tank.mp4", *TANK_S)
@@ -132,9 +132,9 @@ def draw_all(folder: Path) -> None:
 
 
 def main() -> None:
-    """Make docs/pictures/."""
+    """Draw all pictures of docs/pictures/."""
     parser = argparse.ArgumentParser(prog="python -m docs.draw", description=__doc__)
-    parser.add_argument("folder", nargs="?", type=Path, help="a run of the pipeline on the carp")
+    parser.add_argument("folder", nargs="?", type=Path, help="a finished pipeline on the carp")
     folder = parser.parse_args().folder
     chromium()  # before the long work
     PICTURES.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Pages as a browser shows them: the report and the live tank."""
+"""Screenshots of the report and the live tank in a browser."""
 
 import io
 import shutil
@@ -16,14 +16,14 @@ from docs.draw.film import Picture
 from docs.draw.pipeline import ENV
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-WIDTH_PX, HEIGHT_PX = 1280, 800  # of the window
+WIDTH_PX, HEIGHT_PX = 1280, 800  # size of the window
 HEAD_PX = "Math.round(document.querySelector('#measures').getBoundingClientRect().top)"
-MOMENT_S = 15  # of the report's film
-WAIT_S = 60  # for what a page should show
+MOMENT_S = 15  # moment in the report's film
+WAIT_S = 60  # longest wait for a page
 
 
 def chromium() -> str:
-    """The browser's path."""
+    """Return the browser's path."""
     for name in NAMES:
         if path := shutil.which(name):
             return path
@@ -32,7 +32,7 @@ def chromium() -> str:
 
 @contextmanager
 def page(address: str) -> Iterator[Any]:
-    """A page that is open in a browser without a screen."""
+    """Open a page in a headless browser."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
@@ -46,40 +46,40 @@ def page(address: str) -> Iterator[Any]:
 
 
 def wait(tab: Any, condition: str) -> None:
-    """Until a condition of the page holds; its policy forbids playwright's own way to wait."""
+    """Wait until a condition of the page holds; the page's policy forbids playwright's own wait."""
     for _ in range(WAIT_S * 10):
         if tab.evaluate(condition):
             return
         tab.wait_for_timeout(100)
-    raise SystemExit(f"docs: the page still does not fulfil: {condition}")
+    raise SystemExit(f"docs: the page does not fulfil, after {WAIT_S} s: {condition}")
 
 
 def shot(tab: Any, **part: Any) -> Picture:
-    """What the window shows, or the given part of the page."""
+    """Return a screenshot of the window, or of a part of the page."""
     return np.asarray(Image.open(io.BytesIO(tab.screenshot(**part))).convert("RGB"))
 
 
 def report(folder: Path) -> Picture:
-    """The head of the report, its film in the middle, down to the most important numbers."""
+    """Return the head of the report, with its film at a moment in the middle."""
     with page((folder / "reports/index.html").resolve().as_uri()) as tab:
         tab.evaluate("document.querySelector('video').pause()")
         tab.evaluate(f"document.querySelector('video').currentTime = {MOMENT_S}")
-        tab.wait_for_timeout(1500)  # until that moment is shown
+        tab.wait_for_timeout(1500)  # until the video shows that moment
         head = {"x": 0, "y": 0, "width": WIDTH_PX, "height": tab.evaluate(HEAD_PX)}
         return shot(tab, full_page=True, clip=head)
 
 
 def live_tank(folder: Path, shares: list[tuple[float, float]]) -> Picture:
-    """The live tank a while after each fish was sent to a place, in shares of the tank."""
+    """Return the live tank some time after each fish got a goal, in shares of the tank."""
     command = [sys.executable, "-m", "stages.play", "--no-open", "--port", "0"]
     command += ["--fish", str(len(shares))]
     tank = subprocess.Popen(command, cwd=folder, env=ENV, stderr=subprocess.PIPE, text=True)
     try:
         assert tank.stderr is not None
-        said = tank.stderr.readline() + tank.stderr.readline()  # that it reads; its address
-        address = next((word for word in said.split() if "http:" in word), "")
+        output = tank.stderr.readline() + tank.stderr.readline()  # a start message, and the address
+        address = next((word for word in output.split() if "http:" in word), "")
         if not address:
-            raise SystemExit(f"docs: the live tank does not open:\n{said}{tank.stderr.read()}")
+            raise SystemExit(f"docs: the live tank does not open:\n{output}{tank.stderr.read()}")
         with page(address) as tab:
             wait(tab, "!!state")
             box = tab.locator("#tank").bounding_box()
@@ -87,7 +87,7 @@ def live_tank(folder: Path, shares: list[tuple[float, float]]) -> Picture:
                 tab.select_option("#who", str(number))
                 tab.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
             wait(tab, "state.decision && state.decision.ways.length > 3")
-            tab.wait_for_timeout(2000)  # of swimming, for a trail
+            tab.wait_for_timeout(2000)  # for a trail
             return shot(tab)
     finally:
         tank.terminate()

@@ -12,15 +12,15 @@ from PIL import Image, ImageDraw, ImageFont
 
 Picture = NDArray[np.uint8]
 
-RATE_HZ = 12.5  # of every animated picture
-QUALITY = 60  # of WebP, at most 100
-NOISE_GREY = 14  # smaller changes from frame to frame are noise, and would make the file large
+RATE_HZ = 12.5  # frame rate of every animated picture
+QUALITY = 60  # WebP quality, at most 100
+NOISE_GREY = 14  # smaller changes from frame to frame are noise, which makes the file large
 STRIP_PX, STRIP, TEXT = 40, (24, 36, 43), (240, 245, 247)
 FONT = Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"
 
 
 def frames(path: Path, start_s: float = 0.0, end_s: float = np.inf) -> Iterator[Picture]:
-    """Frames of a film, (height, width, 3), `RATE_HZ` of them a second."""
+    """Yield the frames of a film, (height, width, 3), at `RATE_HZ`."""
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         rate = float(stream.average_rate or RATE_HZ)
@@ -40,7 +40,7 @@ def resize_picture(picture: Picture, width_px: int) -> Picture:
 
 
 def steady(film: Iterable[Picture]) -> Iterator[Picture]:
-    """The film without noise: a pixel keeps its colour until it changes by more than noise does."""
+    """Yield the film without noise: a pixel keeps its colour until it changes beyond noise."""
     last: Picture | None = None
     for picture in film:
         if last is None:
@@ -54,7 +54,7 @@ def steady(film: Iterable[Picture]) -> Iterator[Picture]:
 def window(
     film: Iterable[Picture], places: Callable[[float], tuple[float, float]], size: tuple[int, int]
 ) -> Iterator[Picture]:
-    """A window of `size` (width, height) px that follows a place given at every time in seconds."""
+    """Yield a window of `size` (width, height) px that follows `places`, a function of time [s]."""
     width, height = size
     for number, picture in enumerate(film):
         x, y = places(number / RATE_HZ)
@@ -64,7 +64,7 @@ def window(
 
 
 def add_caption(film: Iterable[Picture], words: str) -> Iterator[Picture]:
-    """Yield the film above a strip with words."""
+    """Yield the film above a strip with a caption."""
     strip = None
     for picture in film:
         if strip is None:
@@ -77,7 +77,7 @@ def add_caption(film: Iterable[Picture], words: str) -> Iterator[Picture]:
 
 
 def save_film(path: Path, film: Iterable[Picture]) -> None:
-    """Write an animated WebP that plays for ever."""
+    """Write an animated WebP that loops endlessly."""
     first, *rest = [Image.fromarray(picture) for picture in film]
     how = {"duration": round(1000 / RATE_HZ), "loop": 0, "quality": QUALITY, "method": 4}
     first.save(path, save_all=True, append_images=rest, **how)

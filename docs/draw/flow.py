@@ -1,4 +1,4 @@
-"""The stages of dvc.yaml as an SVG: which stage waits for which."""
+"""The stages of dvc.yaml and their dependencies as an SVG."""
 
 import re
 from pathlib import Path
@@ -38,15 +38,15 @@ marker path { fill: #51636c; stroke: none; marker-end: none; }
 
 
 def _box(stage: str) -> str:
-    """The box that a stage is drawn in."""
+    """Return the box of a stage."""
     return MODES if stage.startswith("modes-") else stage
 
 
 def _reads(dep: str, out: str) -> bool:
-    """Whether a stage that depends on a path reads from an output.
+    """Return whether a stage with dependency `dep` reads an output `out`.
 
-    A parameter in the path stands for any name: `data/animate/${render.mode}.parquet`. A folder so
-    named says no more than the table beside it, and is left out.
+    A parameter in the path matches any name: `data/animate/${render.mode}.parquet`. A folder named
+    by a parameter duplicates the table beside it, and never matches.
     """
     if "${" in dep:
         pattern = r"[^/.]+".join(map(re.escape, re.split(r"\$\{[^}]*\}", dep)))
@@ -55,10 +55,10 @@ def _reads(dep: str, out: str) -> bool:
 
 
 def flow(dvc_yaml: str) -> nx.DiGraph:
-    """Boxes, an edge from each to those that wait for it; edges that follow from others left out.
+    """Return the reduced graph of boxes, with edges from each box to those that depend on it.
 
-    A box is a stage, or the stages of all modes. The stages `code` and `params`, which only check
-    what runs, are left out, and so are the stages `plots-…`, which only draw.
+    A box is a stage, or the stages of all modes. The stages `code` and `params`, which only check,
+    and the stages `plots-…`, which only draw, have no box.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
     stages = {name: stage for name, stage in stages.items() if makes_data(name)}
@@ -74,7 +74,7 @@ def flow(dvc_yaml: str) -> nx.DiGraph:
 
 
 def svg(dvc_yaml: str) -> str:
-    """The picture, readable on light and dark pages."""
+    """Return the SVG, readable on light and dark pages."""
     graph = flow(dvc_yaml)
     pitch = BOX[0] + GAP[0], BOX[1] + GAP[1]
 
@@ -106,5 +106,5 @@ def svg(dvc_yaml: str) -> str:
 
 
 def save_flow(path: Path, dvc_yaml: Path) -> None:
-    """Write the picture of a dvc.yaml."""
+    """Write the SVG for a dvc.yaml."""
     path.write_text(svg(dvc_yaml.read_text(encoding="utf-8")), encoding="utf-8")

@@ -9,7 +9,7 @@ from docs.draw.film import Picture, resize_picture, save_still
 from docs.draw.pipeline import run
 
 WIDE = 960  # px
-NAMES = 42  # px of a sheet of detections, where the colours are named
+NAMES = 42  # px height of the legend on a sheet of detections
 THREE = [
     "clip=carp", "clip.frames=600", "clip.fish=3", "clip.width_px=760", "clip.height_px=460",
     "clip.body_length_px=90", "clip.seed=3", "clip.fins_open_ratio=0.3",
@@ -21,12 +21,12 @@ CELL = (128, 192)  # px, height and width
 
 
 def load(path: Path) -> Picture:
-    """A picture, as red, green and blue."""
+    """Return a picture as RGB."""
     return np.asarray(Image.open(path).convert("RGB"))
 
 
 def lower(sheet: Picture) -> Picture:
-    """The names of the colours and the last two frames of a sheet of four."""
+    """Return the legend and the last two frames of a sheet of four."""
     return resize_picture(np.vstack([sheet[:NAMES], sheet[(sheet.shape[0] + NAMES) // 2 :]]), WIDE)
 
 
@@ -37,7 +37,7 @@ def draw_checkerboard(height: int, width: int) -> Picture:
 
 
 def strip(sequence: Path) -> Picture:
-    """Some moments of an animated WebP, side by side over a chequered ground."""
+    """Return some frames of an animated WebP, side by side on a checkerboard."""
     tiles = []
     height, width = CELL
     with Image.open(sequence) as film:
@@ -52,7 +52,7 @@ def strip(sequence: Path) -> Picture:
 
 
 def draw_guides(folder: Path, scratch: Path, pictures: Path) -> None:
-    """From a run of the pipeline, and from a short film that is run in `scratch`."""
+    """Save the pictures, from a finished pipeline and from a short film run in `scratch`."""
     export = folder / "data/export"
     sequences = np.vstack([strip(export / f"{word}.webp") for word in SEQUENCES])
     save_still(pictures / "export.webp", sequences)

@@ -1,4 +1,4 @@
-"""The pipeline in a scratch folder, its stages as dvc.yaml names them."""
+"""Running the stages of dvc.yaml in a scratch folder."""
 
 import os
 import shutil
@@ -13,7 +13,7 @@ from benchmarks.pipeline import ROOT, prepare
 from stages.code import module_of
 
 ENV = os.environ | {"PYTHONPATH": str(ROOT)}  # the program is not installed
-BESIDE = ("data/drawings", "data/gaits", "benchmarks/table2.csv")  # what the stages read in git
+BESIDE = ("data/drawings", "data/gaits", "benchmarks/table2.csv")  # tracked inputs of the stages
 
 
 def run(folder: Path, values: Sequence[str], words: Sequence[str] = ()) -> None:

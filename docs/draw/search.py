@@ -1,4 +1,4 @@
-"""One decision of mode `matching`: the ways that were weighed, and what was swum of the best."""
+"""A picture of one decision of mode `matching`: the candidates, and the path taken."""
 
 from contextlib import chdir
 from pathlib import Path
@@ -19,16 +19,16 @@ from finloop.plan.planner import Planner
 from finloop.project import Project
 from stages.modes.matching import open_mode
 
-WAY_S, SWUM_S = 2.0, 3.0  # of a candidate's way, of the way that is swum
-TRIES, WAYS = 400, 12  # decisions that are looked at; ways that one should have
-SIZE = (9.0, 6.4)  # inches, of 100 px
+WAY_S, TAKEN_S = 2.0, 3.0  # durations of a candidate's path and of the path taken
+TRIES, WAYS = 400, 12  # most decisions tried; least candidates of a decision
+SIZE = (9.0, 6.4)  # inches of 100 px
 
 
 def search_picture(folder: Path) -> Picture:
-    """Return the picture, of the run in a folder."""
+    """Return the picture for the run in a folder."""
     with chdir(folder), Project() as project:
         planner, background = open_mode(project).player, project.background
-    state, goal, options, swum = _decision(planner)
+    state, goal, options, taken = _decision(planner)
     figure = Figure(figsize=SIZE, dpi=100, layout="constrained")
     axes = figure.add_subplot()
     axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
@@ -44,8 +44,8 @@ def search_picture(folder: Path) -> Picture:
         share = (value - low) / max(high - low, 1e-9)
         colour = shades(share) if np.isfinite(value) else "0.6"
         axes.plot(x, y, color=colour, lw=2.4, ls="-" if np.isfinite(value) else ":")
-    way, jumps = swum
-    axes.plot(way[:, 0], way[:, 1], color="#d62728", lw=5, alpha=0.8, label="swum")
+    way, jumps = taken
+    axes.plot(way[:, 0], way[:, 1], color="#d62728", lw=5, alpha=0.8, label="path taken")
     axes.plot(way[jumps, 0], way[jumps, 1], "o", color="#d62728", ms=7, label="jumps")
     axes.plot(state.fish.x, state.fish.y, "o", color="black", ms=8, label="the fish")
     axes.plot(goal.x_px, goal.y_px, "o", mfc="none", mec="black", mew=2, ms=16, label="goal")
@@ -57,7 +57,7 @@ def search_picture(folder: Path) -> Picture:
     axes.set_xticks([])
     axes.set_yticks([])
     scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(low, high), shades)
-    figure.colorbar(scale, ax=axes, label="cost of the best way from there, s", shrink=0.8)
+    figure.colorbar(scale, ax=axes, label="cost of the best path from there, s", shrink=0.8)
     axes.legend(loc="lower right", framealpha=0.9)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
@@ -65,7 +65,7 @@ def search_picture(folder: Path) -> Picture:
 
 
 def _decision(planner: Planner) -> tuple[State, Goal, CandidateVerdicts, tuple[Floats, Floats]]:
-    """Return a decision with many ways, some good, some not, that jumps on its way to a goal."""
+    """Return a decision with many good and bad candidates, and a path with jumps to its goal."""
     rng = np.random.default_rng(2)
     state, best = planner.begin(rng), None
     for _ in range(TRIES):
@@ -86,7 +86,7 @@ def _decision(planner: Planner) -> tuple[State, Goal, CandidateVerdicts, tuple[F
 def _swim_path(planner: Planner, state: State, goal: Goal) -> tuple[Floats, Floats]:
     """Return the path (n, 3) that a fish swims from a state, and the ticks at which it jumps."""
     rng, places, jumps, ticks = np.random.default_rng(0), [], [], 0
-    while ticks < SWUM_S * planner.world.motion.rate_hz:
+    while ticks < TAKEN_S * planner.world.motion.rate_hz:
         stretch, state = planner.plan(state, goal, rng)
         if stretch.new:
             jumps.append(ticks)

@@ -12,28 +12,28 @@ from finloop.base.errors import FinloopError
 
 
 def steps(curve: Curve) -> Floats:
-    """Lengths of the segments in order: (n,) of a closed curve, (n − 1,) of an open one."""
+    """Return the segment lengths in order: (n,) for a closed curve, (n − 1,) for an open one."""
     points = curve.points
     x, y = (np.roll(points, -1, axis=0) - points if curve.closed else np.diff(points, axis=0)).T
     return np.hypot(x, y)
 
 
 def length(curve: Curve) -> float:
-    """Total arc length of the polyline, the unit of its points."""
+    """Return the total arc length of the polyline, in the unit of its points."""
     return float(steps(curve).sum())
 
 
 def area(curve: Curve) -> float:
-    """Area within the polygon of the points; positive if it runs clockwise as seen, y down.
+    """Return the area within the polygon of the points, positive if it runs clockwise as seen.
 
-    That is the paper's orientation (§2.2). Of an open curve: the area its chord closes off.
+    That is the paper's orientation (§2.2). An open curve is closed by its chord.
     """
-    x, y = (curve.points - curve.points[0]).T  # small numbers: less cancels
+    x, y = (curve.points - curve.points[0]).T  # small numbers lose fewer digits
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
 def centroid(points: Floats) -> Floats:
-    """Centre of the area (…, 2) within closed polygons (…, n, 2)."""
+    """Return the centre of the area (…, 2) within closed polygons (…, n, 2)."""
     p = points - points[..., :1, :]
     q = np.roll(p, -1, axis=-2)
     cross = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
@@ -42,12 +42,12 @@ def centroid(points: Floats) -> Floats:
 
 
 def clockwise(curve: Curve) -> Curve:
-    """The curve, reversed if it runs anticlockwise as seen; open curves stay as they are."""
+    """Return the curve, reversed if it is closed and runs anticlockwise as seen."""
     return reverse_curve(curve) if curve.closed and area(curve) < 0 else curve
 
 
 def reverse_curve(curve: Curve) -> Curve:
-    """Return the curve run the other way; a closed one keeps its first point."""
+    """Return the curve in the opposite direction; a closed curve keeps its first point."""
     points = curve.points[::-1]
     return Curve(np.roll(points, 1, axis=0) if curve.closed else points.copy(), curve.closed)
 
@@ -55,14 +55,13 @@ def reverse_curve(curve: Curve) -> Curve:
 def resample_curve(curve: Curve, n: int) -> Curve:
     """Resample the polyline to n points of equal arc length: t(l) = l / L of §2.2.
 
-    A closed curve keeps its first point, an open one both ends. Corners between the new points are
-    cut off, so the result is no longer than the curve. FinloopError if n is below 3 for a closed
-    curve, 2 for an open one.
+    A closed curve keeps its first point, an open curve both ends. The new polygon cuts corners, so
+    it is never longer than the curve. FinloopError if n is below 3 (closed curve) or 2 (open).
     """
     least = 3 if curve.closed else 2
     if n < least:
         raise FinloopError(
-            f"a curve was to be resampled to {n} points", f"at least {least}", "ask for more points"
+            f"a curve is to be resampled to {n} points", f"at least {least}", "set more points"
         )
     points = np.concatenate([curve.points, curve.points[:1]]) if curve.closed else curve.points
     along = np.concatenate([[0.0], np.cumsum(steps(curve))])

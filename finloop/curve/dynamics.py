@@ -1,11 +1,11 @@
 """Deformation of a curve by its stiffness (curve paper §3.1, §3.3): M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
-`solve` is the entry. In the φ basis K is circulant, and an FFT decouples it exactly: the method
-"modal", by which every other method is judged. The parameter of a curve runs from 0 to
-1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
+`solve` is the entry. In the φ basis K is circulant, and an FFT decouples it exactly. This is the
+method "modal", the reference for the errors of all other methods. The parameter of a curve runs
+from 0 to 1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
 
-An open curve moves as one half of `curve.wavelet.close_by_mirroring`, whose symmetry K
-preserves; its ends are free.
+An open curve moves as one half of the closed curve that `curve.wavelet.close_by_mirroring` makes.
+K preserves that symmetry, and the ends are free.
 """
 
 from collections.abc import Callable
@@ -32,11 +32,11 @@ from finloop.curve.wavelet import back, forward
 def solve(
     problem: Problem, method: str = "modal", options: SolverOptions | None = None
 ) -> Trajectory:
-    """The motion of `problem`.
+    """Solve M q̈ + C q̇ + K q = Q (Eq. 3.3) for the motion of a curve.
 
     "modal": exact. "runge-kutta": adaptive, Eq. 3.15. "explicit-euler", "implicit-euler": ρ = 0.
     "decoupled": Eq. 3.16 with the diagonal of K alone, in the wavelet basis. FinloopError if the
-    problem or the method's settings make no sense; the message says which and why.
+    problem or the method's settings are invalid; the message names them.
     """
     options = options or SolverOptions()
     problem = check_problem(problem, method)
@@ -52,11 +52,11 @@ def solve(
     )
 
 
-# --- in a basis in which K is, or is taken to be, diagonal
+# --- in a basis in which K is diagonal, or treated as diagonal
 
 
 class Basis(NamedTuple):
-    """Coefficients (m, d) of points (n, d), points (…, n, d) of coefficients; K's diagonal (m,)."""
+    """A basis: points (n, d) to coefficients (m, d) and back (…, n, d), and K's diagonal (m,)."""
 
     to: Callable[[Floats], Numbers]
     points: Callable[[Numbers], Floats]
@@ -64,10 +64,10 @@ class Basis(NamedTuple):
 
 
 def modal(problem: Problem, options: SolverOptions) -> Solution:
-    """Exact: K of the φ basis is circulant, so the Fourier modes are independent.
+    """Solve exactly: K is circulant in the φ basis, so the Fourier modes are independent.
 
-    A force that depends on place and time couples them; then `forced_motion` refines its steps
-    down to `options.tolerance`.
+    A force that depends on place and time couples the modes. Then `forced_motion` refines its steps
+    until the error is below `options.tolerance`.
     """
     n = len(problem.rest)
     basis = Basis(
@@ -79,7 +79,7 @@ def modal(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
-    """Solve Eq. 3.16 in the wavelet basis without K's off-diagonals; the error is not small."""
+    """Solve Eq. 3.16 in the wavelet basis without K's off-diagonals, with a considerable error."""
     n, levels = len(problem.rest), options.levels
     basis = Basis(
         lambda points: forward(points, problem.wavelet, levels),
@@ -116,7 +116,7 @@ def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> S
 
 
 def energy(problem: Problem, motion: Trajectory) -> Floats:
-    """Kinetic and elastic energy (t,): ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|²."""
+    """Return kinetic plus elastic energy (t,): ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|²."""
     n = len(problem.rest)
     k = eigenvalues(problem.wavelet, n, problem.material.elastic)
     twice = np.full(len(k), 2.0)  # rfft leaves out the mirror images
@@ -128,5 +128,5 @@ def energy(problem: Problem, motion: Trajectory) -> Floats:
 
 
 def momentum(problem: Problem, motion: Trajectory) -> Floats:
-    """ρ ∫ u̇, (t, d); without force it fades by e^(−s₁ t)."""
+    """Return the momentum ρ ∫ u̇, (t, d); without force it decays as e^(−s₁ t)."""
     return problem.material.density * motion.velocity.mean(axis=1)

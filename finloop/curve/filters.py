@@ -10,21 +10,22 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 
 CUBIC = "cubic"
-"""The biorthogonal cubic B-spline wavelet of Fig. 2, which PyWavelets does not have: its bior3.*
-are built on the quadratic spline, its bior4.4 on none."""
+"""The biorthogonal cubic B-spline wavelet of Fig. 2, which PyWavelets lacks: its bior3.* use the
+quadratic spline, its bior4.4 uses no spline."""
 
-LOSSLESS = 1e-13  # how exactly filters must reconstruct a curve
+LOSSLESS = 1e-13  # largest loss of filters that reconstruct a curve
 
-_FREE = 1e-9  # singular values below, of the largest: moving that way mends nothing (coif10 and on)
-_TOLERANCE = 1e-9  # tables of filters (sym*, bior4.4, …) are; dmey is cut off and loses far more
+_FREE = 1e-9  # relative size of singular values whose directions reduce no loss (from coif10 on)
+_TOLERANCE = (
+    1e-9  # largest loss of tabled filters (sym*, bior4.4, …); truncated dmey loses far more
+)
 
 
 @cache
 def filter_bank(wavelet: str) -> Floats:
-    """Filters (4, taps): analysis low and high, synthesis low and high, as PyWavelets names them.
+    """Return filters (4, taps) in PyWavelets' order: analysis low, high, synthesis low, high.
 
-    FinloopError if there is no such discrete wavelet, or its filters do not reconstruct what they
-    took.
+    FinloopError if the discrete wavelet is unknown, or its filters do not reconstruct a curve.
     """
     if wavelet == CUBIC:
         bank = _cubic_spline()
@@ -50,7 +51,7 @@ def filter_bank(wavelet: str) -> Floats:
 
 
 def _cubic_spline() -> Floats:
-    """Cohen–Daubechies–Feauveau, 4 + 4 vanishing moments: synthesis by the cubic B-spline."""
+    """Return Cohen–Daubechies–Feauveau filters of the cubic spline, 4 + 4 vanishing moments."""
     spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
     sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
     dual, power = np.zeros(7), np.ones(1)
@@ -65,10 +66,10 @@ def _cubic_spline() -> Floats:
 
 
 def _exact(bank: Floats) -> Floats:
-    """The nearest filters that reconstruct: Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0.
+    """Return the nearest filters that reconstruct: Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0.
 
-    A Newton step or two of least size. Filters of an orthogonal wavelet stay each other's mirror
-    images; of a biorthogonal one the analysis is mended, so that the spline of synthesis stays.
+    Newton steps of least norm. The filters of an orthogonal wavelet stay mirror images of each
+    other. For a biorthogonal wavelet only the analysis changes, so the synthesis keeps its spline.
     """
     taps = bank.shape[1]
     orthogonal = np.allclose(bank[2], bank[0, ::-1], rtol=0, atol=_TOLERANCE)
@@ -91,10 +92,10 @@ def _exact(bank: Floats) -> Floats:
 
 
 def _loss(bank: Floats) -> float:
-    """How far synthesis after analysis is from a delay: Σ_k s[2k + p] a[k'] over both filters."""
+    """Return how far analysis plus synthesis is from a pure delay, summed over both filters."""
     taps = bank.shape[1]
     parts = []
-    for phase in (0, 1):  # of the sample
+    for phase in (0, 1):  # even samples, odd samples
         total = np.zeros(2 * taps)
         for analysis, synthesis in ((bank[0], bank[2]), (bank[1], bank[3])):
             phase_taps = np.where(np.arange(taps) % 2 == phase, synthesis, 0)

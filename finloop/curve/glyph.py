@@ -1,4 +1,4 @@
-"""Outlines of letters and digits, as curves to try things on: matplotlib's own DejaVu Sans."""
+"""Outlines of letters and digits as test curves, from matplotlib's DejaVu Sans."""
 
 import numpy as np
 from matplotlib.font_manager import FontProperties
@@ -12,14 +12,14 @@ FONT = "DejaVu Sans"
 
 
 def glyph(character: str, size: float = 1000.0) -> list[Curve]:
-    """The closed contours of a character, y down, the baseline at 0; `size`: of the font's em.
+    """Return the closed contours of a character, y down, baseline at 0, em square of side `size`.
 
-    Splines are cut into segments of about a unit, so that a larger size is smoother. FinloopError
-    if it is not one character with an outline.
+    Segments are about one unit long, so a larger size is smoother. FinloopError if `character` is
+    not a single character with an outline.
     """
     if len(character) != 1:
         raise FinloopError(
-            f"{character!r} was asked as a glyph", "one character", "ask for one at a time"
+            f"the glyph {character!r}", "one character", "pass one character at a time"
         )
     outlines = []
     if character.isprintable() and not character.isspace():  # TextPath fails without an outline
@@ -27,7 +27,7 @@ def glyph(character: str, size: float = 1000.0) -> list[Curve]:
         outlines = path.to_polygons()
     if not outlines:
         raise FinloopError(
-            f"{character!r} has no outline", "a letter, a digit, a sign", "ask for another one"
+            f"{character!r} has no outline", "a letter, digit or sign", "choose another character"
         )
     # On a screen y is down.
     return [clean_curve(Curve(np.array(o, float) * (1, -1), True), character) for o in outlines]

@@ -20,11 +20,11 @@ from finloop.curve.stiffness import damping, mass, stiffness
 from finloop.curve.wavelet import back, forward
 
 ITERATIONS = 100
-"""Largest number of Schulz iterations; any matrix that float64 can invert needs fewer."""
+"""Largest number of Schulz iterations; every matrix that float64 can invert needs fewer."""
 
 
 def matrices(problem: Problem, options: SolverOptions) -> tuple[csr_array, csr_array]:
-    """C and K (n, n) in the wavelet basis."""
+    """Return C and K (n, n) in the wavelet basis."""
     n, material = len(problem.rest), problem.material
     k = stiffness(problem.wavelet, n, options.levels, material.elastic)
     m = mass(n, material.density or 1.0)
@@ -32,7 +32,7 @@ def matrices(problem: Problem, options: SolverOptions) -> tuple[csr_array, csr_a
 
 
 def _push(problem: Problem, options: SolverOptions) -> Callable[[float, Floats], Floats]:
-    """Q in the wavelet basis, from time and coefficients (n, d)."""
+    """Return the force Q in the wavelet basis, as a function of time and coefficients (n, d)."""
     if not callable(problem.force):
         constant = forward(
             force_at(problem, 0.0, problem.displacement), problem.wavelet, options.levels
@@ -47,10 +47,7 @@ def _push(problem: Problem, options: SolverOptions) -> Callable[[float, Floats],
 
 
 def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
-    """Eq. 3.15 by an adaptive Runge–Kutta formula of scipy.
-
-    FinloopError if the formula gives up.
-    """
+    """Solve Eq. 3.15 by an adaptive Runge–Kutta formula of scipy; FinloopError if it fails."""
     c, k = matrices(problem, options)
     push, shape = _push(problem, options), problem.displacement.shape
     density = problem.material.density
@@ -65,7 +62,7 @@ def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
 
     scale = float(np.abs(start).max()) or 1.0
     state, states, evaluations, step = start.ravel(), [start.ravel()], 0, None
-    # One call an interval: scipy interpolates between its steps less exactly than it steps.
+    # One call per interval: scipy's interpolation between steps is less accurate than its steps.
     for begin, end in pairwise(problem.times):
         result = scipy.integrate.solve_ivp(
             slope,
@@ -78,9 +75,9 @@ def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
         )
         if not result.success:
             raise FinloopError(
-                f"{options.integrator} gave up: {result.message}",
-                "an equation that it can follow",
-                "take the method modal, or a larger options.rtol",
+                f"{options.integrator} failed: {result.message}",
+                "an equation that the integrator can solve",
+                "use the method modal, or a larger options.rtol",
             )
         state, step = result.y[:, -1], float(np.diff(result.t).max())
         evaluations += result.nfev
@@ -91,10 +88,11 @@ def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
-    """X ← 2X − XCX from Cᵀ / ‖CᵀC‖: the inverse (n, n), iterations, and max |I − XC|.
+    """Invert a matrix by X ← 2X − XCX from Cᵀ / ‖CᵀC‖.
 
-    The paper names no norm. Here it is the largest row sum: no eigenvalue is larger, so that it
-    converges. FinloopError if it does not: the matrix is singular, or nearly.
+    Returns the inverse (n, n), the iterations, and max |I − XC|. The paper names no norm; this one
+    is the largest row sum, which bounds every eigenvalue, so the iteration converges. FinloopError
+    if the matrix is singular, or nearly.
     """
     unit = np.eye(len(matrix))
     x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()
@@ -105,16 +103,16 @@ def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float
             return x, iteration, residual
         x = x + rest @ x
     raise FinloopError(
-        f"Schulz iteration left a residual of {residual:.2g} after {ITERATIONS} steps",
+        f"the Schulz iteration has a residual of {residual:.2g} after {ITERATIONS} steps",
         f"{tolerance:g}: a matrix far from singular",
-        "raise mass_damping, or take options.inverse sparse",
+        "raise mass_damping, or set options.inverse to sparse",
     )
 
 
 def _inverse(
     matrix: csr_array, options: SolverOptions
 ) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
-    """A function that solves with the matrix, and facts about the factors or iterations."""
+    """Return a function that solves with the matrix, and facts about the factors or iterations."""
     if options.inverse == "schulz":
         x, iterations, residual = schulz(matrix.toarray())
         facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}
@@ -130,13 +128,13 @@ def _inverse(
 
 
 def _even_step(problem: Problem, options: SolverOptions) -> float:
-    """Δt of Euler's steps."""
+    """Return Δt of Euler's steps; FinloopError if the times are not even."""
     gaps = np.diff(problem.times)
     if options.substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
         raise FinloopError(
-            f"{len(problem.times)} times, not evenly apart, or {options.substeps} substeps",
+            f"{len(problem.times)} times, not evenly spaced, or {options.substeps} substeps",
             "two or more even times and at least 1 substep for Euler's steps",
-            "take even times, or the method modal",
+            "pass even times, or use the method modal",
         )
     return float(gaps.mean()) / options.substeps
 
@@ -147,7 +145,7 @@ def _integrate_steps(
     step: float,
     advance: Callable[[float, Floats, Floats], Floats],
 ) -> Floats:
-    """Return the coefficients (t, n, d), stepped with `advance` of time, q and Q."""
+    """Return the coefficients (t, n, d), stepped by `advance(time, q, Q)`."""
     push = _push(problem, options)
     q = forward(problem.displacement, problem.wavelet, options.levels)
     course = [q]
@@ -160,10 +158,10 @@ def _integrate_steps(
 
 
 def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
-    """Euler's steps on C q̇ + K q = Q (§3.3).
+    """Solve C q̇ + K q = Q by Euler's steps (§3.3).
 
-    Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for it to stay finite.
-    Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q), Q of the time t: stable at any Δt.
+    Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for stable steps.
+    Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q), with Q at time t: stable at any Δt.
     FinloopError if the times are not even.
     """
     step = _even_step(problem, options)
@@ -175,9 +173,9 @@ def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
         if step * fastest > 2:
             raise FinloopError(
                 f"explicit Euler with steps of {step:.3g}",
-                f"steps of {2 / fastest:.3g} at most: longer ones may grow without end",
+                f"steps of {2 / fastest:.3g} at most: longer steps are unstable",
                 f"set options.substeps to {int(np.ceil(options.substeps * step * fastest / 2))} or "
-                "more, or take implicit-euler",
+                "more, or use implicit-euler",
             )
     solve, facts = _inverse(csr_array(c + step * k) if implicit else c, options)
     exact_solve = solve if not implicit else _inverse(c, SolverOptions(inverse="sparse"))[0]

@@ -1,9 +1,9 @@
 """Independent oscillators: ρ a″ + c a′ + k a = Q (curve paper Eq. 3.16).
 
-Glossary: *a* (m, d) their places, *v* their speeds, d directions; c, k (m,); γ = c / 2ρ and
+Glossary: *a* (m, d) their places, *v* their speeds, in d directions; c, k (m,); γ = c / 2ρ and
 r = −γ ± √(γ² − k / ρ) the roots of ρr² + c r + k = 0. (The paper prints r̈, ṙ, e₀ and f₀.)
 
-With ρ = 0 a speed is what c a′ + k a = Q makes it. Numbers may be complex, as FFTs are.
+With ρ = 0 the speed follows from c a′ + k a = Q. Numbers may be complex, as FFTs are.
 """
 
 from collections.abc import Callable
@@ -20,26 +20,26 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 
 NODES = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
-"""Chebyshev's five nodes: the shares of a step at which a force is evaluated."""
+"""Chebyshev's five nodes: fractions of a step at which the force is evaluated."""
 
-_ROUNDS = 60  # of iteration between places and forces
-_FINEST = 2**12  # steps from one time to the next
+_ROUNDS = 60  # most iterations between places and forces
+_FINEST = 2**12  # most steps from one time to the next
 
 Numbers = NDArray[np.inexact]
 Force = Callable[[float, Numbers], Numbers]
-"""Q (m, d) from time and places (m, d)."""
+"""The force Q (m, d) as a function of time and places (m, d)."""
 
 
 @dataclass(frozen=True)
 class Oscillators:
-    """ρ, and c, k (m,) of each."""
+    """Density ρ, and damping c and stiffness k (m,) of each oscillator."""
 
     density: float
     damping: Floats
     stiffness: Floats
 
     def cases(self) -> dict[str, int]:
-        """How many have two real roots, a double one, complex ones; all one root if ρ = 0."""
+        """Return how many have real, double and complex roots; if ρ = 0 each has one root."""
         inside = self.damping**2 - 4 * self.density * self.stiffness
         return {
             "real": int((inside > 0).sum()),
@@ -49,7 +49,7 @@ class Oscillators:
 
 
 class Response(NamedTuple):
-    """At times (t,), each (t, m): a = place a₀ + speed v₀ + pushed Q for constant Q; a′ alike."""
+    """Factors (t, m) at times (t,): a = place a₀ + speed v₀ + pushed Q, constant Q; `_rate`: a′."""
 
     place: Floats
     speed: Floats
@@ -60,10 +60,10 @@ class Response(NamedTuple):
 
 
 def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
-    """Eq. 3.16 in all its damping cases, and with a constant force; not `forced`: `pushed` is 0.
+    """Return the solution of Eq. 3.16 for all damping cases; without `forced`, `pushed` is 0.
 
-    Written so that nothing cancels or overflows from one case to the next: the double root is the
-    limit of both others.
+    The formulas neither cancel nor overflow between the cases: the double root is the limit of both
+    others.
     """
     t = np.asarray(times, np.float64)[:, None]
     k = oscillators.stiffness
@@ -105,8 +105,8 @@ def _mean_decay(x: Floats) -> Floats:
 def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
     """Return (1 − place) / product, and its limit at 0, without loss of digits.
 
-    `total`, `product` of the roots −x, −y in steps of t, `slow` the x nearer 0: the same is
-    (D(x) − D(y)) / (y − x) with D of `_mean_decay`, a power series where both roots are small.
+    −x, −y are the roots in steps of t, `total` = x + y, `product` = xy, `slow` the x nearer 0. With
+    D = `_mean_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.
     """
     term, before = np.ones_like(product), np.zeros_like(product)
     series = np.zeros_like(product)
@@ -124,7 +124,7 @@ def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats)
 def motion(
     oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Numbers | None
 ) -> tuple[Numbers, Numbers]:
-    """Places and speeds (t, m, d) at times after the start, force (m, d) constant; exact."""
+    """Return exact places and speeds (t, m, d) at times (t,), for a constant force (m, d)."""
     table = Response(*(part[..., None] for part in response(oscillators, times, force is not None)))
     places, speeds = table.place * a + table.speed * v, table.place_rate * a + table.speed_rate * v
     if force is not None:
@@ -132,18 +132,17 @@ def motion(
     return places, speeds
 
 
-# --- forces of place and time
+# --- forces that depend on place and time
 
 
 def forced_motion(
     oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Force, tolerance: float
 ) -> tuple[Numbers, Numbers, float]:
-    """As `motion` from times[0] on, by a force of place and time; also the estimated error.
+    """Return places, speeds (t, m, d) and the estimated error, by a force of place and time.
 
-    Within a step the force is a polynomial in time, and what it does to an oscillator is exact;
-    place and force at the nodes are found in turn. Steps are halved until places change by no more
-    than `tolerance` of the farthest; that change is the error. FinloopError if the force is too
-    wild for the finest steps.
+    Within a step the force is a polynomial in time, which is integrated exactly. Places and forces
+    at the nodes are iterated. Steps are halved until places change by at most `tolerance`, relative
+    to the farthest place; that change is the error. FinloopError if the force changes too fast.
     """
     if oscillators.density == 0:
         v = (force(float(times[0]), a) - oscillators.stiffness[:, None] * a) / oscillators.damping[
@@ -161,8 +160,8 @@ def forced_motion(
         steps *= 2
     raise FinloopError(
         f"the force changes too fast for {_FINEST} steps from one time to the next",
-        f"a smooth force: places known to {tolerance:g}",
-        "smooth the force, weaken it, or ask for times closer together",
+        f"a smooth force, with places accurate to {tolerance:g}",
+        "smooth or weaken the force, or pass times closer together",
     )
 
 
@@ -193,7 +192,7 @@ def _integrate_steps(
 
 
 class Tables(NamedTuple):
-    """Of a step: `response` at its nodes; places and speeds there per force at each node."""
+    """Tables for one step: `response` at its nodes; places and speeds, per force at a node."""
 
     step: float
     free: Response
@@ -202,8 +201,9 @@ class Tables(NamedTuple):
 
 
 def _tables(oscillators: Oscillators, step: float) -> Tables:
-    """The responses to τ^p / p! stand in exponentials of the oscillators' equations together with
-    w₀′ = w₁, w₁′ = w₂, …, w₀ being the force; τ is time in steps.
+    """Return the tables, from matrix exponentials of the oscillators' equations.
+
+    With w₀′ = w₁, w₁′ = w₂, … and force w₀ they hold the responses to τ^p / p!, τ in steps.
     """
     m, count = len(oscillators.stiffness), len(NODES)
     first = 1 if oscillators.density == 0 else 2
@@ -212,7 +212,7 @@ def _tables(oscillators: Oscillators, step: float) -> Tables:
         system[:, 0, 0] = -step * oscillators.stiffness / oscillators.damping
         system[:, 0, 1] = step / oscillators.damping
         scale = np.ones(m)
-    else:  # of place and of speed in steps, the place scaled so that both are of one size
+    else:  # place and speed per step, the place scaled so that both are of similar size
         scale = np.maximum(1, step * np.sqrt(oscillators.stiffness / oscillators.density))
         system[:, 0, 1] = scale
         system[:, 1, 0] = -(step**2) * oscillators.stiffness / oscillators.density / scale
@@ -236,7 +236,7 @@ def _tables(oscillators: Oscillators, step: float) -> Tables:
 def _step(
     a: Numbers, v: Numbers, start: float, force: Force, tables: Tables, tolerance: float
 ) -> tuple[Numbers, Numbers] | None:
-    """Places and speeds a step on; None if place and force do not settle."""
+    """Return places and speeds after one step; None if the iteration does not converge."""
     free = tables.free
     base = free.place[..., None] * a + free.speed[..., None] * v
     places = base

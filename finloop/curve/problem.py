@@ -15,7 +15,9 @@ from finloop.base.errors import FinloopError
 
 METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
 
-Field = Callable[[float, Floats], Floats]  # Q (n, d) from time and places (n, d) of the points
+Field = Callable[
+    [float, Floats], Floats
+]  # Q (n, d) as a function of time and the points' places (n, d)
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Material:
 class Problem:
     """A curve of n points, a power of two, released at times[0].
 
-    `force` is (n, d), (d,) for the same one at every point, a Field, or None.
+    `force` is (n, d), (d,) for the same force at every point, a Field, or None.
     """
 
     rest: Floats
@@ -51,9 +53,9 @@ class Problem:
 class SolverOptions:
     """Settings of the methods.
 
-    `levels`: of the wavelet basis (all methods but modal). `rtol`, `integrator` (scipy's):
-    runge-kutta. `substeps` between two times, and `inverse` of C by "sparse" factors or by
-    "schulz": Euler. `tolerance`: modal with a force that depends on place and time.
+    All methods but modal use `levels` of the wavelet basis. runge-kutta uses `rtol` and scipy's
+    `integrator`. Euler takes `substeps` between two times and inverts C by "sparse" factors or
+    "schulz". modal uses `tolerance` if the force depends on place and time.
     """
 
     levels: int = 3
@@ -66,11 +68,11 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Displacements and velocities (t, n, d), and how far they are from the exact ones.
+    """Displacements and velocities (t, n, d), and their error.
 
-    `error`: largest deviation from the exact displacement, as a share of the largest exact
-    displacement; for modal its own estimate, 0 for a closed form. `facts`: steps, residuals and
-    other counts of a method.
+    `error` is the largest deviation from the exact displacement, relative to the largest exact
+    displacement; modal estimates it itself, 0 for a closed form. `facts` holds steps, residuals and
+    other counts of the method.
     """
 
     times: Floats
@@ -81,7 +83,7 @@ class Trajectory:
 
 
 class Solution(NamedTuple):
-    """Displacements and velocities (t, n, d) by a method, and its counts."""
+    """Displacements and velocities (t, n, d) that a method computed, and its counts."""
 
     displacement: Floats
     velocity: Floats
@@ -89,7 +91,7 @@ class Solution(NamedTuple):
 
 
 def check_problem(problem: Problem, method: str) -> Problem:
-    """Return the problem with every field an array; FinloopError if it makes no sense."""
+    """Return the problem with every field an array; FinloopError if the problem is invalid."""
     material, force = problem.material, problem.force
     times, rest = np.asarray(problem.times, np.float64), np.asarray(problem.rest, np.float64)
     u = np.asarray(problem.displacement, np.float64)
@@ -110,29 +112,29 @@ def check_problem(problem: Problem, method: str) -> Problem:
          "the same shape (n, d)"),
         (isinstance(force, np.ndarray) and force.shape not in (u.shape, u.shape[1:]),
          f"a force of shape {getattr(force, 'shape', ())}",
-         f"{u.shape}, or {u.shape[1:]} for the same one at every point"),
+         f"{u.shape}, or {u.shape[1:]} for the same force at every point"),
         (times.ndim != 1 or len(times) < 1 or bool((np.diff(times) <= 0).any()),
-         "times that do not rise", "rising times, the first one of the start"),
+         "times that do not increase", "increasing times, the first at the start"),
         (negative, f"a material with a negative number: {material}",
          "density, elastic and both dampings of 0 or more"),
         (massless and material.mass_damping == 0,
          "a curve without mass (density 0) and without mass_damping",
-         "mass_damping above 0: without it C cannot be inverted, a shift meets no resistance"),
+         "mass_damping above 0: without it C is singular, as nothing resists a shift"),
         (massless and method == "runge-kutta",
          "runge-kutta on Eq. 3.15, which divides by the density, 0",
          "a density above 0, or one of the Euler methods, modal or decoupled"),
         (not massless and method.endswith("euler"),
          f"{method} with density {material.density:g}",
-         "density 0: these methods are of C q̇ + K q = Q (§3.3)"),
+         "density 0: these methods solve C q̇ + K q = Q (§3.3)"),
     )  # fmt: skip
     for applies, came, goal in refusals:
         if applies:
-            raise FinloopError(came, goal, "change it in the problem, or take another method")
+            raise FinloopError(came, goal, "change the problem, or use another method")
     return Problem(rest, u, material, times, v, force, problem.wavelet)
 
 
 def force_at(problem: Problem, time: float, displacement: Floats) -> Floats:
-    """Q (n, d) at a time and displacements (n, d)."""
+    """Return the force Q (n, d) at a time and displacements (n, d)."""
     force = problem.force
     if callable(force):
         return np.broadcast_to(force(time, problem.rest + displacement), displacement.shape)
@@ -140,5 +142,5 @@ def force_at(problem: Problem, time: float, displacement: Floats) -> Floats:
 
 
 def velocity_at_start(problem: Problem) -> Floats:
-    """u̇ (n, d) at times[0]."""
+    """Return the velocity u̇ (n, d) at times[0]."""
     return np.zeros_like(problem.displacement) if problem.velocity is None else problem.velocity

@@ -3,9 +3,9 @@
 Glossary: μ_l, ν_l = ∫ φ'(x − l) φ'(x), ∫ ψ'(x − l) ψ'(x), the *connection coefficients*; *n*
 functions round the curve, a power of two; e₀ *elastic*, ρ *density*, s₁, s₂ damping (Eq. 3.5).
 
-The curve's parameter runs from 0 to 1 (§2.2), so φ of n functions is φ(n x − k) √n and
-K = e₀ n² μ: its low eigenvalues tend to e₀ (2πk)² as n grows, whatever the wavelet. A point of a
-curve is its coefficient times √n, the same for all, so M, C, K act on points unchanged.
+The curve's parameter runs from 0 to 1 (§2.2), so the n functions are φ(n x − k) √n and
+K = e₀ n² μ. Its low eigenvalues tend to e₀ (2πk)² as n grows, for every wavelet. A point of a
+curve is its coefficient times √n, the same factor for all, so M, C, K act on points unchanged.
 """
 
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from finloop.base.errors import FinloopError
 from finloop.curve.filters import filter_bank
 from finloop.curve.wavelet import back, check, forward, most_levels, scales
 
-_ALMOST = 1e-6  # how far from a bound an eigenvalue of the tabled filters is taken to lie on it
+_ALMOST = 1e-6  # an eigenvalue this near a bound lies on it: tabled filters are rounded
 
 
 @dataclass(frozen=True)
 class Connection:
     """Connection coefficients in true scale, for l = 0 … P − 1; μ_l = μ_{−l}, ν_l = ν_{−l}.
 
-    `autocorrelation`: α_n = 2 Σ h_i h_{i+n}, n = 0 … P. The tables print `mu / mu[0]` and
+    `autocorrelation` is α_n = 2 Σ h_i h_{i+n}, n = 0 … P. Tables 1 and 2 print `mu / mu[0]` and
     `nu / nu[0]`.
     """
 
@@ -38,10 +38,10 @@ class Connection:
 
 @cache
 def connection(wavelet: str) -> Connection:
-    """μ from the null space of Eq. 3.11, scaled by Σ l² μ_l = −2; ν by Eq. 3.14.
+    """Return μ from the null space of Eq. 3.11, scaled by Σ l² μ_l = −2, and ν by Eq. 3.14.
 
-    The scale is ∫ φ'' x² = 2, integrated by parts, as Beylkin has it. (3.14) holds for l = 0 too:
-    ν₀ = 7 μ₀. FinloopError if the wavelet is not orthogonal, or φ has no derivative that is square
+    The scale is ∫ φ'' x² = 2, integrated by parts, after Beylkin. (3.14) holds for l = 0 too:
+    ν₀ = 7 μ₀. FinloopError if the wavelet is not orthogonal, or the derivative of φ is not square
     integrable (φ is not in H¹): then μ is infinite, though (3.11) may have a solution.
     """
     low = filter_bank(wavelet)[2]
@@ -50,7 +50,7 @@ def connection(wavelet: str) -> Connection:
         raise FinloopError(
             f"the wavelet {wavelet} is not orthogonal",
             "an orthogonal wavelet: only then is M = ρI",
-            "take db4, coif2, sym8, …",
+            "use db4, coif2, sym8, …",
         )
     alpha = 2 * np.correlate(low, low, "full")[taps - 1 :]
     smooth = smoothness(alpha)
@@ -59,9 +59,9 @@ def connection(wavelet: str) -> Connection:
             f"φ of the wavelet {wavelet} lies in H^s for s < {smooth:.2f} only: its derivative is "
             "not square integrable, so its stiffness is infinite",
             "a wavelet with φ in H¹",
-            "take a smoother one: db3 or longer, coif1, sym4, …",
+            "use a smoother wavelet: db3 or longer, coif1, sym4, …",
         )
-    size = taps - 1  # μ_l is 0 from the support on
+    size = taps - 1  # μ_l is 0 beyond the support
     transfer = _transfer(alpha, size)
     half = transfer[size - 1 :, size - 1 :].copy()
     half[:, 1:] += transfer[size - 1 :, size - 2 :: -1]  # μ_l = μ_{−l}
@@ -76,19 +76,19 @@ def connection(wavelet: str) -> Connection:
 
 
 def _transfer(alpha: Floats, size: int) -> Floats:
-    """T_lk = α_{2l − k} / 2 for |l|, |k| < size: what refinement makes of inner products."""
+    """Return T_lk = α_{2l − k} / 2 for |l|, |k| < size: how refinement maps inner products."""
     index = np.arange(1 - size, size)
     far = np.abs(2 * index[:, None] - index)
     return np.where(far < len(alpha), alpha[np.minimum(far, len(alpha) - 1)], 0) / 2
 
 
 def smoothness(alpha: Floats) -> float:
-    """φ lies in H^s for all s below this, but at most 2; from α of its filter (Villemoes 1992).
+    """Return the supremum, at most 2, of s with φ in H^s, from α of its filter (Villemoes 1992).
 
-    Sequences whose moments 0 … 3 vanish stay so under T if φ reproduces lines; T shrinks them by
-    4^−s a step at most. 0.5 stands for a φ that does not reproduce lines: that has a jump or worse.
+    If φ reproduces lines, T keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most
+    4^−s a step. The result is 0.5 if φ does not reproduce lines: φ then has a jump or worse.
     """
-    size = len(alpha) + 1  # room for four moments of the shortest
+    size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size
     moments = np.linalg.qr(np.stack([index**p for p in range(4)], axis=1), "complete")[0]
     vanishing = moments[:, 4:]  # sequences without moments 0 … 3
@@ -101,7 +101,7 @@ def smoothness(alpha: Floats) -> float:
 
 
 def _round(band: Floats, n: int) -> Floats:
-    """A symmetric band (l ≥ 0) folded round n places: the first row of its circulant."""
+    """Fold a symmetric band (l ≥ 0) round n places; return the first row of its circulant."""
     index = np.arange(1 - len(band), len(band))
     row = np.zeros(n)
     np.add.at(row, index % n, band[np.abs(index)])
@@ -109,36 +109,33 @@ def _round(band: Floats, n: int) -> Floats:
 
 
 def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
-    """First row (n,) of K in the φ basis (Eq. 3.8), a symmetric circulant.
+    """Return the first row (n,) of K in the φ basis (Eq. 3.8), a symmetric circulant.
 
-    n may be shorter than the wavelet, as the control points of Fig. 7 are: φ is folded round.
-    FinloopError as `connection`; if n is no power of two.
+    n may be shorter than the wavelet, as for the control points of Fig. 7: φ is folded round.
+    FinloopError as in `connection`, or if n is no power of two.
     """
     most_levels(n)
     return elastic * n**2 * _round(connection(wavelet).mu, n)
 
 
 def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
-    """Of K, (n // 2 + 1,), in the order of `numpy.fft.rfft`; errors as `first_row`.
-
-    The first is 0: a shift strains nothing.
-    """
+    """Return the eigenvalues (n // 2 + 1,) of K, in the order of `numpy.fft.rfft`."""
     values = np.fft.rfft(first_row(wavelet, n, elastic)).real.copy()
-    values[0] = 0  # exactly
+    values[0] = 0  # exactly: a shift strains nothing
     return np.maximum(values, 0)
 
 
 def stiffness_phi(wavelet: str, n: int, elastic: float = 1.0) -> csr_array:
-    """K in the φ basis, (n, n); errors as `first_row`."""
+    """Return K (n, n) in the φ basis; errors as in `first_row`."""
     return _symmetric(first_row(wavelet, n, elastic)[None], [slice(0, n)], n)
 
 
 def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
-    """K in the wavelet basis, (n, n), every block: q_w in the order of `curve.wavelet.forward`.
+    """Return K (n, n) in the wavelet basis, coefficients in the order of `curve.wavelet.forward`.
 
-    A step at one scale is 2, 4, … steps at finer ones, so the first row of a scale holds all of its
-    rows; blocks below the diagonal are the transposes. FinloopError as `first_row`; if n cannot be
-    halved so often, or the wavelet is longer than the curve.
+    A step at one scale is 2, 4, … steps at finer scales, so the first row of a scale gives all its
+    rows. Blocks below the diagonal are transposes. FinloopError as in `first_row`, or if n cannot
+    be halved `levels` times, or the wavelet is longer than the curve.
     """
     check(n, wavelet, levels)
     row = first_row(wavelet, n, elastic)
@@ -147,14 +144,14 @@ def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_ar
     units[[place.start for place in places], range(len(places))] = 1
     functions = back(units, wavelet, levels)
     image = np.zeros_like(functions)
-    for l in np.flatnonzero(row):  # noqa: E741  # zeros stay exactly zero, as with no FFT
+    for l in np.flatnonzero(row):  # noqa: E741  # zeros stay exactly 0, unlike by FFT
         image += row[l] * np.roll(functions, l, axis=0)
     generators = forward(image, wavelet, levels).T
     return _symmetric(generators, places, n)
 
 
 def _symmetric(generators: Floats, places: list[slice], n: int) -> csr_array:
-    """The matrix of the first rows of every scale, the blocks left of the diagonal by symmetry."""
+    """Return the symmetric matrix with the given first rows of every scale."""
     rows, columns, values = [], [], []
     for number, here in enumerate(places):
         count = here.stop - here.start
@@ -163,7 +160,7 @@ def _symmetric(generators: Floats, places: list[slice], n: int) -> csr_array:
             size = there.stop - there.start
             part = generators[number, there]
             if there is here:
-                part = (part + np.roll(part[::-1], 1)) / 2  # to the last digit
+                part = (part + np.roll(part[::-1], 1)) / 2  # symmetric to the last digit
             nonzero = np.flatnonzero(part).astype(np.int32)
             row = np.repeat(steps + here.start, len(nonzero))
             column = ((nonzero + (size // count) * steps[:, None]) % size + there.start).ravel()
@@ -180,16 +177,16 @@ def _symmetric(generators: Floats, places: list[slice], n: int) -> csr_array:
 
 
 def mass(n: int, density: float) -> csr_array:
-    """M = ρI, (n, n): the functions are orthonormal."""
+    """Return M = ρI, (n, n): the functions are orthonormal."""
     return csr_array(density * eye_array(n))
 
 
 def damping(m: csr_array, k: csr_array, s1: float, s2: float) -> csr_array:
-    """C = s₁M + s₂K (Eq. 3.5)."""
+    """Return C = s₁M + s₂K (Eq. 3.5)."""
     return csr_array(s1 * m + s2 * k)
 
 
 def off_diagonal(matrix: csr_array) -> float:
-    """Share of Σ K_ij² that lies off the diagonal; §3.3 speaks of less than 0.15."""
+    """Return the share of Σ K_ij² off the diagonal; §3.3 reports less than 0.15."""
     total = float((matrix.data**2).sum())
     return 1 - float((matrix.diagonal() ** 2).sum()) / total

@@ -1,11 +1,11 @@
 """The periodized wavelet transform of curves (curve paper §2, Eqs. 2.1–2.12), batched.
 
 Glossary: *n* points of a curve, a power of two; *levels* how often the transform halves; *scale* a
-run of n / 2^m coefficients. Coefficients stand in one array of n, coarse to fine (the order of
-q_w, §3.2): the approximation c^M, the details d^M of the same scale, then d of each finer one.
+run of n / 2^m coefficients. One array of n holds the coefficients, coarse to fine (the order of
+q_w, §3.2): the approximation c^M, the details d^M of the same scale, then d of each finer scale.
 
-The filters stand where PyWavelets' mode "periodization" puts them, so that coefficients compare;
-against Eq. 2.8 that only renumbers them. A filter longer than a scale is folded round it (Eq. 2.7).
+The filters are aligned as in PyWavelets' mode "periodization", so that coefficients agree; compared
+with Eq. 2.8 this only renumbers them. A filter longer than a scale is folded round it (Eq. 2.7).
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from finloop.curve.filters import filter_bank
 
 
 def most_levels(n: int) -> int:
-    """How often n points can be halved. FinloopError if n is no power of two."""
+    """Return how often n points can be halved; FinloopError if n is no power of two."""
     if n < 2 or n & (n - 1):
         raise FinloopError(
             f"a curve of {n} points", "a power of two, at least 2", "resample it to 64, 128, 256 …"
@@ -26,36 +26,33 @@ def most_levels(n: int) -> int:
 
 
 def check(n: int, wavelet: str, levels: int) -> Floats:
-    """The filters, if they can take n points `levels` times.
+    """Return the filters of a wavelet after checking that they can transform n points.
 
-    FinloopError if n is no power of two or cannot be halved so often, or the wavelet is longer than
-    the curve: then no coefficient would be local.
+    FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
+    longer than the curve: then no coefficient would be local.
     """
     bank, most = filter_bank(wavelet), most_levels(n)
     if not 0 <= levels <= most:
         raise FinloopError(
-            f"{levels} levels of a curve of {n} points", f"0 to {most} levels", "ask for fewer"
+            f"{levels} levels for a curve of {n} points", f"0 to {most} levels", "set fewer levels"
         )
     if levels and bank.shape[1] > n:
         raise FinloopError(
             f"the wavelet {wavelet} has {bank.shape[1]} taps, the curve {n} points",
             "a wavelet no longer than the curve",
-            "resample the curve to more points, or take a shorter wavelet",
+            "resample the curve to more points, or use a shorter wavelet",
         )
     return bank
 
 
 def scales(n: int, levels: int) -> list[slice]:
-    """Where the approximation, then each scale of details stands among n coefficients."""
+    """Return the slices of n coefficients: the approximation, then each scale of details."""
     coarse = n >> levels
     return [slice(0, coarse), *(slice(coarse << m, coarse << m + 1) for m in range(levels))]
 
 
 def forward(points: Floats, wavelet: str, levels: int) -> Floats:
-    """Eq. 2.8: coefficients of points (…, n, k), along n; k is 2 for curves.
-
-    FinloopError as `check`.
-    """
+    """Return the coefficients (Eq. 2.8) of points (…, n, k), along n; k is 2 for curves."""
     bank = check(points.shape[-2], wavelet, levels)
     out = np.array(points, np.float64, order="C")
     # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
@@ -64,7 +61,7 @@ def forward(points: Floats, wavelet: str, levels: int) -> Floats:
 
 
 def back(coefficients: Floats, wavelet: str, levels: int) -> Floats:
-    """Eq. 2.9, the inverse of `forward`. FinloopError as `check`."""
+    """Return the points (…, n, k) of coefficients (Eq. 2.9), the inverse of `forward`."""
     bank = check(coefficients.shape[-2], wavelet, levels)
     out = np.array(coefficients, np.float64, order="C")
     _synthesise(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
@@ -85,10 +82,10 @@ def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
 
 @kernel
 def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """`forward` in place, curves (b, n, k), filters (2, taps).
+    """Transform curves (b, n, k) in place as `forward` does, filters (2, taps).
 
-    Even and odd samples are kept apart: every tap then adds one run of numbers to another, which
-    compilers make fast whatever k is.
+    Even and odd samples are stored separately. Every tap then adds one run of numbers to another,
+    which compilers make fast for every k.
     """
     count, n, k = curves.shape
     taps = filters.shape[1]
@@ -124,7 +121,7 @@ def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
 
 @kernel
 def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """`back` in place, curves (b, n, k), filters (2, taps)."""
+    """Transform curves (b, n, k) in place as `back` does, filters (2, taps)."""
     count, n, k = curves.shape
     taps = filters.shape[1]
     before = taps // 2 - 1
@@ -157,26 +154,26 @@ def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
 
 
 def close_by_mirroring(points: Floats) -> Floats:
-    """Run an open curve (…, n, k) there and back, (…, 2n, k): closed, and without a jump.
+    """Append its reverse to an open curve (…, n, k): a closed curve (…, 2n, k) without a jump.
 
-    A periodized transform joins the last point to the first. Of an open curve that join is a jump,
-    and coarse scales would draw the ends towards each other.
+    A periodized transform joins the last point to the first. In an open curve that join is a jump,
+    and coarse scales would pull the ends towards each other.
     """
     return np.concatenate([points, points[..., ::-1, :]], axis=-2)
 
 
 def control(points: Floats, wavelet: str, level: int) -> Floats:
-    """The n / 2^level approximation coefficients of (…, n, k) as control points of the plane.
+    """Return the control points (…, n / 2^level, k) of curves (…, n, k), in the same unit.
 
-    In the unit of the points: a coefficient of Eq. 2.11 divided by √2 a level, what the filters
-    make of a constant.
+    They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, the factor
+    by which the filters scale a constant.
     """
     coarse = points.shape[-2] >> level
     return forward(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
 
 
 def from_control(points: Floats, wavelet: str, level: int) -> Floats:
-    """The curve (…, n · 2^level, k) of control points (…, n, k): the details are 0."""
+    """Return the curve (…, n · 2^level, k) with control points (…, n, k) and details 0."""
     coarse = points.shape[-2]
     out = np.zeros((*points.shape[:-2], coarse << level, points.shape[-1]))
     out[..., :coarse, :] = points * 2 ** (level / 2)
@@ -186,7 +183,7 @@ def from_control(points: Floats, wavelet: str, level: int) -> Floats:
 def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
     """Rebuild curves (…, n, k) from 1/2^level of their samples (Fig. 2), without the details.
 
-    Open curves are `close_by_mirroring` for it. FinloopError as `check`.
+    Open curves are mirrored first. FinloopError as in `check`.
     """
     if not closed:
         return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]

@@ -1,7 +1,7 @@
-"""Drawn animals that know their truth: carp from above, a dog from the side.
+"""Drawn animals with known ground truth: carp from above, a dog from the side.
 
-They stand in for film where the true answer must be known: of tracking and features (fish paper §2)
-and of gaits (curve paper §4.2).
+They replace film where the true answer must be known: for tracking and features (fish paper §2)
+and for gaits (curve paper §4.2).
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
 """Gaits: motion fitted to film, and drawings driven by it (curve paper §4.2, Figs. 8-14).
 
-From film to a cycle: contours in the body frame (`outline` of fish, `limbs` of walkers), the period
-(`period`), the film sorted into a cycle (`cycles`, `film`). Fitting: key frames and γ (`fit`,
-`clock`), the error with and without γ (`compare`). Synthesis: the cycle from two key frames
+From film to a cycle: contours in the body frame (`outline` for fish, `limbs` for walkers), the
+period (`period`), the film sorted into a cycle (`cycles`, `film`). Fitting: key frames and γ
+(`fit`, `clock`), the error with and without γ (`compare`). Synthesis: the cycle from two key frames
 (`model`), another drawing (`transfer`), feet on the ground (`ground`). `tool` is the command line.
 """
 

@@ -4,7 +4,7 @@ Between the key frames c_from and c_to of a subcycle the model is
 
     c(τ) = c_to + f(τ) d,   d = c_from − c_to,   f(τ) = 1 − (1 + γ)τ + γτ² = (1 − τ) − γ τ(1 − τ).
 
-It is linear in γ, so least squares over frames y has a closed form:
+The model is linear in γ, so least squares over frames y has a closed form:
 
     γ = −Σ τ(1 − τ) ⟨d, y − c_to − (1 − τ) d⟩ / Σ τ²(1 − τ)² ‖d‖²
 """
@@ -17,7 +17,7 @@ from finloop.base.arrays import Points
 
 
 def clock(tau: Points, gamma: float | Points) -> Points:
-    """f(τ) = 1 − (1 + γ)τ + γτ²: from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear (§4.2).
+    """Return f(τ) = 1 − (1 + γ)τ + γτ²: from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear (§4.2).
 
     Monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
     """
@@ -25,7 +25,7 @@ def clock(tau: Points, gamma: float | Points) -> Points:
 
 
 def gamma_sums(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
-    """Numerator and denominator of γ: frames (s, k) at tau (s,) between start and end (k,)."""
+    """Return numerator and denominator of γ: frames (s, k) at tau (s,), start and end (k,)."""
     way = start - end
     bow = tau * (1 - tau)
     rest = (frames - end) @ way - (1 - tau) * float(way @ way)
@@ -33,9 +33,9 @@ def gamma_sums(tau: Points, frames: Points, start: Points, end: Points) -> tuple
 
 
 def gamma_fit(sums: Iterable[tuple[float, float]]) -> float:
-    """γ of one or more sets of frames together, from their `gamma_sums`.
+    """Return γ of one or more sets of frames together, from their `gamma_sums`.
 
-    Each set counts by its energy. γ is 0 if nothing moves, or no frame lies between the keys.
+    The energy of a set is its weight. γ is 0 if nothing moves, or no frame lies between the keys.
     """
     above, below = np.sum([*sums], axis=0)
     return float(above / below) if below > 0 else 0.0

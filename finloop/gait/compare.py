@@ -1,8 +1,8 @@
 """How much γ lowers the error: four clocks on frames held out of the fit (curve paper §4.2).
 
-The clocks of a blend between two keys, from the stiffest to the freest: "linear", γ = 0; "gamma",
-one γ for each contour and subcycle; "gamma_scale", one γ for each scale too; "free", any monotone f
-for each contour and subcycle (isotonic regression), the best that a clock can do.
+The clocks of a blend between two keys, from the most to the least constrained: "linear", γ = 0;
+"gamma", one γ for each contour and subcycle; "gamma_scale", one γ for each scale too; "free", any
+monotone f for each contour and subcycle (isotonic regression), the best possible clock.
 """
 
 from collections.abc import Iterator
@@ -21,8 +21,8 @@ from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
 LEAST_GAIN = 0.02
-"""Share of a scale's squared error, on held-out frames, that its γ must take away to count."""
-LEAST_ERROR = 1e-4  # body lengths: a scale whose held-out error is smaller (RMS) is not visible
+"""Least share of a scale's squared held-out error that a useful γ removes."""
+LEAST_ERROR = 1e-4  # body lengths: a smaller held-out error (RMS) of a scale is not visible
 
 _KEYS = ["contour", "subcycle", "scale"]
 _WHOLE = -1  # in the column scale: all scales together
@@ -35,15 +35,17 @@ class ClockComparison:
     scheme: str  # what is held out at a time: "cycles" or "every other frame"
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
     by_contour: pd.DataFrame  # columns contour, subcycle, frames, and rms_<clock>
-    # columns contour, subcycle, scale (0 = the approximation), coefficients, gamma (of all
+    # columns contour, subcycle, scale (0 = the approximation), coefficients, gamma (fitted to all
     # frames), energy_share (of the motion between the keys), rms_linear, rms_gamma_scale,
     # gamma_buys_pct (of the squared error), verdict
     by_scale: pd.DataFrame
 
 
 def holdouts(film: GaitContours) -> tuple[str, list[Mask]]:
-    """The scheme and the masks of held-out frames: whole cycles if there are two of them, else
-    every other frame. A last cycle that is not whole has a mask of its own."""
+    """Return the scheme and masks of held-out frames: single cycles, or every other frame.
+
+    Cycles need at least two of them. An incomplete last cycle has a mask of its own.
+    """
     frames = np.arange(len(film.phase))
     # A frame that ends a cycle to rounding belongs to the next one.
     cycle = np.floor(film.phase - film.phase[0] + 1e-9).astype(int)
@@ -55,10 +57,10 @@ def holdouts(film: GaitContours) -> tuple[str, list[Mask]]:
 def compare(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Fit each clock to some frames and predict the held-out ones.
+    """Fit each clock to some frames and predict the held-out frames.
 
-    A mask whose remaining frames cannot be fitted is skipped; if all are, the last error is raised.
-    FinloopError as `gait.fit.fit`.
+    A mask is skipped if the remaining frames cannot be fitted; if all are, the last error is
+    raised. FinloopError as in `gait.fit.fit`.
     """
     check(film)
     scheme, masks = holdouts(film)
@@ -85,8 +87,7 @@ def compare(
 def _errors(
     film: GaitContours, mask: Mask, split: float, wavelet: str, coarse: int
 ) -> Iterator[dict[str, Any]]:
-    """Squared errors by clock on the frames of a mask: a row for each contour and subcycle, scale
-    _WHOLE, and one for each of its scales."""
+    """Yield squared errors by clock on a mask: rows by contour, subcycle and scale, or _WHOLE."""
     still = LEAST_MOTION * film.body_length
     _, subcycles = corrected_keys(_part(film, ~mask), split, wavelet, coarse)
     per_limb, per_scale = (gammas_of(subcycles, per, still) for per in (False, True))
@@ -97,7 +98,7 @@ def _errors(
             continue
         size, letter = len(model.end), "AB"[sub]
         spread = per_coefficient(per_scale[name][letter], size, coarse)
-        f = free(model, test.tau)[:, None, None]
+        f = fit_free_clock(model, test.tau)[:, None, None]
         predictions = {
             "linear": model.predict(test.tau, np.zeros(1)),
             "gamma": model.predict(test.tau, np.array(per_limb[name][letter])),
@@ -115,13 +116,13 @@ def _errors(
 
 
 def _part(film: GaitContours, mask: Mask) -> GaitContours:
-    """The film's frames within a mask."""
+    """Return the film's frames within a mask."""
     contours = {name: points[mask] for name, points in film.contours.items()}
     return replace(film, phase=film.phase[mask], contours=contours)
 
 
-def free(model: Subcycle, tau: Points) -> Points:
-    """The monotone f that fits a subcycle best (isotonic regression), at tau: 1 at 0, 0 at 1."""
+def fit_free_clock(model: Subcycle, tau: Points) -> Points:
+    """Return, at tau, the monotone f that fits a subcycle best (isotonic regression)."""
     way = (model.start - model.end).ravel()
     norm = float(way @ way)
     samples = model.samples
@@ -137,7 +138,7 @@ def free(model: Subcycle, tau: Points) -> Points:
 def _by_scale(
     film: GaitContours, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
 ) -> pd.DataFrame:
-    """The table `Comparison.by_scale` from squared errors."""
+    """Return the table `ClockComparison.by_scale` from squared errors."""
     gammas, share, count = [], [], []
     for name, letter, m in table[_KEYS].itertuples(index=False):
         model = subcycles[name, "AB".index(letter)]

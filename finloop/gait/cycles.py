@@ -1,7 +1,7 @@
 """From contours and their period to the cycle of a gait: the phase of every frame.
 
-Phase 0 is key 1 (curve paper, Fig. 9): of an animal from the side its right fore and left hind
-limbs are foremost then, the others hindmost; of a fish its tail is farthest to the left.
+Phase 0 is key 1 (curve paper, Fig. 9). In a walker from the side, the right fore and left hind
+limbs are foremost then, the others hindmost. In a fish, the tail is farthest to the left.
 """
 
 from dataclasses import replace
@@ -10,7 +10,7 @@ import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.gait.feet import align_phase, feet
-from finloop.gait.film import GaitContours, hips
+from finloop.gait.film import GaitContours, hip_offsets
 from finloop.gait.limbs import Limbs, Region, limbs
 from finloop.gait.outline import TrackContours, steady
 from finloop.gait.period import Period, fill_gaps, period, require_periodic
@@ -19,10 +19,7 @@ OUTLINE = "outline"
 
 
 def film_of_swim(swim: TrackContours) -> GaitContours:
-    """The steady frames of a swimming fish, lengths in body lengths.
-
-    FinloopError if its motion does not repeat.
-    """
+    """Return the steady frames of a fish in body lengths; FinloopError if no motion repeats."""
     points, phase = steady([swim])
     return GaitContours({OUTLINE: points}, phase, 1.0, "mirror")
 
@@ -34,11 +31,10 @@ def film_of_regions(
     split: float = 0.25,
     first: int = 0,
 ) -> tuple[GaitContours, Period, Limbs]:
-    """The steady frames of an animal from the side, its limbs in the frame of the body, px.
+    """Return the steady frames of a walker from the side, its limbs in the body frame, px.
 
-    `first` is the number of the first frame. The period is computed twice, because the course of
-    the body is smoothed over a cycle. FinloopError as `gait.limbs.limbs`; if the motion does not
-    repeat.
+    `first` is the number of the first frame. The period is computed twice, because the body's track
+    is smoothed over a cycle. FinloopError as in `gait.limbs.limbs`, or if no motion repeats.
     """
     contours = limbs(frames, n, None, first)
     beat = _beat(contours, frame_rate_hz)
@@ -47,7 +43,7 @@ def film_of_regions(
     steady = {name: points[beat.steady] for name, points in contours.points.items()}
     phase = align_phase(beat.phase[beat.steady], feet(steady), split)
     film = GaitContours(steady, phase, contours.length_px, "swap").complete()
-    return replace(film, offsets=hips(film)), beat, contours
+    return replace(film, offsets=hip_offsets(film)), beat, contours
 
 
 def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
@@ -60,7 +56,7 @@ def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
 def limb_signal(points: dict[str, Floats]) -> Floats:
     """Return a signal (frames,), greatest at key 1: right fore and left hind limbs ahead.
 
-    The other limbs are behind. Of ids that are neither fore nor hind the right ones are ahead.
+    The other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
     """
     total = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():

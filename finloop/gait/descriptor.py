@@ -1,9 +1,8 @@
 """Contours of a gait as wavelet descriptors, and frames between two key frames (curve paper §4.2).
 
-*coarse* is the number of coefficients in the approximation, whatever the number of points. So
-scale m means the same for contours of 64 and of 256 points, and γ per scale fits both. An open
-contour is mirrored, its points there and back: 2n points, 2 `coarse` coefficients in the
-approximation.
+*coarse* is the number of coefficients in the approximation, at any number of points. So scale m
+means the same for contours of 64 and of 256 points, and γ per scale fits both. An open contour is
+mirrored: 2n points, 2 `coarse` coefficients in the approximation.
 """
 
 import numpy as np
@@ -22,36 +21,33 @@ from finloop.gait.clock import clock
 
 
 def levels_of(n: int, coarse: int, closed: bool = True) -> int:
-    """Levels of a transform of n points that leave `coarse` coefficients in the approximation.
+    """Return the transform levels that reduce n points to `coarse` approximation coefficients.
 
-    For an open contour `n` counts the points of its mirrored form, and 2 `coarse` are left.
+    For an open contour, n counts the mirrored points, and 2 `coarse` coefficients remain.
     FinloopError if n is no power of two.
     """
     return max(0, most_levels(n) - most_levels(2 * coarse) + 1 - (0 if closed else 1))
 
 
 def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
-    """Coefficients of contours (…, n, 2); of open ones (…, 2n, 2), mirrored.
-
-    FinloopError as `curve.wavelet.check`.
-    """
+    """Return the coefficients (…, n, 2) of contours (…, n, 2), of open contours (…, 2n, 2)."""
     points = points if closed else close_by_mirroring(points)
     return forward(points, wavelet, levels_of(points.shape[-2], coarse, closed))
 
 
 def contour(coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True) -> Points:
-    """Contours (…, n, 2) from their coefficients: the inverse of `descriptor`."""
+    """Return contours (…, n, 2) from their coefficients: the inverse of `descriptor`."""
     levels = levels_of(coefficients.shape[-2], coarse, closed)
     return back(coefficients, wavelet, levels)[..., :n, :]
 
 
 def scale_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
-    """Slice of each scale in the n coefficients of `descriptor`, coarse to fine."""
+    """Return the slice of each scale in the n coefficients of `descriptor`, coarse to fine."""
     return scales(n, levels_of(n, coarse, closed))
 
 
 def per_coefficient(gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True) -> Points:
-    """γ (n,) of each coefficient, from one per scale."""
+    """Return γ (n,) for each coefficient, from one γ per scale."""
     out = np.empty(n)
     for m, scale in enumerate(scale_slices(n, coarse, closed)):
         out[scale] = gamma[min(m, len(gamma) - 1)]
@@ -69,7 +65,7 @@ def interpolate_contours(
 ) -> Points:
     """Return frames (f, n, 2) between contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
 
-    A single γ moves every coefficient, and so every point, alike: then no transform is needed.
+    A single γ moves every coefficient, and so every point, alike: no transform is needed.
     """
     if len(gamma) == 1:
         return end + clock(tau, gamma[0])[:, None, None] * (start - end)
@@ -79,19 +75,19 @@ def interpolate_contours(
 
 
 def few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:
-    """Contours (…, n, 2) rebuilt from `control` of their n control points (Fig. 14).
+    """Rebuild contours (…, n, 2) from `control` of their n control points (Fig. 14).
 
     FinloopError if n or control is no power of two, or control is above n.
     """
     if control < 1 or control & (control - 1):
         raise FinloopError(
-            f"{control} control points", "a power of two", "ask for 4, 16 or 64 control points"
+            f"{control} control points", "a power of two", "set 4, 16 or 64 control points"
         )
     level = most_levels(points.shape[-2]) - most_levels(2 * control) + 1
     if level < 0:
         raise FinloopError(
-            f"{control} control points of contours of {points.shape[-2]} points",
-            "no more control points than points",
-            "ask for fewer control points, or for more points",
+            f"{control} control points for contours of {points.shape[-2]} points",
+            "at most as many control points as points",
+            "set fewer control points, or more points",
         )
     return drop_details(points, wavelet, level, closed) if level else points

@@ -1,8 +1,8 @@
 """The exact phase of key 1 in a walk: where the feet turn round (curve paper §4.2, Fig. 9).
 
 The fundamental of a walk gives its period well, but not the phase at which the feet turn: a foot on
-the ground moves evenly, a lifted one does not. In a gait of four subcycles the motion of every foot
-is four parabolas joined at the keys. So the keys are where four parabolas fit all feet best.
+the ground moves evenly, a lifted foot does not. In a gait of four subcycles every foot moves along
+four parabolas joined at the keys. So the keys are where four parabolas fit all feet best.
 """
 
 from collections.abc import Mapping
@@ -14,12 +14,12 @@ from finloop.base.arrays import Floats
 from finloop.gait.model import subcycle
 
 FOOT = 16  # the lowest 1/FOOT of a limb's contour is its foot
-REACH = 0.06  # cycles that key 1 is looked for to either side
+REACH = 0.06  # cycles: half width of the search for key 1
 STEPS = 61
 
 
 def feet(limbs: Mapping[str, Floats]) -> Floats:
-    """Forward position of the feet (frames, limbs) of limbs (frames, n, 2); rows may hold NaN."""
+    """Return the forward positions (frames, limbs) of the feet of limbs (frames, n, 2), or NaN."""
     return np.stack([_foot(points) for points in limbs.values()], axis=1)
 
 
@@ -29,12 +29,12 @@ def _foot(points: Floats) -> Floats:
 
 
 def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
-    """The phase (frames,), shifted and stretched so that `ahead` (frames, k) turns at the keys.
+    """Shift and stretch the phase (frames,) so that `ahead` (frames, k) turns at the keys.
 
     Least squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
     """
     whole = np.isfinite(ahead).all(axis=1)
-    if whole.sum() < 12:  # eight numbers a foot are fitted
+    if whole.sum() < 12:  # the fit has eight numbers per foot
         return phase
     phases, way = phase[whole], ahead[whole] - ahead[whole].mean(axis=0)
     middle = float(phases.mean())

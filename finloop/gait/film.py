@@ -1,7 +1,7 @@
 """Contours of a film, sorted into the cycle of a gait (curve paper §4.2, Figs. 9, 10).
 
-By the symmetry of the gait every frame counts in the first half of the cycle: frames of C and D are
-frames of A and B of the partner.
+By symmetry every frame counts in the first half of the cycle: frames of C and D are the partner's
+frames of A and B.
 """
 
 from collections.abc import Mapping
@@ -15,15 +15,15 @@ from finloop.gait.descriptor import descriptor
 from finloop.gait.model import Layout, Symmetry, half_later, partner, subcycle
 
 WIDEST = 0.125
-"""Cycles: a frame may stand in for a key as far as this from its phase, or one frame if longer."""
+"""Cycles: largest distance in phase of a frame that stands in for a key, or one frame if longer."""
 
 
 @dataclass(frozen=True)
 class GaitContours:
     """Contours of a film in the frame of the body."""
 
-    # closed, (frames, n, 2) by id, n a power of two; NaN in frames where one is missing. Those of
-    # a mirror begin at the snout
+    # closed, (frames, n, 2) by id, n a power of two; NaN in frames without the contour. With
+    # symmetry "mirror" they begin at the snout
     contours: Mapping[str, Points]
     phase: Points  # (frames,) in cycles, rising; the whole part counts the cycles
     body_length: float  # in the unit of the contours
@@ -32,11 +32,11 @@ class GaitContours:
     offsets: Mapping[str, Points] | None = None
 
     def later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Contours as they are half a cycle later."""
+        """Return the contours half a cycle later."""
         return half_later(contours, self.symmetry, Layout(offsets=self.offsets))
 
     def complete(self) -> "GaitContours":
-        """The film with hidden limbs added, all NaN, if the animal is seen from the side.
+        """Return the film with hidden limbs added as NaN, if the animal is seen from the side.
 
         A hidden limb follows from its partner by symmetry, see `gait.model.partner`.
         """
@@ -51,7 +51,7 @@ class GaitContours:
 
     @property
     def cycles(self) -> float:
-        """Number of cycles in the film: frames times the median step of phase."""
+        """The number of cycles in the film: frames times the median step of phase."""
         return float(len(self.phase) * np.median(np.diff(self.phase)))
 
 
@@ -64,35 +64,32 @@ class Keys:
     first_later: dict[str, Points]
 
     def ends(self, name: str, which: int) -> tuple[Points, Points]:
-        """The key frames at which subcycle A (0) or B (1) begins and ends."""
+        """Return the key frames at which subcycle A (0) or B (1) begins and ends."""
         start, end = (self.first, self.second) if which == 0 else (self.second, self.first_later)
         return start[name], end[name]
 
 
 def check(film: GaitContours) -> None:
-    """Refuse a film to which no gait can be fitted.
-
-    FinloopError if the film has fewer frames than half a cycle needs, or the phase does not rise.
-    """
+    """Raise FinloopError if the film covers less than half a cycle, or its phase does not rise."""
     if len(film.phase) < 3 or (np.diff(film.phase) <= 0).any():
         raise FinloopError(
             f"{len(film.phase)} frames whose phase does not always rise",
-            "at least 3 frames, each later in the cycle than the one before",
-            "give a longer film, or find the period of it anew",
+            "at least 3 frames, each later in the cycle than the previous frame",
+            "use a longer film, or find its period again",
         )
     if film.cycles < 0.5:
         raise FinloopError(
             f"{len(film.phase)} frames show {film.cycles:.2f} of a cycle",
             "at least half a cycle: the other half follows by symmetry",
-            "give a longer film",
+            "use a longer film",
         )
 
 
-def hips(film: GaitContours) -> dict[str, Points]:
-    """How far right and down of its partner each limb hangs, (2,) by id, the mean over the film.
+def hip_offsets(film: GaitContours) -> dict[str, Points]:
+    """Return how far right and down of its partner each limb hangs, (2,) by id.
 
-    A limb is compared with its partner half a cycle later, when both are at the same point of their
-    motion. 0 if the film is shorter than a cycle, or lacks one of the two.
+    The mean over the film, of a limb and its partner half a cycle later, when both are at the same
+    point of their motion. 0 if the film is shorter than a cycle, or lacks one of the two limbs.
     """
     out = {name: np.zeros(2) for name in film.contours}
     if film.cycles < 1 - 1e-6:
@@ -114,13 +111,13 @@ def hips(film: GaitContours) -> dict[str, Points]:
 
 
 def keys_of(film: GaitContours, split: float) -> Keys:
-    """Key frames by linear interpolation, the mean over all cycles and both halves.
+    """Return key frames by linear interpolation, the mean over all cycles and both halves.
 
-    Frames are weighed by a triangle about the key's phase, as wide as one frame's step to each
-    side. So one cycle gives the interpolation between the two frames beside the phase, and several
-    cycles the mean of that. Where frames are missing, the triangle is widened up to WIDEST. For the
-    error of the interpolation see `gait.fit.corrected_keys`. FinloopError if a contour is missing
-    in every frame near a key; the message names all such contours.
+    A triangle about the key's phase, one frame's step wide on each side, gives the weights. So one
+    cycle gives the interpolation between the two frames beside the phase, and several cycles give
+    its mean. Missing frames widen the triangle up to WIDEST. For the error of the interpolation see
+    `gait.fit.corrected_keys`. FinloopError if a contour is missing in every frame near a key; the
+    message names all such contours.
     """
     phase, here = film.phase, film.contours
     there = film.later(here)
@@ -147,7 +144,7 @@ def keys_of(film: GaitContours, split: float) -> Keys:
         raise FinloopError(
             f"no frame shows {', '.join(lacking)}",
             f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
-            "give more cycles, or leave out the contours that the film does not show",
+            "use more cycles, or omit the contours that the film does not show",
         )
     return Keys(keys[0], keys[1], film.later(keys[0]))
 
@@ -164,7 +161,7 @@ class Samples:
 def samples_of(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> dict[str, list[Samples]]:
-    """Samples of A and B by id; frames of C and D are taken over by the symmetry."""
+    """Return the samples of A and B by id; by symmetry they include the frames of C and D."""
     later = film.later(film.contours)
     second = np.mod(film.phase, 1.0) >= 0.5
     which, tau = subcycle(np.mod(film.phase, 0.5), split)

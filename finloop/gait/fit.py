@@ -1,7 +1,7 @@
 """A gait from the contours of a film: its key frames and γ (curve paper §4.2, Figs. 10, 11).
 
-γ is fitted over the frames of a subcycle, see `gait.clock`; the inner products are over the
-coefficients of one scale, or of all scales together, each weighing as much as its energy.
+γ is fitted over the frames of a subcycle, see `gait.clock`. The inner products run over the
+coefficients of one scale, or of all scales together, each weighted by its energy.
 """
 
 from collections.abc import Mapping
@@ -17,10 +17,10 @@ from finloop.gait.film import GaitContours, Keys, Samples, check, keys_of, sampl
 from finloop.gait.model import POOLED, Gait, Layout, cycle, subcycle
 
 Gammas = dict[str, dict[str, tuple[float, ...]]]
-LEAST = 2  # frames that a subcycle needs between its keys
+LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
-"""Rounds of `corrected_keys`. γ of the drawn dog is then within 6 % at any frame rate, uncorrected
-within 44 %. In more rounds the cubics follow the noise of few frames."""
+"""Rounds of `corrected_keys`. They bring γ of the drawn dog within 6 % at any frame rate, from 44 %
+without correction. With more rounds the cubics follow the noise of few frames."""
 LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys gets γ = 0
 
 
@@ -28,21 +28,21 @@ LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys ge
 class Subcycle:
     """One contour in one subcycle, as coefficients."""
 
-    samples: Samples  # the frames of the film that fall into it
-    # start, end: the key frames at its ends, (n, 2)
+    samples: Samples  # the film's frames in the subcycle
+    # start, end: the key frames at both ends, (n, 2)
     start: Points
     end: Points
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def sums(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """`gamma_sums` of a scale, by default of all scales together."""
+        """Return `gamma_sums` for a scale, by default for all scales together."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_sums(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
         )
 
     def gammas(self, per_scale: bool, still: float) -> tuple[float, ...]:
-        """γ per scale, or one for all; 0 for a scale whose points move less than `still` (RMS)."""
+        """Return γ per scale, or one for all; 0 if points move less than `still` (RMS)."""
         out = []
         for scale in self.scales if per_scale else [slice(None)]:
             way = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
@@ -51,14 +51,14 @@ class Subcycle:
         return tuple(out)
 
     def predict(self, tau: Points, gamma: Points) -> Points:
-        """Coefficients (s, n, 2) of the model at tau (s,); γ (n,), or (1,) for all."""
+        """Return the model's coefficients (s, n, 2) at tau (s,); γ is (n,), or (1,) for all."""
         return self.end + clock(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
 
 def subcycles_of(
     keys: Keys, samples: Mapping[str, list[Samples]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Subcycle]:
-    """Every contour in subcycles A (0) and B (1), by (id, subcycle)."""
+    """Return every contour in subcycles A (0) and B (1), by (id, subcycle)."""
     out = {}
     for name, pair in samples.items():
         for sub, frames in enumerate(pair):
@@ -70,7 +70,7 @@ def subcycles_of(
 def gammas_of(
     subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
 ) -> Gammas:
-    """γ of every contour in both subcycles."""
+    """Return γ of every contour in both subcycles, by id and letter."""
     out: Gammas = {}
     for (name, sub), contour_subcycle in subcycles.items():
         out.setdefault(name, {})["AB"[sub]] = contour_subcycle.gammas(per_scale, still)
@@ -88,20 +88,20 @@ def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
         raise FinloopError(
             f"fewer than {LEAST} frames between the keys show {', '.join(few)}",
             f"{LEAST} or more of each contour in each subcycle",
-            "give more cycles or a higher frame rate, or leave these contours out",
+            "use more cycles or a higher frame rate, or omit these contours",
         )
 
 
 def corrected_keys(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
-    """Key frames corrected for the curvature of the motion, and the subcycles between them.
+    """Return key frames corrected for the curvature of the motion, and the subcycles between.
 
-    `keys_of` interpolates linearly between the frames beside a key, which cuts the curved motion
-    short. The error is estimated on a model of the film, a cubic for each coefficient of each
-    subcycle: the same interpolation of the model is off by as much. That difference is taken away,
-    ROUNDS times. A frame at the very phase of a key stays that key. FinloopError as `keys_of`; if a
-    subcycle of a contour has fewer than LEAST frames between its keys.
+    `keys_of` interpolates linearly between the frames beside a key, which flattens the curved
+    motion. A model of the film, a cubic for each coefficient of each subcycle, gives the error: the
+    same interpolation of the model is off by as much. ROUNDS times that difference is subtracted. A
+    frame exactly at a key's phase stays that key. FinloopError as in `keys_of`, or if a subcycle of
+    a contour has fewer than LEAST frames between its keys.
     """
     samples = samples_of(film, split, wavelet, coarse)
     _check_samples(samples)
@@ -129,7 +129,7 @@ def _smooth(
     wavelet: str,
     coarse: int,
 ) -> dict[str, Points]:
-    """The film's contours, each coefficient a cubic between the keys; NaN where the film's are."""
+    """Return the film's contours, each coefficient a cubic between the keys; NaN stays NaN."""
     which, tau = subcycle(np.mod(film.phase, 0.5), split)
     out = dict[str, Points]()
     for name, points in film.contours.items():
@@ -152,7 +152,7 @@ def _smooth(
 
 
 def _bends(tau: Points) -> Points:
-    """The two cubics that are 0 at τ = 0 and 1, at tau (s,): (s, 2)."""
+    """Return the two cubics that are 0 at τ = 0 and 1, at tau (s,): (s, 2)."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
 
@@ -167,16 +167,23 @@ def fit(
     coarse: int = 4,
     per_scale: bool = False,
 ) -> tuple[Gait, Keys]:
-    """The gait of a film and its two key frames.
+    """Fit a gait to a film; return it and its key frames.
 
-    The gait's `source`, `confidence` and `residuals` are the caller's to fill in. Its γ of POOLED
-    is that of all contours together. FinloopError as `check` and `corrected_keys`.
+    The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
+    to all contours together. FinloopError as in `check` and `corrected_keys`.
 
-    film: contours with their phases.
-    name, frequency_hz: of the gait.
-    split: phase of key 2.
-    wavelet, coarse: of the descriptor.
-    per_scale: one γ for each scale, instead of one for all.
+    Parameters
+    ----------
+    film
+        Contours with their phases.
+    name, frequency_hz
+        Name and frequency of the gait.
+    split
+        Phase of key 2.
+    wavelet, coarse
+        Settings of the descriptor.
+    per_scale
+        Fit one γ for each scale instead of one for all.
     """
     check(film)
     keys, subcycles = corrected_keys(film, split, wavelet, coarse)
@@ -204,10 +211,10 @@ def fit(
 def support_of(
     film: GaitContours, keys: Keys, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Spans of phase (from, to) in which each limb's foot is on the ground.
+    """Return the spans of phase (from, to) in which each limb's foot is on the ground.
 
-    A foot is down from its foremost to its hindmost place, the animal heading for screen right. It
-    is the lowest point of a contour that has "left" or "right" in its id.
+    A foot is down from its foremost to its hindmost place; the animal heads for screen right. A
+    foot is the lowest point of a contour that has "left" or "right" in its id.
     """
     frames = 240
     out = dict[str, tuple[tuple[float, float], ...]]()

@@ -1,13 +1,12 @@
-"""Feet stay on the ground: between key frames drawn by hand they slide and sink a little.
+"""Feet on the ground: between key frames drawn by hand, feet slide and sink a little.
 
-While a foot is on the ground, the body passes over it at a constant speed. In the frame of the
-body the foot goes straight back at that speed, the same for every foot. A limb whose foot moves
-otherwise is sheared: its top, on the body, stays; its foot moves as a whole and keeps its shape.
+While a foot is on the ground, the body passes over it at a constant speed. In the body frame the
+foot moves straight back at that speed, the same for every foot. If a foot moves differently, its
+limb is sheared: the top, on the body, stays; the foot moves as a whole and keeps its shape.
 
 The points of a contour slide along it a little when parts of the limb become longer or shorter, so
-their motion is not that of the foot. Instead a rigid motion is fitted to the points' motion across
-the contour. Its value at the point of contact counts: a foot that rolls over its toes does not
-slide.
+they do not move as the foot does. Instead a rigid motion is fitted to the points' motion across the
+contour. Its value at the point of contact counts: a foot that rolls over its toes does not slide.
 
 Contours of one cycle (f, n, 2), frame k at phase k / f, x right, y down.
 """
@@ -21,46 +20,43 @@ import numpy as np
 from finloop.base.arrays import Ints, Points
 from finloop.base.errors import FinloopError
 
-FOOT = 0.25  # of a limb's height: the part that moves as one
-PAW = 0.15  # of a limb's height: the part whose motion is measured
-FLAT = 0.01  # of a limb's greatest height: a lower one is refused
-SOLE = 0.03  # of a limb's height: the part that touches the ground
+FOOT = 0.25  # share of a limb's height that moves as one
+PAW = 0.15  # share of a limb's height whose motion is measured
+FLAT = 0.01  # least height of a limb, as a share of its greatest height
+SOLE = 0.03  # share of a limb's height that touches the ground
 
 Support = Mapping[str, tuple[tuple[float, float], ...]]
 Paths = dict[str, list[tuple[Ints, Points]]]
-"""By id, for each support its frames and the distance that the foot has moved at each of them."""
+"""By id: for each support its frames, and the foot's displacement at each frame."""
 
 
 class Ground(NamedTuple):
-    """Where feet stand."""
+    """Motion of the ground, and of the feet on it."""
 
-    # of the ground in the body's frame, drawing units a frame; below 0 if it goes to the left
+    # speed of the ground in the body frame, drawing units a frame; negative to the left
     speed: float
-    # by id: how far the foot strays from the ground's motion in a support, peak to peak, the most
-    # of all its supports; drawing units
+    # by id: largest deviation of the foot from the ground's motion in a support, peak to peak,
+    # drawing units
     slide: dict[str, float]
 
 
 def supports(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
-    """Frames of each support (from, to) in order, both ends among them, counted on beyond f."""
+    """Return the frames of each support (from, to), ends included; may exceed `frames`."""
     room = 1e-9
     ends = [(np.ceil((a - room) * frames), np.floor((b + room) * frames)) for a, b in spans]
     return [np.arange(int(a), int(b) + 1) for a, b in ends if b >= a]
 
 
 def ground(limbs: Mapping[str, Points], support: Support) -> Ground:
-    """The ground's speed that fits all feet on it best, and how far each slides at that speed.
-
-    Only ids that `support` names count.
-    """
+    """Return the ground speed that fits all feet in `support` best, and how far each slides."""
     return _ground(_paths(limbs, support))
 
 
 def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """The limbs, sheared so that supporting feet move with the ground, and no foot is below it.
+    """Shear limbs so that supporting feet move with the ground, and no foot is below it.
 
-    During the swing the correction changes smoothly from that of one support to that of the next.
-    Ids that `support` does not name are unchanged. FinloopError if a limb has no height.
+    During the swing the correction changes smoothly from one support to the next. Ids outside
+    `support` are unchanged. FinloopError if a limb has no height.
     """
     paths = _paths(limbs, support)
     speed = _ground(paths).speed
@@ -71,18 +67,15 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
 
 
 def path(stack: Points) -> Points:
-    """Distance (f,) in x that the foot of a limb (f, n, 2) has moved since the first frame.
-
-    Open limbs are treated as closed; that does not change the result.
-    """
+    """Return the foot's displacement (f,) in x since the first frame, for a limb (f, n, 2)."""
     return np.concatenate([[0.0], np.cumsum([_step(*pair) for pair in pairwise(stack)])])
 
 
 def _step(here: Points, there: Points) -> float:
-    """Motion in x of the foot, where it touches the ground, between two contours (n, 2)."""
+    """Return the foot's motion in x at its contact, between two contours (n, 2), closed or open."""
     middle = (here + there) / 2
     along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
-    across = along[:, ::-1] * [1, -1]  # as long as the piece of contour that the point stands for
+    across = along[:, ::-1] * [1, -1]  # length: the point's piece of contour
     y = middle[:, 1]
     foot = y >= y.max() - PAW * np.ptp(y)
     touch = middle[y >= y.max() - SOLE * np.ptp(y)].mean(axis=0)

@@ -1,10 +1,10 @@
 """Limb contours of film from regions traced in each frame (curve paper §4.2, "trace the contours").
 
 Regions are masks or traced contours by id in each frame. Here they become contours of n points of
-equal arc length in the body frame, point i of one frame belonging to point i of every other.
-The paper does not say which points correspond. Here every frame is turned and moved onto one mean
-shape of the limb, and its contour begins where it fits that shape best. The mean shape is the same
-for the whole film, so nothing drifts.
+equal arc length in the body frame; point i corresponds to point i of all other frames. The paper
+does not define this correspondence. Here every frame is turned and moved onto one mean shape of the
+limb, and its contour begins where it fits that shape best. The mean shape is the same for the whole
+film, so nothing drifts.
 """
 
 import difflib
@@ -25,10 +25,10 @@ from finloop.gait.period import fill_gaps
 BODY = "body"
 SMOOTH_PX = 1.0
 LEAST_PX = 12  # a smaller region counts as empty
-LEAST_SHARE = 0.5  # of the frames in which a limb must be seen
+LEAST_SHARE = 0.5  # least share of the frames that show a limb
 FINE = 16  # samples between two points in the search for the start
-HIDDEN = 0.75  # of its median area: a smaller region is probably hidden in part
-ROUNDS = 4  # mean shape and starts, in turn
+HIDDEN = 0.75  # share of its median area: a smaller region is probably partly hidden
+ROUNDS = 4  # alternations between mean shape and starts
 
 MISSING, EMPTY, BORDER = "not there", "empty", "touches the border of the picture"
 Region = Curve | str  # a contour, or why a frame has none: MISSING, EMPTY or BORDER
@@ -39,17 +39,17 @@ class Limbs:
     """Contours of limbs in the body frame, px: x right, y down, 0 where the body is."""
 
     points: dict[str, Floats]  # by id, (frames, n, 2); NaN in frames that lack the limb
-    course: Floats  # where the body is in the picture, (frames, 2), smoothed
-    # of the body from end to end (its region's width), or of all limbs together without one
+    course: Floats  # smoothed place of the body in the picture, (frames, 2)
+    # width of the body's region, or of all limbs together without one
     length_px: float
-    notes: tuple[str, ...]  # sentences about what is left out
+    notes: tuple[str, ...]  # sentences about omitted regions
 
 
 def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
-    """Closed contour of the largest part of a mask (h, w), clockwise, to a fraction of a pixel.
+    """Return the closed subpixel contour of the largest part of a mask (h, w), clockwise.
 
-    The mask is smoothed by a Gaussian, and the contour drawn at half height: steps of pixels go,
-    and a corner of radius r shrinks by about smooth_px² / 2r. Pixel centres are whole numbers.
+    A Gaussian smooths the mask, and the contour runs at half height. This removes pixel steps; a
+    corner of radius r shrinks by about smooth_px² / 2r. Pixel centres are whole numbers.
     """
     if int(mask.sum()) < LEAST_PX:
         return EMPTY
@@ -72,7 +72,7 @@ def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
 
 
 def trace_contour(curve: Curve, width: float, height: float) -> Region:
-    """A traced contour, unless it leaves the picture."""
+    """Return a traced contour, or BORDER if it leaves the picture."""
     inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
     return curve if inside else BORDER
 
@@ -83,23 +83,29 @@ def limbs(
     smooth_frames: float | None = None,
     first: int = 0,
 ) -> Limbs:
-    """Contours of every limb that the frames name, in the body frame.
+    """Return the contours of all limbs in the frames, in the body frame.
 
-    FinloopError if there is no limb, or one is seen in less than half of the frames.
+    FinloopError if there is no limb, or less than half of the frames show a limb.
 
-    frames: by frame: contours by id, None where one is missing. The id "body", if there is one,
-        tells where the body is; else the mean of the limbs does.
-    n: points of a contour.
-    smooth_frames: a cycle; the sway of the body in it counts as motion of the limbs. None = the
-        body goes straight on.
-    first: number of the first frame, for messages.
+    Parameters
+    ----------
+    frames
+        For each frame, contours by id, None where missing. The id "body" gives the place of the
+        body; without it the mean of the limbs does.
+    n
+        Points of a contour.
+    smooth_frames
+        Frames of a cycle; the body's sway within it counts as motion of the limbs. None = the body
+        moves straight.
+    first
+        Number of the first frame, for messages.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
     if not [name for name in names if name != BODY]:
         raise FinloopError(
             f"regions of {len(frames)} frames, without a limb",
             "a region for each limb, such as fore_left, fore_right, hind_left and hind_right",
-            "trace the limbs, one id each",
+            "trace each limb under its own id",
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
     notes = _check_regions(regions, first)
@@ -111,21 +117,21 @@ def limbs(
     points = dict[str, Floats]()
     for name in names:
         if name != BODY and name not in points:
-            # A limb and its partner at once: their points belong together too.
+            # A limb and its partner together: their points correspond too.
             pair = dict.fromkeys((name, partner(name, names)))
-            both = corresponding([region for each in pair for region in regions[each]], n)
+            both = match_contours([region for each in pair for region in regions[each]], n)
             for each, of in zip(pair, np.split(both, len(pair)), strict=True):
                 points[each] = of - course[:, None]
     points = {name: points[name] for name in names if name != BODY}
     return Limbs(points, course, _length([regions[name] for name in where]), notes)
 
 
-def corresponding(regions: Sequence[Region], n: int) -> Floats:
-    """Contours (frames, n, 2) of equal arc length with point i the same in all; NaN where none.
+def match_contours(regions: Sequence[Region], n: int) -> Floats:
+    """Return contours (frames, n, 2) whose points i correspond; NaN where there is none.
 
-    Each starts where it fits the mean shape of all best, turned and moved: the greatest |Σ a̅ b|
-    of centred contours a, b as complex numbers, by FFT; the start lies between points as it needs.
-    The first point of all is the mean shape's uppermost: the hip or the shoulder.
+    Arc lengths are equal. Each contour starts where, turned and moved, it fits the mean shape best:
+    the greatest |Σ a̅ b| of centred contours a, b as complex numbers, by FFT. The start may lie
+    between two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
     """
     curves = [clockwise(region) if isinstance(region, Curve) else None for region in regions]
     there = [k for k, curve in enumerate(curves) if curve is not None]
@@ -154,17 +160,16 @@ def corresponding(regions: Sequence[Region], n: int) -> Floats:
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
-    """Return a track (frames, k) without its motion of period `window`; None = a straight line.
+    """Smooth a track (frames, k) by the mean over `window` frames; None = a straight line.
 
-    The mean over a window about each frame. Within half a window of the ends, where there is none,
-    the means beside them go on in a straight line; a track shorter than two windows is taken as one
-    line throughout.
+    Within half a window of the ends, the means continue in a straight line. A track shorter than
+    two windows becomes one straight line.
     """
     time = np.arange(len(track), dtype=float)
     if window is None or len(track) < 2 * window:
         return _line(time, track, time)
     half = int(np.ceil(window / 2))
-    # The part of each frame's time that lies in the window.
+    # The share of each frame's time within the window.
     weight = np.clip(window / 2 + 0.5 - np.abs(np.arange(-half, half + 1)), 0, 1)
     means = np.column_stack(
         [np.convolve(values, weight / weight.sum(), "valid") for values in track.T]
@@ -176,13 +181,13 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
 
 
 def _line(time: Floats, values: Floats, times: Floats) -> Floats:
-    """The straight line through values (m, k) by least squares, at the wanted places."""
+    """Return the least-squares line through values (m, k), evaluated at `times`."""
     basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
     return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
 def _centres(regions: Sequence[Region]) -> Floats:
-    """Centroids of the areas (frames, 2); NaN where there is no contour."""
+    """Return the centroids of the areas (frames, 2); NaN where there is no contour."""
     return np.array(
         [
             centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
@@ -192,7 +197,7 @@ def _centres(regions: Sequence[Region]) -> Floats:
 
 
 def _length(regions: Sequence[Sequence[Region]]) -> float:
-    """Median width of all contours together, over the frames that lack fewest."""
+    """Return the median width of all contours together, over the most complete frames."""
     frames = zip(*regions, strict=True)
     contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
     most = max(len(frame) for frame in contours)
@@ -200,7 +205,7 @@ def _length(regions: Sequence[Sequence[Region]]) -> float:
 
 
 def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
-    """Return notes on frames that lack a limb; refuse a limb that too many frames lack."""
+    """Return notes on frames that lack a limb; FinloopError if too many frames lack it."""
     notes, wrong, hints = [], [], []
     often = {
         name
@@ -221,7 +226,7 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
             continue
         if name != BODY and "left" not in name and "right" not in name:
             notes.append(
-                f"{name} is of no side, left or right: it is taken to do the same in both halves of"
+                f"{name} has no side, left or right: it is assumed to move alike in both halves of"
                 " the cycle"
             )
         if gaps:
@@ -232,21 +237,21 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
         if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
             notes.append(
                 f"{name} is smaller than usual in frames {_numbers([first + k for k in small])}:"
-                " if something hides a part of it there, trace it whole or leave it out"
+                " if something hides a part of it there, trace it whole or omit it"
             )
     if wrong:
         alike = f" (is it {' or '.join(sorted(set(hints)))}?)" if hints else ""
         raise FinloopError(
             f"regions that most frames lack: {', '.join(wrong)}{alike}",
-            "the same ids in all frames; each whole in at least half of them",
-            "name each limb alike in all frames, white on black in masks; trace the rest, or leave"
-            " the limb out of all",
+            "the same ids in all frames, each complete in at least half of them",
+            "name each limb alike in all frames, white on black in masks; trace the rest, or omit"
+            " the limb in all frames",
         )
     return tuple(notes)
 
 
 def _numbers(which: Sequence[int]) -> str:
-    """Frame numbers, runs as "3-7"."""
+    """Return frame numbers as text, runs as "3-7"."""
     cuts = [0, *(i for i in range(1, len(which)) if which[i] != which[i - 1] + 1), len(which)]
     runs = [(which[a], which[b - 1]) for a, b in pairwise(cuts)]
     words = [f"{a}-{b}" if b > a else f"{a}" for a, b in runs[:8]]

@@ -1,9 +1,9 @@
 """Corresponding points of two poses whose parts turn, as limbs and tails do.
 
-Of all ways to number a closed contour anew the one is taken that is most like the other contour
-when it may be turned. Contours are complex here, a = x + iy about their mean, and likeness is
-|z| + UPRIGHT · Re z with z = Σ a_i conj(b_j): |z| is what the best turn makes of it; the second
-part settles contours that look the same turned, such as an eye, which should not turn.
+A closed contour is renumbered so that it is most like the other contour, up to a turn. Contours are
+complex here, a = x + iy about their mean, and likeness is |z| + UPRIGHT · Re z with
+z = Σ a_i conj(b_j): |z| is the likeness after the best turn. The second part decides for contours
+that look the same turned, such as an eye: they should not turn.
 """
 
 from collections.abc import Mapping
@@ -20,13 +20,13 @@ UPRIGHT = 0.02
 FINE = 8  # start points tried between two points of a contour
 
 
-def corresponding(
+def match_poses(
     key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
 ) -> tuple[dict[str, Points], dict[str, Points]]:
-    """Contours (points, 2) of both keys by id, row i of each belonging to row i of the others.
+    """Return the contours (points, 2) of both keys by id, with corresponding rows.
 
-    In a swap left and right limbs belong together too: all four of a pair are numbered after the
-    first of them in drawing order. FinloopError if a limb is closed and its partner or its other
+    In a swap the rows of left and right limbs correspond too: the first of the pair in drawing
+    order numbers all four contours. FinloopError if a limb is closed and its partner or its other
     pose open.
     """
     first, second = dict[str, Points](), dict[str, Points]()
@@ -35,9 +35,9 @@ def corresponding(
         kinds = {which.closed for which in (curve, key1.curves[twin], key2.curves[name])}
         if len(kinds) > 1:
             raise FinloopError(
-                f"of {name!r} and {twin!r} one is closed, the other open",
+                f"one of {name!r} and {twin!r} is closed, the other open",
                 "contours that are closed in every pose, left and right, or open in every pose",
-                "close them all, or none",
+                "close all of them, or none",
             )
         model = first.get(twin, resample_curve(clockwise(curve), points).points)
         first[name] = renumber_curve(model, curve) if twin in first else model
@@ -67,9 +67,9 @@ def renumber_curve(model: Points, curve: Curve) -> Points:
 def mirror_orders(
     key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
-    """The orders of `gait.model.four_keys` that make 1' most like 2 and 2' most like 1.
+    """Return the orders for `gait.model.four_keys` that make 1' most like 2, and 2' like 1.
 
-    Those are the keys that the cycle blends with each other. An id and its partner share one.
+    The cycle blends these keys with each other. An id and its partner share one order.
     """
     orders = dict[str, Ints]()
     for name in key1:
@@ -94,7 +94,7 @@ def mirror_orders(
 
 
 def likeness(product: Complex) -> Points:
-    """Of z = Σ a conj(b), any shape: large where the contours are alike, best if not turned."""
+    """Return the likeness of contours from z = Σ a conj(b), any shape; turns lower it a little."""
     return np.abs(product) + UPRIGHT * product.real
 
 

@@ -5,7 +5,7 @@ Glossary: *phase* 0…1 of a cycle; *keys* 1, 2, 1', 2' at phases 0, s, ½, ½ +
 
 The second half repeats the first by symmetry. "swap", an animal from the side: 1' is 1 with the
 left and right limbs exchanged. "mirror", a fish from above: 1' is 1 reflected in the axis of the
-body, left and right parts exchanged too. So C is A of the partner, D is B of the partner, and γ
+body, left and right parts exchanged too. So C is the partner's A, D is the partner's B, and γ
 belongs to A and B alone.
 """
 
@@ -33,7 +33,7 @@ def _power_of_two(count: int) -> int:
 
 
 def _apart(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Spans of phase (from, to), checked: they rise, and none overlaps another in any cycle."""
+    """Return spans of phase (from, to); ValueError unless they rise and never overlap."""
     if not all(0 <= start < end <= min(2, start + 1) for start, end in spans):
         raise ValueError("no list of [from, to], 0 ≤ from < to ≤ 2")
     order = sorted(spans)
@@ -43,7 +43,7 @@ def _apart(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
     return spans
 
 
-# γ beyond ±1 turns a limb back: 1000 is a slip of the pen.
+# γ beyond ±1 makes a limb turn back; beyond ±1000 it is a typing error.
 Number = Annotated[float, Field(ge=-1000, le=1000)]
 Gammas = Annotated[tuple[Number, ...], Field(min_length=1)]
 Subcycles = Annotated[Mapping[Annotated[str, Field(pattern="^[AB]$")], Gammas], Field(min_length=2)]
@@ -52,7 +52,7 @@ Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_apart)]
 
 @dataclass(frozen=True)
 class Gait:
-    """A gait as fitted to film. It holds no contours, so it can drive any drawing."""
+    """A gait fitted to film. It holds no contours, so it can drive any drawing."""
 
     name: Annotated[str, Field(min_length=1)]
     symmetry: Symmetry
@@ -77,7 +77,7 @@ class Gait:
 
 
 def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
-    """The id with left and right exchanged if it is among `names`, else the id itself."""
+    """Return the id with left and right exchanged if it is among `names`, else the id itself."""
     for side, opposite in (("left", "right"), ("right", "left")):
         if side in name and (swapped := name.replace(side, opposite)) in names:
             return swapped
@@ -85,15 +85,15 @@ def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> st
 
 
 def reversal(n: int, start: int = 0) -> Ints:
-    """Indices (start − i) mod n: a closed contour's points in the opposite direction."""
+    """Return the indices (start − i) mod n: a closed contour in the opposite direction."""
     return (start - np.arange(n)) % n
 
 
 def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
     """Reflect contours (…, n, 2) in the line y = middle and renumber to keep their direction.
 
-    `order` (n,) are the indices of the points; by default `reversal(n)`, for an outline that starts
-    at the snout. Reflecting twice is the identity if `order` is its own inverse.
+    `order` (n,) are the indices of the points, by default `reversal(n)`, for an outline from the
+    snout on. Reflecting twice is the identity if `order` is its own inverse.
     """
     order = reversal(points.shape[-2]) if order is None else order
     return points[..., order, :] * [1, -1] + [0, 2 * middle]
@@ -106,8 +106,8 @@ class Layout:
     middle: float = 0.0  # mirror: y of the axis
     # mirror, by id: the points' order, see `mirror_contours`; an id and its partner share one
     orders: Mapping[str, Ints] | None = None
-    # swap, by id, (2,): how much farther right and down the id hangs on the body than its
-    # partner; the partner's is the negative. A limb then keeps its hip
+    # swap, by id, (2,): how much farther right and down the limb hangs on the body than its
+    # partner, whose offset is the negative. A limb then keeps its hip
     offsets: Mapping[str, Points] | None = None
 
 
@@ -117,13 +117,10 @@ def four_keys(
     symmetry: Symmetry,
     layout: Layout = Layout(),
 ) -> tuple[dict[str, Points], dict[str, Points], dict[str, Points], dict[str, Points]]:
-    """Keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2, contours (n, 2) by id.
+    """Return keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2, contours (n, 2) by id.
 
+    Point i of an id corresponds to point i in the other key, and (swap) of its partner.
     FinloopError if ids or numbers of points differ between the keys or between partners.
-
-    key1, key2: point i of an id corresponds to point i in the other key, and (swap) of its partner.
-    symmetry: one of SYMMETRIES.
-    layout: where keys 1' and 2' lie.
     """
     _check_keys(key1, key2)
     keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
@@ -134,7 +131,7 @@ def four_keys(
 def half_later(
     contours: Mapping[str, Points], symmetry: Symmetry, layout: Layout = Layout()
 ) -> dict[str, Points]:
-    """Contours (…, n, 2) by id as they are half a cycle later; applied twice, the identity.
+    """Return contours (…, n, 2) by id half a cycle later; applied twice, the identity.
 
     FinloopError if the symmetry is none of SYMMETRIES, or the layout does not undo itself.
     """
@@ -156,15 +153,15 @@ def half_later(
             out[name] = contours[twin] + offset
         if not identity:
             raise FinloopError(
-                f"half a cycle later, twice, is not {name!r} itself",
-                "orders that undo one another, offsets that add up to 0",
-                f"set them alike for {name!r} and {twin!r}",
+                f"two half cycles later {name!r} is not itself",
+                "orders that invert one another, offsets that add up to 0",
+                f"set matching orders and offsets for {name!r} and {twin!r}",
             )
     return out
 
 
 def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Subcycle (0…3 for A…D) and tau in [0, 1) of phases of any shape."""
+    """Return subcycle (0…3 for A…D) and tau in [0, 1) of phases of any shape."""
     ends = _ends(split)
     phase = np.mod(phase, 1.0)
     which = np.searchsorted(ends[1:-1], phase, side="right")
@@ -172,7 +169,7 @@ def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 
 
 def gamma_of(gait: Gait, name: str, which: int) -> tuple[float, ...]:
-    """γ of an id in subcycle A (0) or B (1); an id that the gait does not name goes by POOLED."""
+    """Return γ of an id in subcycle A (0) or B (1); POOLED serves ids that the gait lacks."""
     gammas = gait.gamma.get(name, gait.gamma.get(POOLED))
     return (0.0,) if gammas is None else gammas[SUBCYCLES[which]]
 
@@ -185,14 +182,14 @@ def cycle(
     layout: Layout = Layout(),
     **options: Any,
 ) -> dict[str, Points]:
-    """A whole cycle, (frames, n, 2) by id, from two keys and γ (Figs. 12–14).
+    """Return a whole cycle, (frames, n, 2) by id, from two keys and γ (Figs. 12–14).
 
-    Frame k is at phase k / frames, so the frame after the last is the first. Options and errors
-    are those of `at_phases`; there must be at least 4 frames.
+    Frame k is at phase k / frames, so the first frame follows the last. Options and errors are
+    those of `at_phases`; at least 4 frames.
     """
     if frames < 4:
         raise FinloopError(
-            f"a cycle of {frames} frames", "at least 4, one a key", "ask for 24 frames or more"
+            f"a cycle of {frames} frames", "at least 4, one per key", "set 24 frames or more"
         )
     return at_phases(key1, key2, gait, np.arange(frames) / frames, layout, **options)
 
@@ -207,16 +204,21 @@ def at_phases(
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
-    """The contours (f, n, 2) by id at phases (f,) of a cycle, from two keys and γ.
+    """Return the contours (f, n, 2) by id at phases (f,) of a cycle, from two keys and γ.
 
-    FinloopError as `four_keys`; if γ per scale or control points are used with contours whose
-    number of points is no power of two.
+    FinloopError as in `four_keys`, or if γ per scale or control points meet contours whose number
+    of points is no power of two.
 
-    key1, key2, layout: as for `four_keys`.
-    gait: its γ, split and symmetry are used.
-    phases: in cycles.
-    closed: whether a contour is closed, by id; True if not named.
-    control: control points of each contour (Fig. 14), a power of two; None = all.
+    Parameters
+    ----------
+    key1, key2, gait, layout
+        As in `four_keys`; the gait gives γ, split and symmetry.
+    phases
+        In cycles.
+    closed
+        Whether a contour is closed, by id; True if absent.
+    control
+        Control points of each contour (Fig. 14), a power of two; None = all.
     """
     keys = four_keys(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
@@ -234,8 +236,8 @@ def at_phases(
         if control is not None:
             frames = few_control(frames, control, gait.wavelet, loop)
         out[name] = frames
-    # C and D are the images of A and B, not computed anew: a descriptor is not quite the same
-    # for a contour that is numbered the other way round.
+    # C and D are images of A and B, not computed again: reversed numbering changes the descriptor
+    # a little.
     later = half_later(out, gait.symmetry, layout)
     return {
         name: np.where((phases < 0.5)[:, None, None], frames, later[name])
@@ -252,7 +254,7 @@ def _ends(split: float) -> Points:
 
 
 def _check_keys(key1: Mapping[str, Points], key2: Mapping[str, Points]) -> None:
-    """Refuse keys that do not belong together; one message names all that is wrong."""
+    """Raise FinloopError, with all problems, if the keys do not match."""
     wrong = [
         f"{name!r} only in key {which}"
         for which, here, there in ((1, key1, key2), (2, key2, key1))
@@ -269,7 +271,7 @@ def _check_keys(key1: Mapping[str, Points], key2: Mapping[str, Points]) -> None:
             )
     if wrong or not key1:
         raise FinloopError(
-            f"the keys do not belong together: {'; '.join(wrong[:6]) or 'no contours'}",
+            f"the keys do not match: {'; '.join(wrong[:6]) or 'no contours'}",
             "the same ids and numbers of points in both keys and in left and right",
-            "give contours that belong together the same id and resample them alike",
+            "give the contours of a pair the same id and resample them alike",
         )

@@ -1,9 +1,9 @@
 """Outlines of a swimming fish in the frame of its body, and its tail beat (for curve paper §4.2).
 
 The body frame moves with the fish: x ahead, y to its right (down on the screen when the fish heads
-for screen right), in body lengths. It follows the *course*, place and direction smoothed over a
-beat. So travel is removed, but the yaw of the head, the wave of the body and all else that repeats
-with the beat remain. Key frames are mirrored in the axis y = 0.
+for screen right), in body lengths. It follows place and direction, smoothed over a beat. So travel
+is removed, but everything that repeats with the beat remains, such as the yaw of the head and the
+wave of the body. Key frames are mirrored in the axis y = 0.
 """
 
 import re
@@ -19,13 +19,13 @@ from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
 from finloop.curve.contour import Curve, centroid, clockwise
 from finloop.features.head import tail_first
-from finloop.gait.period import Period, assess, course, period, with_phase_zero
+from finloop.gait.period import Period, assess, period, remove_beat, with_phase_zero
 
 POINTS = 128
 STRAIGHT = 0.03
-"""Body lengths: a fish whose outline without the beat has more `asymmetry` than this turns."""
+"""Body lengths: a fish turns if its outline without the beat has more `asymmetry` than this."""
 
-TAIL = 1 / 16  # of the contour on either side of the tail end: whose sideways motion is the beat
+TAIL = 1 / 16  # share of the contour on either side of the tail end that shows the beat
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class TrackContours:
     """One track: contours (frames, n, 2) in the body frame, body lengths, and their beat.
 
     Point 0 is the snout, n / 2 the tail end; clockwise as seen. Phase 0 is where the tail is
-    farthest to the left. If there is no beat, the pose of every single frame is removed.
+    farthest to the left. Without a beat, every frame is aligned by its own pose.
     """
 
     points: Floats
@@ -44,14 +44,14 @@ class TrackContours:
 def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Floats]:
     """Return outlines (frames, m, 2) and backbones (frames, k, 2), head first, of a track, px.
 
-    Both tables must hold the same frames; the feature table says which end is the head.
+    Both tables must hold the same frames; the feature table determines which end is the head.
     """
     outline, backbone = (lists_to_points(track, name) for name in ("outline", "backbone"))
     if len(track) != len(features) or (track["frame"].values != features["frame"].values).any():
         raise FinloopError(
             f"{len(track)} frames of a track and {len(features)} of its features do not match",
-            "the same frames of both",
-            "make both anew: dvc repro features",
+            "the same frames in both",
+            "remake both: dvc repro features",
         )
     tail_leads = tail_first(backbone, features)[:, None, None]
     return outline.astype(float), np.where(tail_leads, backbone[:, ::-1], backbone)
@@ -60,10 +60,10 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
 def swim(
     outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
 ) -> TrackContours:
-    """Contours in the body frame and the tail beat of consecutive frames of one fish.
+    """Return contours in the body frame and the tail beat, for consecutive frames of one fish.
 
-    `outline_px` (frames, m, 2) run either way round, `backbone_px` (frames, k, 2) head first; `n`
-    points of a contour, an even number.
+    Outlines (frames, m, 2) run in either direction, backbones (frames, k, 2) head first; n, the
+    points of a contour, is even.
     """
     points = contours(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
@@ -72,10 +72,10 @@ def swim(
     beat = period(sideways(own), frame_rate_hz, -tail(own))
     if not beat.cycles:
         return TrackContours(own, beat, length)
-    smooth = course(np.column_stack([centre, angle]), beat.phase)
+    smooth = remove_beat(np.column_stack([centre, angle]), beat.phase)
     straightened = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
     flat = straightened.reshape(len(straightened), -1)
-    straight = asymmetry(course(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
+    straight = asymmetry(remove_beat(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
     steady = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
@@ -84,10 +84,10 @@ def swim(
 
 
 def steady(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
-    """Contours (f, n, 2) and rising phase (f,) of the steady frames of periodic tracks in a row.
+    """Join the steady frames of periodic tracks: contours (f, n, 2) and rising phase (f,).
 
     Each stretch of steady frames begins a new cycle, so the phase counts the cycles of the result.
-    FinloopError if no track is periodic; the reasons are counted.
+    FinloopError if no track is periodic; the message counts the reasons.
     """
     points, phase = list[Floats](), list[Floats]()
     begin = 0.0
@@ -107,16 +107,16 @@ def steady(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
             + "; ".join(
                 f"{count} of {len(swims)}: {reason}" for reason, count in why.most_common()
             ),
-            "a fish that beats its tail evenly for two beats or more, swimming straight",
-            "take film of steady swimming, at ten frames a beat or more",
+            "a fish that swims straight and beats its tail evenly for two beats or more",
+            "use film of steady swimming, at ten frames a beat or more",
         )
     return np.concatenate(points), np.concatenate(phase)
 
 
 def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
-    """Outlines (frames, m, 2) as (frames, n, 2): clockwise, equal arc lengths, from the snout.
+    """Resample outlines (frames, m, 2) to (frames, n, 2): clockwise, equal arcs, from the snout.
 
-    `snout_px` (frames, 2); point 0 is the place on the outline nearest to it, between its points.
+    Point 0 is the place on the outline nearest to `snout_px` (frames, 2).
     """
     out = np.empty((len(outline_px), n, 2))
     for outline, snout, row in zip(outline_px, snout_px, out, strict=True):
@@ -135,10 +135,10 @@ def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
 
 
 def pose(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
-    """Centre (frames, 2) of the area of contours and direction (frames,) of the backbones.
+    """Return the centre (frames, 2) of contours and the direction (frames,) of backbones.
 
-    The direction is that of the line nearest to the backbone, towards the head; radians from x
-    towards y, not wrapped.
+    The direction follows the line nearest to the backbone, towards the head; radians from x towards
+    y, not wrapped.
     """
     off = backbone - backbone.mean(axis=1, keepdims=True)
     xx, yy, xy = (off**2).sum(axis=1).T[0], (off**2).sum(axis=1).T[1], off.prod(axis=2).sum(axis=1)
@@ -149,14 +149,14 @@ def pose(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
 
 
 def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
-    """Contours (frames, n, 2) relative to `centre` (frames, 2), `angle` (frames,) turned to +x."""
+    """Move contours (frames, n, 2) by −centre (frames, 2) and turn `angle` (frames,) to +x."""
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return (points - centre[:, None]) @ turn
 
 
 def sideways(points: Floats) -> Floats:
-    """Sideways position (frames, n / 2 + 1) of the midline, + to the right, from snout to tail.
+    """Return the midline's sideways position (frames, n / 2 + 1), snout to tail, + to the right.
 
     It is the mean of the two points equally far from the snout on either side. A tail beat moves
     it; fins that spread on both sides do not.
@@ -166,7 +166,7 @@ def sideways(points: Floats) -> Floats:
 
 
 def asymmetry(points: Floats) -> Floats:
-    """Asymmetry (frames,) of contours in the body frame: 0 if the fish is straight.
+    """Return the asymmetry (frames,) of contours in the body frame: 0 if the fish is straight.
 
     It is half the RMS distance of corresponding points of the contour and its mirror image.
     """
@@ -175,7 +175,7 @@ def asymmetry(points: Floats) -> Floats:
 
 
 def tail(points: Floats) -> Floats:
-    """Sideways position (frames,) of the tail end in the body frame; + is to the right."""
+    """Return the sideways position (frames,) of the tail end in the body frame, + to the right."""
     n = points.shape[1]
     reach = max(1, round(TAIL * n))
     return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

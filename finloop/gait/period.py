@@ -1,10 +1,8 @@
 """Frequency and phase of a motion that repeats, from contours over time (for curve paper §4.2).
 
-The paper's gait cycle is cut out of the film by hand. Here: principal modes of all coordinates; at
-every frame and for every frequency a sinusoid and a straight line fitted to a window of two cycles
-(harmonic least squares); the smoothest path of best frequencies through the frames (Viterbi); the
-phase that the modes have in common along it. The confidence: how well each cycle is predicted from
-all others.
+The paper cuts the gait cycle out of the film by hand. Here `gait.ridge` finds the frequency and
+phase of every frame from the principal modes of all coordinates. The confidence is how well all
+other cycles predict each cycle.
 
 Glossary: *ridge* the path of frequencies over the frames; *share* the part of the variance in a
 window that its sinusoid explains, 0-1.
@@ -18,15 +16,15 @@ from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.gait.ridge import LEAST_FRAMES, grid_of, phase_along, ridge, shares
 
-CONFIDENT = 0.5  # from this confidence on a motion counts as periodic
+CONFIDENT = 0.5  # least confidence of a periodic motion
 
-_MODES = 6  # principal modes looked at, at most
-_VARIANCE = 0.98  # of the motion, that they hold together
-_FASTEST = 0.4  # of the frame rate: nearer to one half a beat is no longer told from its mirror
-_STEADY = 0.6  # share of a window explained from which on its frame is part of a steady motion
-_LEAST_CYCLES = 1.8  # of steady motion: a cycle can only be compared with another one
-_HARMONICS = 2  # of the cycle that others are foretold from
-_HALF_WINDOW = 0.75  # cycles before and after a frame that its course is taken from
+_MODES = 6  # most principal modes used
+_VARIANCE = 0.98  # share of the motion's variance that the modes hold together
+_FASTEST = 0.4  # share of the frame rate: nearer to one half, a beat is confused with its alias
+_STEADY = 0.6  # least explained share of a window about a frame of steady motion
+_LEAST_CYCLES = 1.8  # least steady cycles: a cycle can only be compared with another one
+_HARMONICS = 2  # harmonics of the cycle that predicts the others
+_HALF_WINDOW = 0.75  # cycles before and after a frame in the window of `remove_beat`
 
 
 @dataclass(frozen=True)
@@ -34,11 +32,11 @@ class Period:
     """Frequency and phase of a repeating motion, and the confidence in it."""
 
     frequency_hz: float  # cycles a second over the steady frames; NaN if there is none
-    phase: Floats  # (frames,) in cycles, rising, not wrapped; its whole numbers are key frame 1
-    steady: Mask  # (frames,) bool, where the motion repeats and the phase means something
-    # 0-1, share of the variance of a steady cycle that the others predict; 0 if few
+    phase: Floats  # (frames,) in cycles, rising, not wrapped; whole numbers are key frame 1
+    steady: Mask  # (frames,) bool, where the motion repeats and the phase is valid
+    # 0-1, share of the variance of a steady cycle that the others predict; 0 if too few
     confidence: float
-    cycles: float  # how many are steady
+    cycles: float  # number of steady cycles
     why: str  # why the motion is not periodic; empty if it is
 
 
@@ -49,16 +47,20 @@ def period(
     slowest_hz: float = 0.0,
     fastest_hz: float = np.inf,
 ) -> Period:
-    """The period of any set of coordinates (frames, k); rows with NaN are missing frames.
+    """Find the period of coordinates (frames, k); rows with NaN are missing frames.
 
-    FinloopError if the signal is not (frames, k), no row of it is whole, or the rate is not
-    positive. A motion that does not repeat is no error: see `why`, and `periodic`.
+    FinloopError if the signal is not (frames, k), has no complete row, or the rate is not positive.
+    A motion that does not repeat is no error: see `Period.why` and `require_periodic`.
 
-    signal, frame_rate_hz: coordinates in a row for each frame, and the frames a second.
-    extreme: (frames,), phase 0 is where the fundamental of this is greatest. Without it that of the
-        strongest mode, its largest coordinate counted positive.
-    slowest_hz, fastest_hz: bounds of the search; never below one cycle in the film or above 0.4 of
-        the frame rate.
+    Parameters
+    ----------
+    signal, frame_rate_hz
+        Coordinates in a row for each frame, and the frames per second.
+    extreme
+        (frames,), phase 0 is where its fundamental is greatest; by default the strongest mode,
+        signed so that its largest coordinate is positive.
+    slowest_hz, fastest_hz
+        Bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
     """
     signal = _check_signal(signal, frame_rate_hz)
     whole = np.asarray(np.isfinite(signal).all(axis=1))
@@ -90,23 +92,23 @@ def period(
 
 
 def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
-    """The period of a motion (frames, k) of known phase (frames,), with its confidence.
+    """Return the period and confidence of a motion (frames, k) of known phase (frames,).
 
-    Steady are the frames of `good` (frames,) in a row for a cycle or longer.
+    Steady frames are runs of `good` (frames,) of at least one cycle.
     """
     steady = _long_runs(good, phase)
     inner = steady[1:] & steady[:-1]
     cycles = float(np.diff(phase)[inner].sum())
     if cycles < _LEAST_CYCLES:
         return _none(len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed")
-    confidence = _predicted_share(signal - course(signal, phase), phase, steady)
+    confidence = _predicted_share(signal - remove_beat(signal, phase), phase, steady)
     why = "" if confidence >= CONFIDENT else "no cycle is much like another"
     frequency = cycles / np.count_nonzero(inner) * frame_rate_hz
     return Period(float(frequency), phase, steady, confidence, cycles, why)
 
 
 def with_phase_zero(beat: Period, extreme: Floats) -> Period:
-    """The same period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
+    """Return the period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
     frames = beat.steady & np.isfinite(extreme)
     terms = _harmonics(beat.phase[frames], 1)
     _, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
@@ -115,13 +117,13 @@ def with_phase_zero(beat: Period, extreme: Floats) -> Period:
 
 
 def require_periodic(beat: Period, name: str) -> Period:
-    """The same period, if there is one. FinloopError if the motion of `name` does not repeat."""
+    """Return the period; FinloopError if the motion of `name` does not repeat."""
     if beat.why:
         raise FinloopError(
             f"the motion of {name} is not periodic: {beat.why} (confidence {beat.confidence:.2f},"
             f" {beat.cycles:.1f} steady cycles in {len(beat.phase)} frames)",
             f"confidence {CONFIDENT:g} or more over {_LEAST_CYCLES:g} cycles or more",
-            "take a longer film, or the part of it in which the animal moves steadily",
+            "use a longer film, or the part in which the animal moves steadily",
         )
     return beat
 
@@ -132,12 +134,12 @@ def _check_signal(signal: Floats, frame_rate_hz: float) -> Floats:
         raise FinloopError(
             f"a motion of shape {signal.shape}, "
             f"{np.count_nonzero(~np.isfinite(signal))} of its values not numbers",
-            "coordinates (frames, k), at least one frame of them whole",
-            "give the coordinates of every frame in a row, NaN where the frame shows nothing",
+            "coordinates (frames, k) with at least one complete frame",
+            "pass one row of coordinates per frame, NaN where the frame shows nothing",
         )
     if not 0 < frame_rate_hz < np.inf:
         raise FinloopError(
-            f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "state the film's own"
+            f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "pass the film's rate"
         )
     return signal
 
@@ -156,14 +158,14 @@ def fill_gaps(signal: Floats) -> Floats:
         finite = np.isfinite(column)
         if not finite.any():
             raise FinloopError(
-                "a limb that no frame shows", "each limb in half of the frames", "leave it out"
+                "a limb that no frame shows", "each limb in half of the frames", "omit the limb"
             )
         column[:] = np.interp(time, time[finite], column[finite])
     return out
 
 
 def _modes(signal: Floats) -> Floats:
-    """Scores (frames, m) of the principal modes, the strongest first; none if nothing moves."""
+    """Return the scores (frames, m) of the principal modes, strongest first; none if still."""
     centred = signal - signal.mean(axis=0)
     left, size, _ = np.linalg.svd(centred, full_matrices=False)
     if size[0] <= 1e-12 * max(1.0, np.abs(signal).max()):
@@ -174,13 +176,13 @@ def _modes(signal: Floats) -> Floats:
 
 
 def _sign(signal: Floats) -> float:
-    """Sign by which the largest coordinate of the strongest mode is positive."""
+    """Return the sign that makes the largest coordinate of the strongest mode positive."""
     along = np.linalg.svd(signal - signal.mean(axis=0), full_matrices=False)[2][0]
     return float(np.sign(along[np.abs(along).argmax()]))
 
 
 def _long_runs(good: Mask, phase: Floats) -> Mask:
-    """Frames in runs of at least a cycle in which the phase rises."""
+    """Return the frames in runs of at least a cycle in which the phase rises."""
     good = good & np.r_[True, np.diff(phase) > 0]
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
     result = np.zeros(len(good), bool)
@@ -189,8 +191,8 @@ def _long_runs(good: Mask, phase: Floats) -> Mask:
     return result
 
 
-def course(values: Floats, phase: Floats) -> Floats:
-    """Values (frames, k) with the beat removed.
+def remove_beat(values: Floats, phase: Floats) -> Floats:
+    """Return values (frames, k) without the beat.
 
     At every frame a straight line plus a sinusoid of the beat is fitted over the cycle and a half
     about it (at both ends over the first or last such window), and the line's value is kept. So a
@@ -214,7 +216,7 @@ def _harmonics(phase: Floats, count: int) -> Floats:
 
 
 def _predicted_share(modes: Floats, phase: Floats, steady: Mask) -> float:
-    """Share of the modes' variance in each steady cycle that the other cycles predict."""
+    """Return the share of the modes' variance in each steady cycle that the others predict."""
     y, moment = modes[steady], phase[steady]
     terms = _harmonics(moment, _HARMONICS)
     cycle = np.floor(moment - moment[0]).astype(int)
@@ -228,7 +230,7 @@ def _predicted_share(modes: Floats, phase: Floats, steady: Mask) -> float:
 
 
 def _why_not(modes: Floats, share: Floats, why: str) -> str:
-    """Say why there are too few steady cycles; `why` where nothing more can be said."""
+    """Return why there are too few steady cycles, `why` without a better reason."""
     slow = np.pi * np.arange(len(modes)) / len(modes)
     first = modes[:, 0]
     # A motion one way, or there and back at most, holds less than a cycle.

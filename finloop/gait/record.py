@@ -11,14 +11,11 @@ from finloop.gait.model import Gait
 DECIMALS = 6
 MOST_BYTES = 1_000_000  # of a file
 WANTED = "a gait as the stage `gait` writes it"
-DO = "correct it after the example of data/gaits/, or fit one: dvc repro gait"
+DO = "correct it by the examples in data/gaits/, or fit a gait: dvc repro gait"
 
 
 def record_of(gait: Gait) -> dict[str, Any]:
-    """A gait as plain values, its numbers to DECIMALS digits.
-
-    FinloopError if the gait is not one that `gait_of` would take.
-    """
+    """Return a gait as plain values, rounded to DECIMALS; FinloopError if `gait_of` rejects it."""
     content = json.loads(json.dumps(_round_floats(asdict(gait))))
     try:
         gait_of(content)
@@ -28,9 +25,9 @@ def record_of(gait: Gait) -> dict[str, Any]:
 
 
 def gait_of(content: Any) -> Gait:
-    """The gait with these values, from `record_of` or written by a person after its example.
+    """Return the gait with these values, from `record_of` or written by hand.
 
-    ValueError if the content is no gait; every problem is listed.
+    ValueError, with all problems, if the content is no gait.
     """
     gait, problems = check("gait", {"default": Gait}, content)
     if gait is None:

@@ -1,8 +1,8 @@
 """The frequency and phase of every frame of a motion that repeats (for curve paper §4.2).
 
 For every frequency a sinusoid and a straight line are fitted to a window of two cycles about every
-frame (harmonic least squares); the best path of frequencies through the frames is found (Viterbi),
-and the phase of all modes along it.
+frame (harmonic least squares). Viterbi's algorithm finds the best path of frequencies through the
+frames, and the modes give the phase along it.
 
 Glossary: *share* the part of the variance in a window that its sinusoid explains, 0-1; *ridge* the
 path of frequencies over the frames.
@@ -14,29 +14,29 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Complex, Floats
 
-LEAST_FRAMES = 8  # in a window: four numbers are fitted to it
+LEAST_FRAMES = 8  # least frames of a window: the fit has four numbers
 
-_STEP = 1.04  # from one frequency to the next
-_CYCLES = 2.0  # in a window
-_QUIET = 0.1  # of the whole motion's variance: what stays below in a window is rest, not a beat
-_OCTAVE = 0.5  # cost of a change of frequency by an octave within a cycle, in shares
+_STEP = 1.04  # ratio of neighbouring frequencies
+_CYCLES = 2.0  # cycles in a window
+_QUIET = 0.1  # share of the whole variance: a window with less shows rest, not a beat
+_OCTAVE = 0.5  # cost, in shares, of a change of frequency by an octave within a cycle
 
 
 def grid_of(low: float, high: float) -> Floats:
-    """Frequencies from `low` to `high` in even ratios; a window of each is `_CYCLES` long."""
+    """Return the frequencies from `low` to `high`, evenly spaced on a logarithmic scale."""
     return np.geomspace(low, high, max(3, int(np.ceil(np.log(high / low) / np.log(_STEP)))))
 
 
 def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
-    """A sinusoid of `frequency` (cycles a frame) in a window about every frame.
+    """Fit a sinusoid of `frequency` (cycles a frame) in a window about every frame.
 
-    Beside a straight line (a turn, a drift), by least squares with a sine-shaped weight. The first
-    and last frames share the first and last whole window.
+    Least squares with a sine-shaped weight, together with a straight line (a turn, a drift). The
+    first and last frames share the first and last whole window.
 
     Returns
     -------
-    share : explained, (frames,); amplitude : in the middle of the window, (frames, modes);
-    apart : of the frame from that middle, (frames,)
+    share : explained share (frames,); amplitude : in the middle of the window, (frames, modes);
+    apart : distance of the frame from that middle, (frames,)
     """
     frames = len(modes)
     n = min(frames, max(LEAST_FRAMES, round(_CYCLES / frequency)))
@@ -50,7 +50,7 @@ def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
     total = scipy.signal.fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
     total = np.maximum(total - (along[..., :2] ** 2).sum(axis=(1, 2)), 0)
     explained = (along[..., 2:] ** 2).sum(axis=(1, 2))
-    # What noise alone would give is taken off: two of the n - 2 numbers that a line leaves.
+    # Subtract what noise alone would give: two of the n - 2 numbers that a line leaves.
     fair = explained - np.maximum(total - explained, 0) * 2 / (n - 4)
     rest = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
     cos, sin = np.moveaxis(along[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
@@ -61,15 +61,15 @@ def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
 
 
 def shares(modes: Floats, grid: Floats) -> Floats:
-    """Share explained (frequencies, frames) by each frequency of `grid` about every frame."""
+    """Return the share (frequencies, frames) that each frequency of `grid` explains."""
     return np.stack([_windows(modes, frequency)[0] for frequency in grid])
 
 
 def ridge(share: Floats, grid: Floats) -> NDArray[np.intp]:
-    """The frequency (frames,) of every frame, as places in `grid`: greatest sum of shares.
+    """Return the path (frames,) of indices in `grid` with the greatest sum of shares.
 
-    From one frame to the next a place may move by one; a move costs the more the slower the beat,
-    as a beat is not expected to change by much within a cycle.
+    From one frame to the next an index changes by at most one. A change costs more for a slow beat,
+    as a beat changes little within a cycle.
     """
     count, frames = share.shape
     cost = _OCTAVE * np.log2(grid[1] / grid[0]) / grid  # cycles a frame: slow beats move seldom
@@ -90,7 +90,7 @@ def ridge(share: Floats, grid: Floats) -> NDArray[np.intp]:
 
 
 def _peak(share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
-    """Frequency (frames,) of the greatest share near the ridge, between the places of the grid."""
+    """Return the frequency (frames,) of the greatest share near the ridge, interpolated."""
     frame = np.arange(len(path))
     middle = np.clip(path, 1, len(grid) - 2)
     low, here, high = (share[middle + step, frame] for step in (-1, 0, 1))
@@ -100,11 +100,11 @@ def _peak(share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
 
 
 def phase_along(modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
-    """Phase (frames,) in cycles that all modes have in common, along the ridge `path`.
+    """Return the common phase (frames,) of all modes, in cycles, along the ridge `path`.
 
-    Of the amplitudes (frames, modes), turned on from the middle of the window to the frame, the
-    best product of one pattern of modes and one complex number a frame: a wave runs through the
-    modes in one direction, so its angle always rises.
+    The amplitudes (frames, modes), turned from the middle of the window to the frame, are
+    approximated by one pattern of modes times one complex number a frame. A wave runs through the
+    modes in one direction, so the number's angle always rises.
     """
     frequency = _peak(share, path, grid)
     amplitudes = np.empty(modes.shape, np.complex128)

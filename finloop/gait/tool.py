@@ -1,7 +1,7 @@
 """The command line of `gait`: two key poses and the name of a gait give a moving drawing.
 
-`python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. Contours of
-the same id form a pair. The ending says the format: .svg, .webp, .mp4, .json, .lottie.json.
+`python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. Contours of the same id form
+a pair. The file name's ending selects the format: .svg, .webp, .mp4, .json, .lottie.json.
 """
 
 import argparse
@@ -24,21 +24,21 @@ RATE = Fraction(30)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Read two key poses and a gait, write the cycle, print its summary; the exit status."""
+    """Read two key poses and a gait, write the cycle, print its summary; return the exit status."""
     options = _parser().parse_args(arguments)
     return run_tool(options.output, lambda: _write(options))
 
 
 def _write(options: argparse.Namespace) -> str:
     """Write the cycle and return its summary."""
-    writer(options.output)  # a wrong ending is an error before the work
+    writer(options.output)  # check the ending first
     gait = load_gait(path_of(options.gait, SHIPPED))
     frames, rate = timing(gait.frequency_hz, options.frames, options.rate)
     if options.cycles < 1 or options.cycles * frames > MOST_FRAMES:
         raise FinloopError(
             f"{options.cycles} cycles of {frames} frames",
             f"at least 1 cycle, at most {MOST_FRAMES} frames in all",
-            "stay between; SVG and Lottie repeat by themselves",
+            "set fewer cycles or frames; SVG and Lottie repeat by themselves",
         )
     poses = load_svg(options.key1), load_svg(options.key2)
     result = transfer(*poses, gait, frames, options.points, options.control)
@@ -47,18 +47,12 @@ def _write(options: argparse.Namespace) -> str:
 
 
 def load_gait(path: Path) -> Gait:
-    """Read a gait's JSON file; FinloopError if it is missing, no JSON, or no gait."""
+    """Read a gait's JSON file; FinloopError if the file is missing, no JSON, or no gait."""
     return load_json(path, gait_of, WANTED, DO, MOST_BYTES)
 
 
 def path_of(name: str, shipped: Path) -> Path:
-    """The file of a gait: a shipped one by its name, any other by its path.
-
-    Raises
-    ------
-    FinloopError
-        If it is neither.
-    """
+    """Return the file of a gait, given the name of a shipped gait or a path."""
     paths = gaits(shipped)
     if name in paths:
         return paths[name]
@@ -66,21 +60,18 @@ def path_of(name: str, shipped: Path) -> Path:
         return Path(name)
     raise FinloopError(
         f"the gait {name!r}",
-        f"one of {', '.join(paths) or 'none, as none is here'}, or the path of a gait's JSON file",
-        "choose one of these, or fit one to a film: dvc repro gait",
+        " or ".join([*paths, "the path of a gait's JSON file"]),
+        "choose one of these, or fit a gait to a film: dvc repro gait",
     )
 
 
 def gaits(shipped: Path) -> dict[str, Path]:
-    """The shipped gaits by name."""
+    """Return the files of the shipped gaits by name."""
     return {path.stem: path for path in sorted(shipped.glob("*.json"))}
 
 
 def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tuple[int, Fraction]:
-    """Frames of a cycle and frames per second, so that the gait keeps its tempo.
-
-    Where both are given, they are the tempo.
-    """
+    """Return frames per cycle and frames per second that keep the gait's frequency, if possible."""
     if frames is None:
         rate = rate or RATE
         return min(max(LEAST_FRAMES, round(float(rate) / frequency_hz)), MOST_FRAMES), rate
@@ -88,25 +79,25 @@ def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tu
 
 
 def summary(result: Transfer, gait: Gait, seconds: float) -> str:
-    """What a cycle consists of and how its feet stand, in a line or more."""
+    """Return some lines on the parts of a cycle, its feet and its folds."""
     morph = result.morph
     frames = len(morph.tau)
     lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]
     if result.before is not None and result.after is not None:
-        way = abs(result.after.speed) * frames
+        distance = abs(result.after.speed) * frames
         before, after = (
             100 * max(contact.slide.values()) for contact in (result.before, result.after)
         )
         lines[0] += (
-            f"; the ground passes by at {way:.3g} widths of the drawing a cycle, feet slide"
-            f" {after:.2g} % of one ({before:.2g} % between the keys as drawn)"
+            f"; the ground moves {distance:.3g} widths of the drawing a cycle, feet slide"
+            f" {after:.2g} % of a width ({before:.2g} % without correction)"
         )
     elif gait.support:
         feet = ", ".join(gait.support)
-        lines.append(f"no contour is a foot of {gait.name} ({feet}): the ground is not kept")
+        lines.append(f"no contour is a foot of {gait.name} ({feet}): feet may slide")
     if result.lifted:
         lines.append(
-            f"in key 2 {', '.join(result.lifted)} should stand, but their partners do:"
+            f"in key 2 {', '.join(result.lifted)} should stand, but their partners stand:"
             " are left and right, or the keys, exchanged?"
         )
     if folded := morph.count_fold_frames():
@@ -117,7 +108,7 @@ def summary(result: Transfer, gait: Gait, seconds: float) -> str:
 
 
 class _List(argparse.Action):
-    """Prints the shipped gaits and ends, as --help does."""
+    """Print the shipped gaits and exit, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
         for name, path in gaits(SHIPPED).items():
@@ -130,26 +121,26 @@ class _List(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m finloop.gait",
-        description="Make a drawing go: two key poses and a gait give a cycle that repeats."
-        " Contours of the same id belong together; limbs are fore_left, fore_right, hind_left,"
+        description="Animate a drawing: two key poses and a gait give a cycle that repeats."
+        " Contours of the same id form a pair; limbs are fore_left, fore_right, hind_left,"
         " hind_right.",
     )
     parser.add_argument("key1", type=Path, help="limbs at their extremes, SVG")
     parser.add_argument("key2", type=Path, help="a quarter of a cycle later, with the same ids")
-    parser.add_argument("--gait", required=True, help="a name that --list shows, or a JSON file")
+    parser.add_argument("--gait", required=True, help="a name from --list, or a JSON file")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help=f"what to write: {', '.join(ENDINGS)}"
+        "-o", "--output", type=Path, required=True, help=f"output file: {', '.join(ENDINGS)}"
     )
-    parser.add_argument("--list", action=_List, nargs=0, help="show the gaits and end")
-    parser.add_argument("--frames", type=int, help="of a cycle (default: as the tempo asks)")
+    parser.add_argument("--list", action=_List, nargs=0, help="show the gaits and exit")
+    parser.add_argument("--frames", type=int, help="per cycle (default: by the gait's frequency)")
     parser.add_argument(
         "--rate",
         "--fps",
         type=frame_rate,
-        help=f"frames per second (default {RATE}, or as frames ask)",
+        help=f"frames per second (default {RATE}, or by --frames)",
     )
-    parser.add_argument("--cycles", type=int, default=1, help="in a row (default 1)")
-    parser.add_argument("--points", type=int, default=128, help="of a contour (default 128)")
+    parser.add_argument("--cycles", type=int, default=1, help="number of cycles (default 1)")
+    parser.add_argument("--points", type=int, default=128, help="per contour (default 128)")
     parser.add_argument("--control", type=int, help="control points: 4, 16, 64 … (default all)")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     return parser

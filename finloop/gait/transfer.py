@@ -1,7 +1,7 @@
 """A fitted gait drives another drawing: two key poses become a cycle (curve paper §4.2).
 
 Keys 1 and 2 are drawings with the same ids; keys 1' and 2' follow by symmetry. In a "swap" left and
-right limbs exchange their poses, so a limb and its partner should hang on the same place of the
+right limbs exchange their poses, so a limb and its partner should hang at the same place of the
 body. In a "mirror" the axis is the horizontal middle line of the picture.
 """
 
@@ -14,27 +14,27 @@ import numpy as np
 from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
-from finloop.gait.match import corresponding, mirror_orders
+from finloop.gait.match import match_poses, mirror_orders
 from finloop.gait.model import POOLED, Gait, Layout, cycle, partner
 from finloop.morph.folds import folds, stays_simple
 from finloop.morph.layers import check_pairs, check_sizes, fit_drawing
 
-LEAST_FRAMES = 4  # one a key
-LIFT = 0.02  # of a limb's height
-DIGITS = 5  # of the larger side of the drawing: a hundredth of a pixel where that is 1000 px
+LEAST_FRAMES = 4  # one per key
+LIFT = 0.02  # least height of a lifted foot, as a share of the limb's height
+DIGITS = 5  # significant digits of the larger side: 0.01 px if the drawing has 1000 px
 
 
 @dataclass(frozen=True)
 class Transfer:
     """A drawing set in motion."""
 
-    # one cycle, frame k at phase k / frames. Its tau is 0 at key 1, 1 at key 1', 0 again
+    # one cycle, frame k at phase k / frames; tau rises from 0 at key 1 to 1 at key 1', then falls
     morph: Morph
-    # before, after: the ground before and after the feet are planted, lengths in widths of the
-    # drawing (key 1, all contours); None if the gait or the drawing has no feet
+    # before, after: the ground before and after `plant_feet`, lengths in widths of the drawing
+    # (key 1, all contours); None if the gait or the drawing has no feet
     before: Ground | None
     after: Ground | None
-    # number of frames in which a contour leaves the picture, by id; 0 is left out
+    # number of frames in which a contour leaves the picture, by id, without zeros
     outside: dict[str, int]
     # feet that should stand in key 2 but are drawn higher than their lifted partners
     lifted: tuple[str, ...]
@@ -48,23 +48,29 @@ def transfer(
     points: int = 128,
     control: int | None = None,
 ) -> Transfer:
-    """The cycle of a drawing from its key poses 1 and 2, with its feet on the ground.
+    """Animate a drawing: the cycle from its key poses 1 and 2, with its feet on the ground.
 
-    FinloopError if the poses do not belong together, a foot has no height, or a number is out of
-    range.
+    FinloopError if the poses do not match, a limb has no height, or a number is out of range.
 
-    key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
-        is fitted into the picture of the first.
-    gait: its pooled γ holds for ids that it does not name.
-    frames: of the cycle, at least 4.
-    points: of every contour; a power of two where γ is per scale, or with `control`.
-    control: control points of every contour (Fig. 14); None = all.
+    Parameters
+    ----------
+    key1, key2
+        Key poses with the same ids, each contour closed in both or open in both; the second is
+        fitted into the picture of the first.
+    gait
+        The gait; its pooled γ holds for ids that it lacks.
+    frames
+        Frames of the cycle, at least 4.
+    points
+        Points of every contour; a power of two if γ is per scale, or with `control`.
+    control
+        Control points of every contour (Fig. 14); None = all.
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)
     key2 = fit_drawing(key2, key1.width, key1.height)
     closed = {name: curve.closed for name, curve in key1.curves.items()}
-    keys = corresponding(key1, key2, gait.symmetry, points)
+    keys = match_poses(key1, key2, gait.symmetry, points)
     swap = gait.symmetry == "swap"
     layout = (
         Layout(offsets=_offsets(keys[0], gait))
@@ -87,7 +93,7 @@ def transfer(
 def _morph(
     key1: Drawing, key2: Drawing, layers: dict[str, Points], closed: dict[str, bool]
 ) -> Morph:
-    """The cycle as a morph: coordinates rounded to DIGITS, folds counted."""
+    """Return the cycle as a morph, with rounded coordinates and counted folds."""
     decimals = DIGITS - ceil(log10(max(key1.width, key1.height)))
     layers = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
     frames = len(next(iter(layers.values())))
@@ -108,7 +114,7 @@ def _morph(
 
 
 def repeat(morph: Morph, cycles: int) -> Morph:
-    """A cycle several times in a row."""
+    """Repeat a cycle several times."""
     return replace(
         morph,
         tau=np.tile(morph.tau, cycles),
@@ -118,7 +124,7 @@ def repeat(morph: Morph, cycles: int) -> Morph:
 
 
 def with_pooled_gamma(gait: Gait) -> Gait:
-    """The gait with a γ for ids that it does not name: the mean over its limbs."""
+    """Return the gait with a γ for ids that it lacks: the mean over its limbs."""
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {
@@ -129,7 +135,7 @@ def with_pooled_gamma(gait: Gait) -> Gait:
 
 
 def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """How much lower a limb stands than its partner, if both feet are down in key 1.
+    """Return how much lower a limb stands than its partner, if both feet are down in key 1.
 
     The far limbs of a drawing often stand higher in the picture: farther up on the ground.
     """
@@ -144,7 +150,7 @@ def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
 def _find_lifted_feet(
     key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]
 ) -> tuple[str, ...]:
-    """Return the feet that `Transfer.lifted` names, sorted."""
+    """Return `Transfer.lifted`, sorted."""
     down = {
         name
         for name, spans in gait.support.items()
@@ -165,7 +171,7 @@ def _support_keys(gait: Gait, name: str) -> list[Ints]:
 
 
 def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
-    """The ground in widths of the drawing; None without feet."""
+    """Return the ground in widths of the drawing; None without feet."""
     px = ground(limbs, support)
     if not px.slide:
         return None

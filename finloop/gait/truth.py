@@ -9,9 +9,9 @@ QUADRATURE = 401
 
 
 def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
-    """γ by limb and subcycle ("A", "B") that fits the exact contours best, by least squares.
+    """Return the least-squares γ of the exact contours, by limb and subcycle ("A", "B").
 
-    It differs a little from the γ of the foot's clock (`gammas`): the points move on arcs, and the
+    It differs a little from the γ of the foot's clock (`gammas`), as points move on arcs and the
     body bobs.
     """
     tau = np.linspace(0, 1, QUADRATURE)
@@ -19,7 +19,7 @@ def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
     for name in NAMES:
         out[name] = {}
         for which, label in enumerate("AB"):
-            # The last phase is of this quarter still: the foot lands in it.
+            # The last phase belongs to this quarter: the foot lands in it.
             phase = (which + np.minimum(tau, 1 - 1e-12)) / 4
             c = limb(dog, name, phase, n).reshape(len(tau), -1)
             out[name][label] = gamma_fit([gamma_sums(tau, c, c[0], c[-1])])

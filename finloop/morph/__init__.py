@@ -1,6 +1,6 @@
-"""Morphs between drawings: linear, physical, and one that never folds (curve paper §4.1).
+"""Morphs between drawings: linear, physical, and fold-free (curve paper §4.1).
 
-Corresponding points (`match`), the methods (`linear`, `simple`), folds counted and excluded
+Corresponding points (`match`), the methods (`linear`, `simple`), counting and excluding folds
 (`folds`, `exact`, `flow`), whole drawings (`layers`). `tool` is the command line.
 """
 

@@ -1,8 +1,8 @@
-"""An exact test whether two edges meet (Shewchuk 1997).
+"""An exact test of whether two edges meet (Shewchuk 1997).
 
-*Adaptive precision floating-point arithmetic and fast robust geometric predicates*: an orientation
-is computed in floats, and again without rounding if rounding could change its sign. Products must
-neither overflow nor underflow: coordinates that are 0 or between 1e-70 and 1e70 are safe.
+*Adaptive precision floating-point arithmetic and fast robust geometric predicates*: the test
+computes an orientation in floats, and repeats it without rounding if rounding could change its
+sign. Products must neither overflow nor underflow: magnitudes 0 or 1e-70 … 1e70 are safe.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 @kernel
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """a·b as a float, and its rounding error (Dekker)."""
+    """Return a·b as a float, and its rounding error (Dekker)."""
     product = a * b
     wide = _SPLIT * a
     a_high = wide - (wide - a)
@@ -30,7 +30,7 @@ def _two_product(a: float, b: float) -> tuple[float, float]:
 
 @kernel
 def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Sign of the determinant, its six products added up without rounding (grow-expansion)."""
+    """Return the determinant's sign, adding its six products without rounding (grow-expansion)."""
     left = (ax, -ay, bx, -by, cx, -cy)
     right = (by, bx, cy, cx, ay, ax)
     sums = np.zeros(12)
@@ -56,7 +56,7 @@ def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 
 @kernel
 def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
-    """Sign of (a − c) × (b − c), exact."""
+    """Return the exact sign of (a − c) × (b − c)."""
     left = (ax - cx) * (by - cy)
     right = (ay - cy) * (bx - cx)
     det = left - right
@@ -67,7 +67,7 @@ def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: floa
 
 @kernel
 def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
-    """Whether the segments ab and cd of points (n, 2), whose boxes overlap, share a point."""
+    """Return whether segments ab, cd of points (n, 2) share a point; their boxes must overlap."""
     ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
     cx, cy, dx, dy = points[c, 0], points[c, 1], points[d, 0], points[d, 1]
     abc = _orientation(ax, ay, bx, by, cx, cy)
@@ -80,7 +80,7 @@ def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
 
 @kernel
 def turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
-    """Whether the edges pq and qr, both longer than 0, overlap in more than q."""
+    """Return whether the edges pq and qr, both longer than 0, overlap in more than q."""
     if _orientation(px, py, qx, qy, rx, ry) != 0:
         return False
     return ((px > qx) == (rx > qx) and px != qx) or ((py > qy) == (ry > qy) and py != qy)

@@ -1,17 +1,17 @@
 """Simplifying a simple curve without folds: three methods (for curve paper §4.1).
 
-Each method returns poses from a polygon of n vertices to a plain one; vertex i stays vertex i. From
-pose to pose the vertices go straight, and each such step is taken only if it is proved free of
-contact (`morph.folds.stays_simple`).
+Each method returns poses from a polygon of n vertices to a plain polygon; vertex i stays vertex i.
+Between poses the vertices move straight. A step counts only if it is proved free of contact
+(`morph.folds.stays_simple`).
 
-- `shorten_polygon`, closed: curve shortening, x_t = x_uu / |x_u|², rounds any simple closed curve
-  off before it vanishes, and it stays simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987). The
-  tangential part of this form spreads the vertices evenly. Size is put back at each step, so that
-  the area stays. The theorems are about smooth curves; for polygons each step is checked.
+- `shorten_polygon`, closed: curve shortening, x_t = x_uu / |x_u|², makes every simple closed curve
+  round before it vanishes, and keeps it simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987).
+  The tangential part of this form spreads the vertices evenly. Each step restores the area. The
+  theorems hold for smooth curves; for polygons each step is checked.
 - `ears_off`, closed: a polygon of more than three corners has a corner whose triangle with its two
-  neighbours is empty (two ears theorem, Meisters 1975); drawn into the opposite side, it leaves
-  one corner less. Ends at a triangle whatever the polygon; not pretty, so only where the former
-  cannot go on.
+  neighbours is empty (two ears theorem, Meisters 1975). Moved onto the opposite side, it leaves
+  one corner less. Every polygon ends as a triangle. This is not pretty, so it only takes over
+  where `shorten_polygon` fails.
 - `straighten_curve`, open: a part of a simple curve is simple, and so is that part enlarged.
   Shorter and shorter parts about the middle end at a line without bends.
 
@@ -25,19 +25,19 @@ from finloop.base.kernel import kernel
 from finloop.curve.contour import centroid
 from finloop.morph.folds import no_contact
 
-GROWTH = 1.3  # of the time step, from one pose to the next
+GROWTH = 1.3  # factor of the time step, from one pose to the next
 STEP = 0.1  # longest time step, in areas of the curve
 ROUND = 0.97  # 4π area / length² at which a curve is plain; a circle has 1
-HALVINGS = 40  # of a time step before giving up
+HALVINGS = 40  # halvings of a time step before giving up
 MOST = 200  # poses
-SHRINK = 0.9  # of an open curve, from one part to the next
-SLOWEST = 0.999  # the same where that meets itself
-JOIN = 64  # poses of a turn
+SHRINK = 0.9  # factor of an open curve's length, from one part to the next
+SLOWEST = 0.999  # largest such factor, where the curve meets itself
+JOIN = 64  # poses from one plain end to the other
 
 
 @kernel
 def area(points: Points) -> float:
-    """Area within a closed polygon (n, 2), positive if clockwise as seen (y down)."""
+    """Return the area within a closed polygon (n, 2), positive if clockwise as seen (y down)."""
     n, twice = len(points), 0.0
     x0, y0 = points[0, 0], points[0, 1]
     for i in range(n):
@@ -49,7 +49,7 @@ def area(points: Points) -> float:
 
 @kernel
 def resize_polygon(points: Points, goal: float) -> Points:
-    """Enlarge the polygon about the mean of its vertices to an area of the same sign."""
+    """Scale the polygon about the mean of its vertices to the area `goal`, of the same sign."""
     n = len(points)
     size = np.sqrt(goal / area(points))
     out = np.empty_like(points)
@@ -64,7 +64,7 @@ def resize_polygon(points: Points, goal: float) -> Points:
 
 
 def shorten_polygon(points: Points) -> tuple[Points, bool]:
-    """Shorten a simple polygon to points (k, n, 2) of one area; tell whether the last is round."""
+    """Shorten a simple polygon: poses (k, n, 2) of equal area, and whether the last is round."""
     poses = [np.ascontiguousarray(points, np.float64)]
     goal = area(poses[0])
     step, halved = (_length(poses[0]) / len(points)) ** 2, 0
@@ -91,9 +91,9 @@ def _length(points: Points) -> float:
 
 @kernel
 def _implicit_step(points: Points, step: float) -> Points:
-    """(1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|².
+    """Solve (1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|².
 
-    Cyclic and tridiagonal: elimination, the two corners by Sherman and Morrison's formula.
+    The system is cyclic and tridiagonal: elimination, with Sherman and Morrison for the corners.
     """
     n = len(points)
     q = np.empty(n)
@@ -133,16 +133,16 @@ def _implicit_step(points: Points, step: float) -> Points:
 
 
 def ears_off(points: Points) -> tuple[Points, bool]:
-    """Points (n − 2, n, 2) from a simple closed polygon to a triangle; whether it got there.
+    """Cut ears off a simple polygon: poses (n − 2, n, 2), and whether the last is a triangle.
 
-    Sizes are put back as in `shorten_polygon`. It only stops short where floats cannot tell.
+    Each step restores the area. Only rounding can stop the method before the triangle.
     """
     pose = np.ascontiguousarray(points, np.float64)
     goal = area(pose)
     poses, corners = [pose], np.arange(len(points))
     while len(corners) > 3:
         before, after = np.roll(corners, 1), np.roll(corners, -1)
-        # twice the area of each corner's triangle, < 0 where it is outside; small moves first
+        # Twice the area of each corner's triangle, < 0 outside; small moves come first.
         (x, y), (u, v) = (pose[corners] - pose[before]).T, (pose[after] - pose[corners]).T
         tip = np.sign(goal) * (x * v - y * u)
         for corner in np.argsort(tip):
@@ -157,7 +157,7 @@ def ears_off(points: Points) -> tuple[Points, bool]:
 
 
 def _straighten(points: Points, first: int, last: int) -> Points:
-    """The polygon with the vertices between two of them spread along the line that joins those."""
+    """Move the vertices between `first` and `last` onto the line that joins the two."""
     span = (last - first) % len(points)
     share = np.arange(1, span)[:, None] / span
     result = points.copy()
@@ -168,7 +168,7 @@ def _straighten(points: Points, first: int, last: int) -> Points:
 
 
 def straighten_curve(points: Points) -> tuple[Points, bool]:
-    """Straighten a simple open curve: points (k, n, 2) of one length, and whether it got there."""
+    """Straighten a simple open curve: poses (k, n, 2), and whether the last is straight."""
     points = np.ascontiguousarray(points, np.float64)
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     poses, part, shrink = [points], 1.0, SHRINK
@@ -188,17 +188,17 @@ def straighten_curve(points: Points) -> tuple[Points, bool]:
 
 
 def _is_straight(points: Points) -> bool:
-    """Whether every edge of an open curve runs within 45° of its chord."""
+    """Return whether every edge of an open curve runs within 45° of its chord."""
     edges, chord = np.diff(points, axis=0), points[-1] - points[0]
     ahead, aside = edges @ chord, edges @ [-chord[1], chord[0]]
     return bool((ahead > abs(aside)).all())
 
 
 def join_plain_ends(first: Points, second: Points, closed: bool) -> Points:
-    """Return points (JOIN, n, 2) between two plain polygons of one turning sense, or two lines.
+    """Return poses (JOIN, n, 2) between two plain polygons of one turning sense, or two lines.
 
-    Closed: seen from a point that sees all of a polygon, its vertices stand at rising angles, less
-    than half a turn apart; so do those of any mean of two such polygons, whatever the radii.
+    Closed: from a point that sees the whole polygon, the vertices lie at increasing angles, less
+    than half a turn apart. This holds for every mean of two such polygons, at all radii.
     """
     share = np.linspace(0, 1, JOIN)
     centres = first.mean(axis=0), second.mean(axis=0)

@@ -1,13 +1,13 @@
-"""Whether a polygon meets itself, in one pose or at any moment of a motion.
+"""Tests of whether a polygon meets itself, in one pose or at any moment of a motion.
 
 In one pose (`folds`, `is_simple`) the answer is exact, see `morph.exact`.
 
-During a motion (`stays_simple`) the vertices go straight from one pose to the next. A simple
-polygon stays simple until a vertex touches an edge of which it is no end. Two quadratics in time
-say whether one does. They are bounded by their Bernstein coefficients, with a margin for rounding:
-"simple" is a proof, and "not simple" may only mean "too near to tell".
+During a motion (`stays_simple`) the vertices move straight from one pose to the next. A simple
+polygon stays simple until a vertex touches an edge that does not end at it. Two quadratics in time
+decide this. They are bounded by their Bernstein coefficients, with a margin for rounding. So
+"simple" is a proof, and "not simple" may mean "too near to decide".
 
-Edges are grouped in blocks of consecutive ones, and only blocks whose boxes overlap are compared.
+Blocks group consecutive edges, and only blocks with overlapping boxes are compared.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from finloop.base.kernel import kernel
 from finloop.morph.exact import meet, turns_back
 
 BLOCK = 16  # edges
-_ROUNDING = 64 * 2.0**-52  # of a Bernstein coefficient, halved DEPTH times: twice what it needs
+_ROUNDING = 64 * 2.0**-52  # margin for a coefficient halved DEPTH times: twice the rounding error
 DEPTH = 14  # halvings of the time between two poses before giving up
 
 
@@ -37,32 +37,31 @@ class EdgePolynomials(NamedTuple):
 
 
 def folds(stack: Reals, closed: bool = True) -> Ints:
-    """The number of pairs of edges that meet in each polygon, exact; 0 = strictly simple.
+    """Return the exact number (f,) of edge pairs that meet in each polygon; 0 = strictly simple.
 
-    Pairs that share a vertex count where they overlap in more than it; an edge without length
-    counts as one more. FinloopError if a coordinate is not finite, or there are too few vertices.
+    Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
+    more. FinloopError if a coordinate is not finite, or there are too few vertices.
 
-    stack: polygons (f, n, 2) or one (n, 2), n ≥ 3 (open: 2); a closed one does not repeat its first
-        vertex.
-    closed: whether the last vertex is joined to the first.
-
-    Returns
-    -------
-        (f,) counts.
+    Parameters
+    ----------
+    stack
+        Polygons (f, n, 2) or (n, 2), n ≥ 3 (open: 2); the first vertex is not repeated.
+    closed
+        Whether the last vertex is joined to the first.
     """
     stack = _stack(stack, closed)
     return np.array([count_folds(points, closed, False) for points in stack], np.int64)
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Whether one polygon (n, 2) has no folds; stops at the first."""
+    """Return whether one polygon (n, 2) has no folds."""
     return count_folds(_stack(points, closed)[0], closed, True) == 0
 
 
 def stays_simple(path: Reals, closed: bool = True) -> bool:
-    """Whether a polygon that moves straight from pose to pose (k, n, 2) is simple all the way.
+    """Return whether a polygon that moves straight from pose to pose (k, n, 2) stays simple.
 
-    True is a proof for every moment, not for the poses alone; see the head of this file.
+    True is a proof for every moment, not only for the poses; see the head of this file.
     """
     path = _stack(path, closed)
     if count_folds(path[0], closed, True):
@@ -86,7 +85,7 @@ def _stack(stack: Reals, closed: bool) -> Floats:
 
 @kernel
 def _edge_boxes(points: Floats, edges: int) -> tuple[Floats, Floats]:
-    """Boxes (edges, 4), left top right bottom, of the edges and of blocks of them."""
+    """Return boxes (edges, 4), left top right bottom, of the edges, and of the blocks."""
     n = len(points)
     boxes = np.empty((edges, 4))
     for i in range(edges):
@@ -118,7 +117,7 @@ def _overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 @kernel
 def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
-    """`folds` of one polygon of floats, or 1 at its first fold; nothing is checked."""
+    """Count the folds of one polygon (n, 2) of floats without checks; `first_only` stops at one."""
     n = len(points)
     edges = n if closed else n - 1
     count = 0
@@ -155,9 +154,9 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
 
 @kernel
 def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> EdgePolynomials:
-    """Bernstein coefficients of u × w and u · w, with the margin for their rounding.
+    """Return the Bernstein coefficients of u × w and u · w, and the margin for their rounding.
 
-    u and w go from vertex v to vertices i and j, from the pose `before` to the pose `after`.
+    u and w join vertex v to vertices i and j, and move from the pose `before` to `after`.
     """
     ax, ay = before[i, 0] - before[v, 0], before[i, 1] - before[v, 1]
     bx, by = after[i, 0] - after[v, 0], after[i, 1] - after[v, 1]
@@ -174,7 +173,7 @@ def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> EdgePol
 
 @kernel
 def _passes(motion: EdgePolynomials) -> bool:
-    """Whether at every moment the cross product is not 0 or the dot product is positive."""
+    """Return whether at every moment the cross product is not 0 or the dot product is positive."""
     c0, c1, c2, d0, d1, d2, room = motion
     waiting = np.empty((DEPTH + 2, 7))
     _assign(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
@@ -198,17 +197,17 @@ def _passes(motion: EdgePolynomials) -> bool:
 
 @kernel
 def _assign(row, values):  # type: ignore[no-untyped-def]
-    """row[:] = values; numba compiles the slice for seconds, and this loop at once."""
+    """Set row[:] = values; numba compiles this loop much faster than the slice."""
     for i in range(len(values)):
         row[i] = values[i]
 
 
 @kernel
 def no_contact(path: Floats, closed: bool) -> bool:
-    """`stays_simple` of poses (k, n, 2) whose first is simple; nothing is checked."""
+    """Return `stays_simple` of poses (k, n, 2) without checks; the first pose must be simple."""
     poses, n = len(path), path.shape[1]
     edges = n if closed else n - 1
-    points = np.empty((n, 4))  # boxes that the moving vertices and edges stay in
+    points = np.empty((n, 4))  # bounding boxes of the moving vertices, below of the edges
     lines = np.empty((edges, 4))
     for k in range(poses - 1):
         a, b = path[k], path[k + 1]

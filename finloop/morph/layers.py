@@ -1,7 +1,7 @@
 """Morphs of drawings in layers (curve paper §4.1, Figs. 4, 5): a face is outline, eyes, mouth.
 
 Contours of the same id form a pair. Coordinates are rounded before folds are counted, so the counts
-hold for the coordinates that files have.
+hold for the coordinates in the files.
 """
 
 from collections.abc import Callable
@@ -21,23 +21,20 @@ from finloop.morph.linear import linear, physical
 from finloop.morph.simple import simple
 
 METHODS = ("linear", "physical", "simple")
-DIGITS = (6, 9, 12)  # of the larger side of the drawing: the grid is 1e-5 of it or finer
-REACH = 1000  # sides of the picture: the farthest that a contour may reach
+DIGITS = (6, 9, 12)  # significant digits of the larger side: the grid is 1e-5 of it or finer
+REACH = 1000  # sides of the picture: the largest coordinate of a contour
 MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
 
 
 class Scales(NamedTuple):
-    """The number of scales that the linear morph leaves out, None = none; whose wavelet they are.
-
-    wavelet: a name of PyWavelets.
-    """
+    """The number of scales that the linear morph omits, None = none, and their wavelet's name."""
 
     level: int | None = None
     wavelet: str = "coif2"
 
 
 class Physics(NamedTuple):
-    """e₀, c and ρ of the physical morph; by default it swings a little and settles."""
+    """e₀, c and ρ of the physical morph; by default the curve swings a little and settles."""
 
     elastic: float = 1.0
     damping: float = 8.0
@@ -53,17 +50,23 @@ def morph(
     scales: Scales = Scales(),  # noqa: B008  (immutable)
     physics: Physics = Physics(),  # noqa: B008  (immutable)
 ) -> Morph:
-    """The morph from drawing `a` to drawing `b`, which is fitted into the picture of `a`.
+    """Morph drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
-    FinloopError if the drawings do not belong together, a number is out of range, or the method
-    cannot morph a contour; the message names it.
+    FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
+    a contour; the message names it.
 
-    a, b: drawings with the same ids, each contour closed in both or open in both.
-    method: one of METHODS; `simple` keeps every contour free of folds.
-    frames: at least 2, both ends included.
-    points: of every contour, at least 8; a power of two where wavelets are used.
-    scales: of the linear morph.
-    physics: of the physical morph.
+    Parameters
+    ----------
+    a, b
+        Drawings with the same ids, each contour closed in both or open in both.
+    method
+        One of METHODS; `simple` keeps every contour free of folds.
+    frames
+        Number of frames, at least 2, both ends included.
+    points
+        Points of every contour, at least 8; a power of two if the method uses wavelets.
+    scales, physics
+        Settings of the linear and the physical morph.
     """
     _check_numbers(method, frames, points)
     check_pairs(a, b)
@@ -98,8 +101,8 @@ def _round_layers(
 ) -> tuple[int, dict[str, Points], dict[str, Ints]]:
     """Return decimals, rounded layers and their folds, on the coarsest grid of DIGITS.
 
-    `simple_only`: on the coarsest grid without folds, if there is one; parts that are nearer to
-    each other than the grid need a finer one.
+    `simple_only` chooses the coarsest grid without folds, if there is one: parts that are nearer to
+    each other than the grid need a finer grid.
     """
     for digits in DIGITS:
         decimals = digits - ceil(log10(side))
@@ -122,13 +125,13 @@ def _contour(
         raise FinloopError(
             f"contour {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
             f"at most {REACH} times its size",
-            "move it into the picture, or set the viewBox around the contours",
+            "move the contour into the picture, or set the viewBox around the contours",
         )
     return stack
 
 
 def there_and_back(morph: Morph) -> Morph:
-    """The morph followed by its reverse, without the frames at both ends twice."""
+    """Return the morph followed by its reverse, without repeating the frames at the ends."""
 
     def both(values: NDArray) -> NDArray:
         return np.concatenate([values, values[-2:0:-1]])
@@ -163,17 +166,17 @@ def _check_numbers(method: str, frames: int, points: int) -> None:
 
 
 def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
-    """Refuse numbers of frames and of points that are out of range."""
+    """Raise FinloopError if the number of frames or points is out of range."""
     for name, count, least, most, usual in (
         (f"a {what} of {frames} frames", frames, least_frames, MOST_FRAMES, "24 frames or more"),
         (f"contours of {points} points", points, LEAST_POINTS, MOST_POINTS, "128 points"),
     ):
         if not least <= count <= most:
-            raise FinloopError(name, f"{least} … {most}", f"ask for {usual}")
+            raise FinloopError(name, f"{least} … {most}", f"set {usual}")
 
 
 def check_pairs(a: Drawing, b: Drawing) -> None:
-    """Refuse drawings whose contours form no pairs; one message names all that is wrong."""
+    """Raise FinloopError, with all problems, if the contours of two drawings form no pairs."""
     wrong = [
         f"{', '.join(map(repr, lone[:5]))}{' …' * (len(lone) > 5)} only in the {which}"
         for which, lone in (
@@ -190,7 +193,7 @@ def check_pairs(a: Drawing, b: Drawing) -> None:
     ]
     if wrong:
         raise FinloopError(
-            f"the drawings do not belong together: {'; '.join(wrong)}",
+            f"the drawings do not match: {'; '.join(wrong)}",
             "the same ids in both, each contour closed (Z) in both or open in both",
-            "give contours that belong together the same id, and close both or neither",
+            "give the contours of a pair the same id, and close both or neither",
         )

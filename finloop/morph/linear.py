@@ -1,6 +1,6 @@
 """Two of the paper's morphs: linear (curve paper Eq. 4.1, Fig. 4) and physical (Fig. 5).
 
-Neither knows whether a frame meets itself: count with `morph.folds.folds`.
+Neither checks whether a frame meets itself: `morph.folds.folds` does.
 """
 
 import numpy as np
@@ -13,18 +13,18 @@ from finloop.curve.wavelet import close_by_mirroring, control, from_control
 from finloop.morph.match import match_curves
 
 FADE = 0.25
-"""Share of the time, at its end, in which what still swings is faded out: the last frame is b."""
+"""Final share of the time, in which the remaining motion fades out: the last frame is b."""
 
 
 def linear(
     a: Curve, b: Curve, frames: int, points: int, level: int | None = None, wavelet: str = "coif2"
 ) -> Points:
-    """Eq. 4.1: frames (frames, points, 2) from a to b, both included; A(τ) = (1 − τ) Aˢ + τ Aᵈ.
+    """Morph a into b by Eq. 4.1, A(τ) = (1 − τ) Aˢ + τ Aᵈ: (frames, points, 2), both ends included.
 
-    A are the control points that stand for 1/2^level of the samples; details are left out, so that
-    the ends are the curves' coarse counterparts. With no level A are all coefficients, which is the
-    same as the points themselves, and `points` need not be a power of two. FinloopError if one
-    curve is open and the other closed, or, with a level, as `curve.wavelet.check`.
+    A are the control points for 1/2^level of the samples, without details, so the ends are coarse
+    versions of the curves. Without a level A are all coefficients, which equals blending the
+    points, and `points` need not be a power of two. FinloopError if one curve is open and the other
+    closed, or, with a level, as in `curve.wavelet.check`.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
@@ -37,15 +37,15 @@ def linear(
 def physical(
     a: Curve, b: Curve, frames: int, points: int, elastic: float, damping: float, mass: float
 ) -> Points:
-    """Fig. 5: frames (frames, points, 2) of the curve b let go where it is bent to the shape of a.
+    """Bend b into the shape of a and release it (Fig. 5): frames (frames, points, 2).
 
     ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1, ρ = mass, c = damping, K of e₀ = elastic. Mode m
-    of a closed curve would swing m √(e₀/ρ) times; that of an open one half as often. At little
-    damping the curve overshoots, at much it creeps, without mass it does not swing at all.
+    of a closed curve swings m √(e₀/ρ) times, of an open curve half as often. With little damping
+    the curve overshoots, with much it creeps, without mass it does not swing.
 
-    Stiffness does not feel where a curve is: the mean of its points goes as the slowest mode does.
-    FinloopError if one curve is open and the other closed, `points` is no power of two, or there is
-    neither mass nor damping.
+    Stiffness does not depend on position, so the mean of the points moves as the slowest mode does.
+    FinloopError if one curve is open and the other closed, `points` is no power of two, or mass and
+    damping are both 0.
     """
     shape, rest = match_curves(a, b, points)
     offset = shape - rest

@@ -1,9 +1,9 @@
 """Corresponding points of two curves: start point and direction (curve paper §4.1).
 
-Both curves have n points of equal arc length. Of all ways to number the second anew (closed: n
-start points, open: one; in both directions, unless both are closed and simple) the one is taken
-whose points lie nearest to the first's, Σ ‖a_i − b_i‖², both centred on their mean: the position of
-the curves does not matter.
+Both curves have n points of equal arc length. The second curve is renumbered so that its points lie
+nearest to those of the first, least Σ ‖a_i − b_i‖². The candidates are all start points (n if
+closed, 1 if open), in both directions unless both curves are closed and simple. Both curves are
+centred on their mean, so their position does not matter.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
         raise FinloopError(
             f"a curve that is {kinds[0]} and one that is {kinds[1]}",
             "two closed curves or two open ones",
-            "close the open curve, or open the closed one, or leave the pair out",
+            "close the open curve, open the closed curve, or omit the pair",
         )
     first, second = resample_curve(a, n).points, resample_curve(b, n).points
     if a.closed:
@@ -33,21 +33,21 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
 
 
 def best_start(first: Floats, second: Floats) -> Floats:
-    """The closed polygon `second` (n, 2), or its reverse, from its best start point on."""
+    """Return the closed polygon `second` (n, 2), or its reverse, from its best start point on."""
     fits = [(misfit(first, points), points) for points in _directions(first, second)]
     far, points = min(fits, key=lambda fit: fit[0].min())
     return np.roll(points, -int(far.argmin()), axis=0)
 
 
 def _directions(first: Floats, second: Floats) -> tuple[Floats, ...]:
-    """Two simple curves must turn the same way: else the area passes 0, and the morph folds."""
+    """Return the directions to try: if simple curves turn opposite ways, the morph folds."""
     if not (is_simple(first) and is_simple(second)):
         return second, second[::-1]
     return (second if area(Curve(first, True)) * area(Curve(second, True)) > 0 else second[::-1],)
 
 
 def misfit(first: Floats, second: Floats) -> Floats:
-    """Σ ‖a_i − b_{i+s}‖² for each start point s (n,) of closed polygons, both centred; by FFT."""
+    """Return Σ ‖a_i − b_{i+s}‖² for each start point s (n,) of centred closed polygons, by FFT."""
     a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (first, second))
     product = np.fft.ifft(np.fft.fft(b) * np.fft.fft(a).conj()).real
     return (abs(a) ** 2).sum() + (abs(b) ** 2).sum() - 2 * product

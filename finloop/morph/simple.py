@@ -1,12 +1,12 @@
 """A morph between two simple curves whose frames are all simple (the curve paper's §4.1 claim).
 
-The linear morph from a to b is taken if it is simple. Else both curves are simplified step by step
-(`morph.flow`) into poses a_i and b_j, and the shortest path a → a_i → b_j → b without folds is
-taken. There is always one, because the last poses can be joined: two polygons by turning and
-stretching about their centres, two lines by turning.
+If the linear morph from a to b is simple, it is the result. Otherwise both curves are simplified
+step by step (`morph.flow`) into poses a_i and b_j, and the result is the shortest path
+a → a_i → b_j → b without folds. A path always exists, because the last poses can be joined: two
+polygons by turning and stretching about their centres, two lines by turning.
 
-Then the motion is smoothed in time as far as it stays simple, and closed frames are scaled so that
-their areas lie between those of the ends, which makes no folds. At last every frame is tested
+Then the motion is smoothed in time as far as it stays simple. Closed frames are scaled so that
+their areas lie between those of the ends, which makes no folds. Finally every frame is tested
 exactly.
 """
 
@@ -29,34 +29,34 @@ from finloop.morph.flow import (
 from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
 from finloop.morph.match import match_curves, misfit
 
-PARTS = 16  # steps of a straight way: small boxes, few pairs to compare
-SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # of the whole time, widest first
-REACH = 10  # edges: of the mean along a curve
-NUDGE = 0.1  # edges: how far a proof may stray from the straight way between two frames
+PARTS = 16  # steps of a straight motion: small boxes, few pairs to compare
+SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # widths in time, as shares of it, widest first
+REACH = 10  # edges: width of the mean along a curve
+NUDGE = 0.1  # edges: how far a proof may stray from the straight motion between two frames
 
 
 @dataclass(frozen=True)
 class SimpleMorph:
-    """Frames of a morph, and what is proved of them."""
+    """Frames of a morph, and whether the motion between them is proved simple."""
 
     frames: Points  # (f, n, 2), the first and last being the ends
-    way: str  # "linear"; "plain" by way of plainer poses; "joined" by way of the plain last ones
-    # whether a motion from each frame to the next was proved simple for every moment: the
-    # straight one; one that strays from it by no more than NUDGE of an edge's mean length; or,
-    # with few frames, the way by the poses. The frames themselves are always tested exactly
+    way: str  # "linear"; "plain" through plainer poses; "joined" through the plain last poses
+    # whether a motion from each frame to the next is proved simple at every moment: the straight
+    # motion; a motion that strays from it by at most NUDGE of the mean edge length; or, with few
+    # frames, the path through the poses. The frames themselves are always tested exactly
     proved: bool
 
 
 def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
-    """Frames (frames, points, 2) from a to b, ends included, every one strictly simple.
+    """Return strictly simple frames (frames, points, 2) from a to b, ends included.
 
-    FinloopError if one curve is open and the other closed, or one, at so many points, meets itself.
+    FinloopError if one curve is open and the other closed, or a curve, resampled, meets itself.
     """
     return simple_morph(a, b, frames, points).frames
 
 
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
-    """As `simple`, with the path that was taken."""
+    """Morph as `simple` does; also return the path and whether it is proved simple."""
     first, second = match_curves(a, b, points)
     closed = a.closed
     for name, ends in (("first", first), ("second", second)):
@@ -65,7 +65,7 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
             raise FinloopError(
                 f"the {name} curve, at {points} points, meets itself {meets} times",
                 "a curve that does not meet itself",
-                "mend the drawing, ask for more points, or take the method linear",
+                "correct the drawing, set more points, or use the method linear",
             )
     tau = np.linspace(0, 1, frames)[:, None, None]
     straight = (1 - tau) * first + tau * second
@@ -75,21 +75,21 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
     stack, on_the_way = _frames(poses, frames, closed)
     if folds(stack, closed).any():
         raise FinloopError(
-            "a morph whose frames are too narrow to be told from folded ones",
+            "a morph with frames too narrow to be distinguished from folded frames",
             "curves with some room between their parts",
-            "ask for fewer points, or take the method linear",
+            "set fewer points, or use the method linear",
         )
     proved = stays_simple(stack, closed) or (on_the_way and stays_simple(poses, closed))
     return SimpleMorph(stack, way, proved)
 
 
 def path_length(frames: Points) -> float:
-    """Mean length of the vertices' ways through the frames (f, n, 2)."""
+    """Return the mean length of the vertices' paths through the frames (f, n, 2)."""
     return float(np.hypot(*np.moveaxis(np.diff(frames, axis=0), 2, 0)).sum(axis=0).mean())
 
 
 def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
-    """Return points (k, n, 2) from one end to the other, each step of which is simple."""
+    """Return poses (k, n, 2) from one end to the other with simple steps, and the kind of path."""
     a, b = _plainer(first, closed), _plainer(second, closed)
     best: tuple[float, Points] | None = None
     for start in _starts(a, b) if closed else [0]:
@@ -104,9 +104,9 @@ def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Poin
 
 
 def _starts(a: Points, b: Points) -> list[int]:
-    """Start points worth trying: 0 and where poses of equal rank, from far to plain, fit best.
+    """Return start points to try: 0, and the best fits of poses of equal rank.
 
-    One step along the outline is nothing new: only local minima count.
+    Neighbouring start points give similar paths, so only local minima count.
     """
     starts = [0]
     for share in (0.0, 0.5, 1.0):
@@ -123,9 +123,9 @@ def _starts(a: Points, b: Points) -> list[int]:
 
 
 def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, int, int] | None:
-    """Length, i and j of the shortest free way a → a_i → b_j → b that is shorter than `below`.
+    """Return length, i, j of the shortest free path a → a_i → b_j → b shorter than `below`.
 
-    Where two poses are not free, plainer ones may be: their less plain forerunners are left out.
+    If two poses are not free, all pairs of less plain poses are skipped too.
     """
     before, after = _lengths(a), _lengths(b)
     far = before[:, None] + _apart(a, b) + after
@@ -138,13 +138,13 @@ def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, 
         return False
 
     low, high = 0, min(len(a), len(b)) - 1
-    while low < high:  # how plain must both be? What this rules out need not be looked at
+    while low < high:  # bisection: how plain must both be? This rules out many pairs
         middle = (low + high) // 2
         low, high = (low, middle) if free(middle, middle) else (middle + 1, high)
     for way in np.argsort(far, axis=None):
         i, j = divmod(int(way), len(b))
         if open_to[i, j] and free(i, j):
-            # one pose plainer where that is free too: the shortest free way all but folds
+            # One pose plainer if that is free too: the shortest free path almost folds.
             if i + 1 < len(a) and j + 1 < len(b) and _free(a[i + 1], b[j + 1], closed):
                 return float(far[i, j]), i + 1, j + 1
             return float(far[i, j]), i, j
@@ -160,16 +160,16 @@ def _plainer(points: Points, closed: bool) -> Points:
             poses, plain = ears_off(points)
     if not plain:
         raise FinloopError(
-            "a curve whose parts are too near each other to be told apart while it moves",
+            "a curve whose parts are too near each other to stay separate while it moves",
             "a curve with some room between its parts",
-            "ask for fewer points, or take the method linear",
+            "set fewer points, or use the method linear",
         )
     return poses
 
 
 @kernel
 def _apart(a: Points, b: Points) -> Points:
-    """Mean distance (k, m) of the vertices of poses of a (k, n, 2) from those of b (m, n, 2)."""
+    """Return the mean vertex distance (k, m) of poses a (k, n, 2) from poses b (m, n, 2)."""
     far = np.zeros((len(a), len(b)))
     for i in range(len(a)):
         for j in range(len(b)):
@@ -181,23 +181,23 @@ def _apart(a: Points, b: Points) -> Points:
 
 @kernel
 def _free(first: Points, second: Points, closed: bool) -> bool:
-    """Whether the straight motion from one polygon to the other is simple throughout."""
+    """Return whether the straight motion from one polygon to the other stays simple."""
     path = np.empty((PARTS + 1, len(first), 2))
     for k in range(PARTS + 1):
         share = k / PARTS
         for v in range(len(first)):
             for axis in range(2):
                 path[k, v, axis] = (1 - share) * first[v, axis] + share * second[v, axis]
-    for k in (8, 4, 12, 2, 14):  # most that fold do so at one of these: quicker to find
+    for k in (8, 4, 12, 2, 14):  # most motions that fold do so here: a quick first test
         if count_folds(path[k], closed, True):
             return False
     return no_contact(path, closed)
 
 
 def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
-    """Frames at an even pace, smoothed in time as far as they stay simple, of an area in bounds.
+    """Return frames at constant speed, smoothed in time as far as they stay simple.
 
-    And whether each is a pose of the unsmoothed way, but for its size.
+    Also return whether each frame lies, up to its size, on the unsmoothed path.
     """
     on_the_way = True
     along = _lengths(poses)
@@ -216,7 +216,7 @@ def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
 
 
 def _smooth_in_time(stack: Points, width: float) -> Points:
-    """Smooth by a Gaussian in time, deviation `width` frames, mirrored at the ends, which stay."""
+    """Smooth by a Gaussian in time, SD `width` frames, mirrored at the ends, which stay."""
     f = len(stack)
     reach = min(int(3 * width) + 1, f - 1)
     longer = np.concatenate(
@@ -231,7 +231,7 @@ def _smooth_in_time(stack: Points, width: float) -> Points:
 
 
 def _within(stack: Points) -> Points:
-    """The frames, enlarged or reduced to an area between those of the first and the last."""
+    """Return the frames, scaled to areas between those of the first and the last."""
     low, high = sorted((area(stack[0]), area(stack[-1])))
     out = stack.copy()
     for pose, size in zip(out, map(area, stack), strict=True):
@@ -241,7 +241,7 @@ def _within(stack: Points) -> Points:
 
 
 def _lengths(poses: Points) -> Points:
-    """Mean length of the vertices' ways up to each pose (k,)."""
+    """Return the mean length of the vertices' paths up to each pose (k,)."""
     steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
     return np.r_[0.0, np.cumsum(steps)]
 
@@ -249,8 +249,8 @@ def _lengths(poses: Points) -> Points:
 def _has_simple_motion(stack: Points, closed: bool) -> bool:
     """Return whether each simple frame has a proved simple motion to the next; see SimpleMorph.
 
-    An edge that turns round passes through a point, where it meets its neighbours. Smoothed a
-    little on the way, with weights that are all positive, it turns without.
+    An edge that turns round passes through length 0, where it meets its neighbours. Slight
+    smoothing on the way, with positive weights, lets it turn at a positive length.
     """
     for k in range(len(stack) - 1):
         pair = stack[k : k + 2]
@@ -267,11 +267,11 @@ def _has_simple_motion(stack: Points, closed: bool) -> bool:
 
 
 def _smoothed_along(points: Points, closed: bool) -> Points:
-    """The polygon, each edge a mean of all edges, by distance, with weights above 0."""
+    """Return the polygon with each edge a mean of all edges, weighted by distance."""
     longer = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
     edges = np.diff(longer, axis=0)
     if not closed:
-        edges[len(points) - 1 :] *= -1  # the way back mirrors the way there
+        edges[len(points) - 1 :] *= -1  # the second half mirrors the first
     turn = np.pi * np.arange(len(edges)) / len(edges)
     weight = 1 / (1 + 4 * REACH**2 * np.sin(turn) ** 2)
     mean = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * weight)[: len(points) - 1]

@@ -1,7 +1,7 @@
 """The command line of `morph`: `python -m finloop.morph a.svg b.svg -o out.svg`.
 
-Contours of the same id form a pair. The ending says the format: .svg, .webp, .mp4, .json,
-.lottie.json.
+Contours of the same id form a pair. The file name's ending selects the format: .svg, .webp, .mp4,
+.json, .lottie.json.
 """
 
 import argparse
@@ -16,14 +16,14 @@ from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Read two drawings, write the morph, print its summary; the exit status."""
+    """Read two drawings, write the morph, print its summary; return the exit status."""
     options = _parser().parse_args(arguments)
     return run_tool(options.output, lambda: _write(options))
 
 
 def _write(options: argparse.Namespace) -> str:
     """Write the morph and return its summary."""
-    writer(options.output)  # a wrong ending is an error before the work
+    writer(options.output)  # check the ending first
     drawings = load_svg(options.a), load_svg(options.b)
     physics = Physics(options.elastic, options.damping, options.mass)
     result = morph(
@@ -35,7 +35,7 @@ def _write(options: argparse.Namespace) -> str:
 
 
 def summary(result: Morph) -> str:
-    """What a morph consists of and whether it folds, in a line or two."""
+    """Return a line or two on the parts of a morph and its folds."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
     if folded := result.count_fold_frames():
@@ -43,28 +43,28 @@ def summary(result: Morph) -> str:
     if all(result.continuous.values()):
         return text + "no folds, neither in a frame nor between frames"
     unproved = ", ".join(name for name, proved in result.continuous.items() if not proved)
-    return text + f"no folds in a frame; between frames not proved of {unproved}"
+    return text + f"no folds in a frame; between frames not proved for {unproved}"
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m finloop.morph",
-        description="Morph one drawing into another; contours of the same id belong together.",
+        description="Morph one drawing into another; contours of the same id form a pair.",
     )
     parser.add_argument("a", type=Path, help="the first drawing, SVG")
-    parser.add_argument("b", type=Path, help="the second, with the same ids")
+    parser.add_argument("b", type=Path, help="the second drawing, with the same ids")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, help=f"what to write: {', '.join(ENDINGS)}"
+        "-o", "--output", type=Path, required=True, help=f"output file: {', '.join(ENDINGS)}"
     )
     parser.add_argument(
         "--method", choices=METHODS, default="simple", help="default: simple, which never folds"
     )
-    parser.add_argument("--frames", type=int, default=60, help="both ends among them (default 60)")
-    parser.add_argument("--fps", type=frame_rate, default=Fraction(30), help="default 30")
-    parser.add_argument("--points", type=int, default=256, help="of a contour (default 256)")
+    parser.add_argument("--frames", type=int, default=60, help="including both ends (default 60)")
+    parser.add_argument("--fps", type=frame_rate, default=Fraction(30), help="frames/s, default 30")
+    parser.add_argument("--points", type=int, default=256, help="per contour (default 256)")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
-    parser.add_argument("--back", action="store_true", help="there and back again")
-    parser.add_argument("--level", type=int, help="linear: scales left out (default none)")
+    parser.add_argument("--back", action="store_true", help="append the morph in reverse")
+    parser.add_argument("--level", type=int, help="linear: scales omitted (default none)")
     usual = Physics()
     parser.add_argument("--elastic", type=float, default=usual.elastic, help="physical: stiffness")
     parser.add_argument("--damping", type=float, default=usual.damping, help="physical: damping")

@@ -11,8 +11,8 @@ from finloop.base.arrays import Floats
 from finloop.drawn.carp.skin import FIN_HALF, SKIN_HALF, FishColours, Image, half_width, width_table
 
 OVERSAMPLE = 3
-BLUR_PX = 0.6  # of the lens
-GLOSS = 20.0  # grey levels of the light reflected by the back
+BLUR_PX = 0.6  # blur of the lens
+GLOSS = 20.0  # grey levels that the wet back reflects
 
 # Root of a fin (s, share of the half width), length and breadth (body lengths), angle to the tail's
 # direction when closed and when open (radians).
@@ -31,11 +31,11 @@ class CarpPicture:
     coverage: Image  # (rows, columns) share of each pixel inside the silhouette of body and fins
 
     def area_px(self) -> float:
-        """Area of the silhouette."""
+        """Return the area of the silhouette."""
         return float(self.coverage.sum(dtype=np.float64))
 
     def centre_px(self) -> tuple[float, float]:
-        """Mass centre of the silhouette, x and y in the picture."""
+        """Return the mass centre of the silhouette, x and y in the picture."""
         area = self.area_px()
         across = self.coverage.sum(axis=0, dtype=np.float64)
         down = self.coverage.sum(axis=1, dtype=np.float64)
@@ -46,7 +46,7 @@ class CarpPicture:
 
 
 def _tangents(line: Floats) -> Floats:
-    """Unit tangents at the points of a polyline, towards its start (the head)."""
+    """Return the unit tangents at the points of a polyline, towards its start (the head)."""
     step = line[:-1] - line[1:]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     at = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])
@@ -56,11 +56,11 @@ def _tangents(line: Floats) -> Floats:
 def _body_coordinates(
     line: Floats, rows: int, columns: int, reach: Image
 ) -> tuple[NDArray[np.intp], Image, Image, Image]:
-    """Body coordinates of the pixels near the midline: flat index, s, v (unit of `line`), left x.
+    """Return the body coordinates of pixels near the midline: flat index, s, v, left x.
 
     A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
-    foot of the perpendicular. Only pixels within `reach` of the midline (one value for each of its
-    points) are returned.
+    foot of the perpendicular. Only pixels within `reach` of the midline (one value for each point)
+    are returned. v is in the unit of `line`.
     """
     last = len(line) - 1
     fine = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
@@ -107,12 +107,18 @@ def draw(
 ) -> CarpPicture:
     """Draw a fish along its midline.
 
-    line: (65, 2), midline, pixels, head to tail, equal arc length.
-    fins: left, right, how far the pectoral fins are open, 0-1.
-    look: the fish's colours.
-    light: direction of the light's source, unit vector, screen x and y; it shades the flanks.
-    oversample: subpixels of a pixel in each direction.
-    gloss: grey levels of the light that the wet back reflects.
+    Parameters
+    ----------
+    line
+        Midline (65, 2), px, head to tail, equal arc length.
+    fins
+        How far the left and right pectoral fins are open, 0-1.
+    look, gloss
+        The fish's colours, and the grey levels that the wet back reflects.
+    light
+        Unit vector towards the light, screen x and y; it shades the flanks.
+    oversample
+        Subpixels per pixel in each direction.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     pad = 0.30 * length if max(fins) > 0.02 else 0.13 * length
@@ -150,7 +156,7 @@ def _draw_fins(
     fins: tuple[float, float],
     look: FishColours,
 ) -> None:
-    """Draw the paired fins; `unit` is the body length in subpixels. Changes both arrays."""
+    """Draw the paired fins into both arrays; `unit` is the body length in subpixels."""
     tangent = _tangents(line)
     for root, side, size, breadth, closed, opened in (PECTORAL, PELVIC):
         for sign, open_ in ((1, fins[0]), (-1, fins[1])):
@@ -190,7 +196,7 @@ class _Body(NamedTuple):
 def _on_body(
     line: Floats, rows: int, columns: int, reach: Image, girth: float, unit: float
 ) -> _Body:
-    """Subpixels of a picture (rows, columns) that lie on the body about the midline `line`."""
+    """Return the subpixels of a picture (rows, columns) on the body about the midline `line`."""
     index, s, v, left_x = _body_coordinates(line, rows, columns, reach)
     v = v / np.float32(unit)
     grid, squared, steep = width_table()
@@ -217,9 +223,9 @@ def _shade_body(body: _Body, look: FishColours, light: tuple[float, float], glos
 
 
 def _sample(skin: Image, s: Image, v: Image) -> Image:
-    """Skin colours at body coordinates: (n, 4)."""
+    """Return the skin colours (n, 4) at body coordinates."""
     rows, columns = skin.shape[:2]
-    wide = 128  # remap wants a picture; its sides may not exceed 32767
+    wide = 128  # cv2.remap takes a picture with sides up to 32767
     short = -len(s) % wide
     x = np.pad(s * columns - 0.5, (0, short)).reshape(-1, wide).astype(np.float32)
     y = (0.5 - v / (2 * SKIN_HALF)) * rows - 0.5
@@ -231,7 +237,7 @@ def _sample(skin: Image, s: Image, v: Image) -> Image:
 def _fin(
     picture: Image, cover: Image, fin: Image, root: Floats, along: Floats, lead: Floats
 ) -> None:
-    """Lay a fin (premultiplied picture and coverage) under what follows; changes both arrays."""
+    """Paint a fin (premultiplied picture and coverage) into both arrays, under later parts."""
     side = fin.shape[0]
     # Fin picture (column, row) -> drawing: root + along * c + lead * -(2 r - 1) * FIN_HALF.
     to = np.column_stack([along / side, -2 * FIN_HALF * lead / side])
@@ -249,7 +255,7 @@ def _fin(
 
 
 def blur_drawing(drawing: CarpPicture, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
-    """Return premultiplied colour and opacity as the lens sees them."""
+    """Return premultiplied colour and opacity, blurred by the lens."""
     return (
         np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), sigma_px), np.float32),
         np.asarray(cv2.GaussianBlur(drawing.opacity, (0, 0), sigma_px), np.float32),

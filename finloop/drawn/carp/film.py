@@ -23,22 +23,22 @@ Row = dict[str, Any]
 SHADOW_OFFSET = (0.050, 0.075)  # of the shadow on the floor, body lengths right and down
 SHADOW_BLUR = 0.040
 _GREY = np.array([0.299, 0.587, 0.114], np.float32)  # BT.601
-NOISE_PAD = 160  # the noise bank is that much larger than a frame, to start anywhere within it
+NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offsets
 
 
 def fits(params: CarpFilm) -> bool:
-    """Whether the tank is large enough for so many fish of this size to swim freely."""
+    """Return whether the tank is large enough for the fish to swim freely."""
     room = room_of(params.width_px, params.height_px, params.body_length_px)
     return not is_crowded(params.fish, room)
 
 
 def _streams(seed: int) -> list[np.random.Generator]:
-    """Independent random generators for motion, floor, skin, noise and light."""
+    """Return independent random generators for motion, floor, skin, noise and light."""
     return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
 
 
 def motion(params: CarpFilm) -> CarpMotion:
-    """Poses of all fish in all frames (small: about 80 bytes a fish and frame)."""
+    """Return the poses of all fish in all frames (about 80 bytes a fish and frame)."""
     room = room_of(params.width_px, params.height_px, params.body_length_px)
     return simulate(
         params.frames,
@@ -51,7 +51,7 @@ def motion(params: CarpFilm) -> CarpMotion:
 
 
 def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Floats:
-    """Midline of a fish in a frame, (65, 2) pixels, head to tail."""
+    """Return the midline of a fish in a frame, (65, 2) px, head to tail."""
     at = (frame, fish)
     return params.body_length_px * midline(
         poses.x[at], poses.y[at], poses.axis[at], poses.beat[at],
@@ -60,7 +60,7 @@ def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Fl
 
 
 def looks(params: CarpFilm) -> tuple[FishColours, ...]:
-    """Colours of every fish, at the resolution that the drawing needs."""
+    """Return the colours of every fish, at the resolution of the drawing."""
     columns = max(160, round(params.body_length_px * OVERSAMPLE * 1.5))
     return _looks(params.seed, params.fish, columns)
 
@@ -73,7 +73,7 @@ def _looks(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
 
 
 def light(params: CarpFilm) -> Floats:
-    """Brightness of the light at each frame: about 1, drifting slowly by ± `light_drift`."""
+    """Return the brightness (frames,) of the light: about 1, drifting by ± `light_drift`."""
     phase = _streams(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
     slow = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
@@ -83,7 +83,7 @@ def light(params: CarpFilm) -> Floats:
 
 
 def empty_tank(params: CarpFilm) -> Image:
-    """The tank without fish or noise at light 1: (height, width, 3), or 1 channel if grey."""
+    """Return the tank without fish or noise at light 1: (height, width, 3), or 1 if grey."""
     empty = floor(params.width_px, params.height_px, _streams(params.seed)[1])
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
 
@@ -112,9 +112,9 @@ def _row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpM
 
 
 def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
-    """Sensor noise larger than a frame, from which frames are cut; grey deviates by `noise_grey`.
+    """Return sensor noise larger than a frame, to cut frames from; the grey SD is `noise_grey`.
 
-    Colour noise is weaker, as after a camera's denoising, and leaves the grey level as it is.
+    Colour noise is weaker, as after a camera's denoising, and keeps the grey level.
     """
     shape = (params.height_px + NOISE_PAD, params.width_px + NOISE_PAD)
     grey = rng.standard_normal(shape, np.float32)
@@ -126,7 +126,7 @@ def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
 
 
 def _shade(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish, and return the window of the picture that changed."""
+    """Darken the floor under a fish; return the changed window of the picture."""
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
     soft = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)
@@ -140,7 +140,7 @@ def _shade(picture: Image, drawing: CarpPicture, params: CarpFilm) -> tuple[slic
 def _window(
     picture: Image, x0: int, y0: int, shape: tuple[int, ...]
 ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """The part of the picture that a patch at (x0, y0) covers, and that part of the patch."""
+    """Return the overlap of the picture and a patch at (x0, y0), in both coordinates."""
     left, top = max(x0, 0), max(y0, 0)
     right = min(x0 + shape[1], picture.shape[1])
     low = min(y0 + shape[0], picture.shape[0])
@@ -150,12 +150,12 @@ def _window(
 def film(params: CarpFilm, poses: CarpMotion | None = None) -> Iterator[tuple[Picture, list[Row]]]:
     """Stream the frames with their truth.
 
-    poses: of the fish, where they are not those of `motion`; later fish are painted over earlier.
+    `poses` default to those of `motion`; later fish cover earlier fish.
 
     Yields
     ------
     frame : (height, width, 3) RGB or (height, width) grey, uint8; a new array each time
-    rows : one dictionary a fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
+    rows : one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
     """
     poses = motion(params) if poses is None else poses
     skins, lamp = looks(params), light(params)

@@ -25,14 +25,14 @@ WAVELENGTH = 1.05  # of the tail beat: one wave on the body
 
 @cache
 def mass_weights() -> Floats:
-    """Share of the body's mass at each midline point, head to tail, by the body's width."""
+    """Return the share of the body's mass at each midline point, head to tail, by its width."""
     width = half_width(np.linspace(0, 1, POINTS))
     return width / width.sum()
 
 
 @cache
 def bend_shape() -> Floats:
-    """C-bend curvature at the 63 inner midline points; sums to 1; strongest in mid-body."""
+    """Return the C-bend curvature at the 63 inner midline points, sum 1, strongest in mid-body."""
     s = np.arange(1, SEGMENTS) / SEGMENTS
     t = np.clip((s - 0.16) / 0.80, 0, 1)
     shape = np.sin(np.pi * t**0.95) ** 2
@@ -41,21 +41,21 @@ def bend_shape() -> Floats:
 
 @cache
 def _ripples() -> tuple[Floats, Floats, Floats]:
-    """Arc length s at the 63 inner points; half a wave, and a whole one, over the body."""
+    """Return arc length s at the 63 inner points, half a wave and a whole wave over the body."""
     s = np.arange(1, SEGMENTS) / SEGMENTS
     return s, np.sin(np.pi * s), np.sin(2 * np.pi * s)
 
 
 @cache
 def _segment_weights() -> Floats:
-    """Share of the body's mass in each of the 64 segments."""
+    """Return the share of the body's mass in each of the 64 segments."""
     weight = mass_weights()
     return (weight[1:] + weight[:-1]) / (weight[1:] + weight[:-1]).sum()
 
 
 @cache
 def wave_shape() -> Floats:
-    """Angle (radians) that the tail-beat wave bends at each inner point at amplitude 1."""
+    """Return the bend (radians) of the tail-beat wave at each inner point, amplitude 1."""
     s = np.arange(1, SEGMENTS) / SEGMENTS
     growth = 0.18 + 3.1 * np.clip((s - 0.2) / 0.8, 0, None) ** 1.35
     return growth * np.clip(s / 0.3, 0, 1) ** 2 / SEGMENTS
@@ -70,11 +70,10 @@ def midline(
     bend: float,
     ripple: Sequence[float] | Floats = (0.0, 0.0),
 ) -> Floats:
-    """Midline of a pose, (65, 2) in body lengths, head to tail; its arc length is exactly 1.
+    """Return the midline of a pose, (65, 2) body lengths, head to tail, of arc length 1.
 
-    Tangents are integrated from curvature, so the line cannot stretch; then it is placed with its
-    mass centre at (x, y) and its mean tangent along `axis`, which makes the head recoil against the
-    tail as it does in a fish.
+    Tangents are integrated from curvature, so the line cannot stretch. Then its mass centre is put
+    at (x, y) and its mean tangent along `axis`, so the head recoils against the tail as in a fish.
     """
     s, once, twice = _ripples()
     joint = (
@@ -93,14 +92,14 @@ def midline(
 
 
 def bend_of(line: Floats) -> float:
-    """Signed area between a midline (head to tail) and its chord, / length², + for a left bend."""
+    """Return the signed area between a midline and its chord / length², + for a left bend."""
     x, y = line[:, 0], line[:, 1]
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
 
 
 def heading_of(line: Floats) -> float:
-    """Direction from a third of the midline to the head, degrees in (-180, 180]."""
+    """Return the direction from a third of the midline to the head, degrees in (-180, 180]."""
     at = (len(line) - 1) / 3
     i = int(at)
     third = line[i] + (at - i) * (line[i + 1] - line[i])
@@ -109,7 +108,7 @@ def heading_of(line: Floats) -> float:
 
 
 def curvature_of(line: Floats) -> float:
-    """Direction of the midline at the head minus at the tail, degrees, + for a left bend."""
+    """Return the midline's direction at the head minus at the tail, degrees, + for left."""
     step = line[:-1] - line[1:]
     angle = np.unwrap(np.arctan2(-step[:, 1], step[:, 0]))
     return float(np.degrees(angle[0] - angle[-1]))

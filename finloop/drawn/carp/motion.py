@@ -32,7 +32,7 @@ class CarpMotion:
 
 
 def room_of(width_px: int, height_px: int, body_length_px: float) -> Room:
-    """Where mass centres may be, in body lengths; empty if the tank is small."""
+    """Return the room for mass centres, in body lengths; empty if the tank is small."""
     edge = REACH + 5 / body_length_px
     return (
         edge,
@@ -43,7 +43,7 @@ def room_of(width_px: int, height_px: int, body_length_px: float) -> Room:
 
 
 def _places(fish: int, room: Room, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Starting places, the farthest apart of some hundred random ones."""
+    """Return starting places, each the farthest from the others of 400 random places."""
     places: list[tuple[float, float]] = []
     for _ in range(fish):
         candidates = np.column_stack(
@@ -69,7 +69,7 @@ def is_crowded(fish: int, room: Room) -> bool:
 def simulate(
     frames: int, fish: int, room: Room, frame_rate_hz: float, fins: float, rng: np.random.Generator
 ) -> CarpMotion:
-    """Poses of `fish` fish over `frames` frames in `room`; more frames do not change the first."""
+    """Simulate the poses of all fish; a longer film begins with the same frames."""
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))
     dt = 1 / (frame_rate_hz * steps)
     streams = rng.spawn(fish + 1)

@@ -19,10 +19,10 @@ Image = NDArray[np.float32]
 
 SKIN_HALF = 0.125  # the skin picture reaches this far to both sides of the midline
 FIN_HALF = 0.5  # a fin picture reaches this far across, in fin lengths
-SKIN_PER_LENGTH = 1024  # pixels a body length of the skin as painted, before it is scaled down
+SKIN_PER_LENGTH = 1024  # px per body length of the painted skin, before it is scaled down
 
-# Half width of the body seen from above: blunt head, widest at a third, thin peduncle, then the
-# caudal fin on edge: a blade about 0.03 L thick.
+# Half width of the body from above: blunt head, widest at a third, thin peduncle, then the caudal
+# fin on edge, a blade about 0.03 BL thick.
 _STATIONS = (
     (0.0, 0.0), (0.008, 0.024), (0.03, 0.043), (0.07, 0.059), (0.13, 0.073), (0.20, 0.083),
     (0.30, 0.090), (0.40, 0.088), (0.50, 0.079), (0.60, 0.064), (0.70, 0.045), (0.78, 0.0300),
@@ -33,19 +33,19 @@ TAIL_BLADE = 0.86  # the caudal fin begins here
 
 @cache
 def _width_squared() -> "scipy.interpolate.PchipInterpolator":
-    # The square is interpolated: it is linear at the tips, so that both ends come out round.
+    # Interpolate the square: it is linear at the tips, which makes both ends round.
     s, w = np.array(_STATIONS).T
     return scipy.interpolate.PchipInterpolator(s, w**2)
 
 
 def half_width(s: Floats) -> Floats:
-    """Half the body's width at `s`, in body lengths; 0 at both tips."""
+    """Return half the body's width at `s`, in body lengths; 0 at both tips."""
     return np.sqrt(np.clip(_width_squared()(np.clip(s, 0, 1)), 0, None))
 
 
 @cache
 def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Floats, Floats]:
-    """`s`, squared half width and its slope; beyond the tips a straight line, negative."""
+    """Return `s`, the squared half width and its slope, extended linearly beyond the tips."""
     s = np.linspace(-beyond, 1 + beyond, points)
     curve, slope = _width_squared(), _width_squared().derivative()
     inside = np.clip(s, 0, 1)
@@ -65,10 +65,10 @@ class FishColours:
 
 
 def cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
-    """Random texture, mean 0, deviation 1: the sum of noise blurred by each of `sizes` (px)."""
+    """Return random texture, mean 0, SD 1: the sum of noise blurred by each of `sizes` (px)."""
     total = np.zeros(shape, np.float32)
     for size in sizes:
-        # A coarse grid scaled up is the same to the eye as a wide blur, and far quicker.
+        # A coarse grid scaled up looks like a wide blur, and is much faster.
         step = max(1, int(size / 2))
         coarse = (shape[0] // step + 3, shape[1] // step + 3)
         noise = rng.standard_normal(coarse, np.float32)
@@ -91,7 +91,7 @@ def _step(x: Image, low: float, high: float) -> Image:
     return np.asarray(t * t * (3 - 2 * t), np.float32)
 
 
-# Back, flank, patch colours. All are darker than the sand, as the water makes real ones.
+# Colours of back, flank and patches. All are darker than the sand, as real carp look in water.
 _COATS = (
     ((58, 54, 38), (112, 92, 50), (34, 31, 26), (176, 84, 34)),  # bronze, with orange
     ((70, 58, 34), (128, 96, 44), (42, 36, 26), (96, 74, 36)),  # wild carp
@@ -109,7 +109,7 @@ class _Grid(NamedTuple):
 
 
 def look(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
-    """Paint one fish; `columns` is the width of its skin picture, `coat` picks its colours."""
+    """Paint one fish; `columns` is the width of its skin picture, `coat` selects its colours."""
     back, flank, dark, _ = _COATS[coat % len(_COATS)]
     full = SKIN_PER_LENGTH
     rows = int(2 * SKIN_HALF * full)
@@ -138,7 +138,7 @@ def look(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
 
 
 def _patches(grid: _Grid, coat: int, rng: np.random.Generator) -> Image:
-    """Colours of back and flanks, with koi-like patches of clear edges, fewer on the head."""
+    """Return the colours of back and flanks, with sharp koi-like patches, fewer on the head."""
     back, flank, dark, patch = _COATS[coat % len(_COATS)]
     s, v, r = grid
     shape = r.shape
@@ -157,7 +157,7 @@ def _patches(grid: _Grid, coat: int, rng: np.random.Generator) -> Image:
 
 
 def _scales(grid: _Grid) -> Image:
-    """Light and shade of the scales: staggered arcs behind the head, a soft light spot in each."""
+    """Return the shading of the scales: staggered arcs behind the head, each with a soft light."""
     s, v, _ = grid
     size = 0.026
     lane = np.floor(v / (size * 0.5))
@@ -169,7 +169,7 @@ def _scales(grid: _Grid) -> Image:
 
 
 def _head(skin: Image, grid: _Grid, rng: np.random.Generator) -> Image:
-    """The skin with bony plates, gill covers, nostrils and mouth."""
+    """Add bony plates, gill covers, nostrils and mouth to the skin."""
     s, v, r = grid
     head = 1 - _step(s, 0.18, 0.25)
     skin *= (1 + head * 0.07 * cloud(r.shape, (16, 7), rng))[..., None]
@@ -185,7 +185,7 @@ def _head(skin: Image, grid: _Grid, rng: np.random.Generator) -> Image:
 
 
 def _back(skin: Image, grid: _Grid) -> Image:
-    """The skin with the dorsal fin folded on the back, its shade, and the roundness of the body."""
+    """Add the folded dorsal fin, its shade, and the roundness of the body to the skin."""
     s, v, r = grid
     spine = 0.0016 * np.sin(s * 40) * _step(s, 0.3, 0.5)
     dorsal = _step(s, 0.36, 0.41) * (1 - _step(s, 0.66, 0.74))
@@ -198,7 +198,7 @@ def _back(skin: Image, grid: _Grid) -> Image:
 
 
 def _eyes(skin: Image, grid: _Grid) -> Image:
-    """The skin with eyes at the sides of the head: dark, with a pale rim and a glint."""
+    """Add eyes at the sides of the head to the skin: dark, with a pale rim and a glint."""
     s, v, _ = grid
     for side in (-1, 1):
         far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
@@ -213,7 +213,7 @@ def _fin(
     rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
     dark: tuple[float, ...],
 ) -> Image:  # fmt: skip
-    """A paired fin spread out: a fan of rays in a clear membrane, root at the left edge."""
+    """Paint a spread paired fin: a fan of rays in a clear membrane, root at the left edge."""
     size = 256
     along = ((np.arange(size) + 0.5) / size).astype(np.float32)[None, :]
     across = (((np.arange(size) + 0.5) / size * 2 - 1) * FIN_HALF).astype(np.float32)[:, None]
@@ -238,7 +238,7 @@ def _fin(
 
 
 def floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """The empty tank, (height, width, 3): sand with pebbles, light pools, walls, vignetting."""
+    """Paint the empty tank, (height, width, 3): sand, pebbles, light pools, walls, vignetting."""
     shape = (height_px, width_px)
     grey = 172 + 5.5 * cloud(shape, (0.7, 1.3), rng) + 2.6 * cloud(shape, (5, 9), rng)
     grey += 4.0 * cloud(shape, (60, 130), rng)
@@ -256,7 +256,7 @@ def floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
 
 
 def _pebbles(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Small stones as grey levels to add: many little, few big, each lit from one side."""
+    """Return pebbles as grey levels to add: many small, few large, lit from one side."""
     scale = 3
     layer = np.zeros((height_px * scale, width_px * scale), np.float32)
     for _ in range(width_px * height_px // 170):

@@ -17,7 +17,7 @@ SLIP_S = 0.12  # side-slip dies with this time constant
 REACH = 0.66  # no part of a fish is farther than this from its mass centre, however it bends
 FISH_GAP = 0.10  # two fish keep at least this between their hulls
 
-# What an eye can tell from straight swimming: bend, and turn rate of the head.
+# Least bend and head turn rate that the eye distinguishes from straight swimming.
 VISIBLE_BEND = math.radians(9.0)
 VISIBLE_RATE = math.radians(28.0)
 
@@ -34,17 +34,17 @@ def _smooth(x: float) -> float:
 
 
 def turn_bend(tau: float) -> float:
-    """C-bend at the share `tau` of a turn's duration, of its largest: in, hold, out."""
+    """Return the relative C-bend at the share `tau` of a turn's duration: in, hold, out."""
     return _smooth(tau / 0.36) - _smooth((tau - 0.50) / 0.46)
 
 
 def turn_progress(tau: float) -> float:
-    """Share of a turn's angle that the body's axis has gone through at `tau` of its duration."""
+    """Return the share of a turn's angle completed at the share `tau` of its duration."""
     return _smooth((tau - 0.06) / 0.94)
 
 
 def _free_run(x: float, y: float, angle: float, room: Room) -> float:
-    """Distance from (x, y) along `angle` to the edge of the rectangle `room` (x0, y0, x1, y1)."""
+    """Return the distance from (x, y) along `angle` to the edge of the rectangle `room`."""
     dx, dy = math.cos(angle), -math.sin(angle)
     run = math.inf
     for at, step, low, high in ((x, dx, room[0], room[2]), (y, dy, room[1], room[3])):
@@ -54,7 +54,7 @@ def _free_run(x: float, y: float, angle: float, room: Room) -> float:
 
 
 class Swimmer:
-    """The state of one fish; `advance` moves it on by an integration step."""
+    """The state of one fish; `advance` integrates it by one step."""
 
     def __init__(
         self, x: float, y: float, axis: float, room: Room, fins: float, rng: np.random.Generator
@@ -72,9 +72,9 @@ class Swimmer:
         self.mode, self.remaining_s, self.duration_s = "cruise", 0.0, 1.0
         self.target_rate, self.target_amplitude = 1.6, 0.8
         self.angle, self.peak = 0.0, 0.0
-        self.back_s = 0.0  # time left of swimming backwards, out of a corner
+        self.back_s = 0.0  # remaining time of swimming backwards, out of a corner
         self.rest_s = 0.0  # time until the next turn may begin
-        self.net_turn = 0.0  # recent turns summed up, fading: a fish does not circle one way
+        self.net_turn = 0.0  # decaying sum of recent turns: a fish does not circle one way
         self.swimming_type, self.turn_over = 0, False
         self._begin(str(rng.choice(STRAIGHT[:2])))
 
@@ -91,7 +91,7 @@ class Swimmer:
         self.target_amplitude = float(self.rng.uniform(*amplitudes))
 
     def _begin_turn(self, angle: float) -> None:
-        """A C-turn by `angle`. Wide turns are quicker and bend the body more, as in real carp."""
+        """Begin a C-turn by `angle`. Wide turns are faster and bend the body more, as in carp."""
         wide = abs(angle)
         self.mode, self.angle = "turn", angle
         self.net_turn = 0.75 * self.net_turn + angle
@@ -103,7 +103,7 @@ class Swimmer:
         self.target_rate, self.target_amplitude = 1.2, 0.15
 
     def _pick_turn(self, others: Sequence["Swimmer"], sharp: bool) -> float | None:
-        """Angle of a turn into open water; None if swimming on is better than any turn."""
+        """Return the angle of a turn into open water; None if going straight is better."""
         best, best_angle = -math.inf, None
         for size in self.rng.uniform(math.radians(30), math.radians(150), 14):
             for angle in (size, -size):
@@ -123,7 +123,7 @@ class Swimmer:
         return best_angle
 
     def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Begin another mode where the present one ends, or where a wall or a fish is near."""
+        """Begin another mode if the present mode ends, or if a wall or a fish is near."""
         self.remaining_s -= dt
         self.rest_s -= dt
         if self.mode == "turn":
@@ -158,7 +158,7 @@ class Swimmer:
                 self._begin("cruise")
 
     def _fin_spell(self) -> float:
-        """Time (s) until the pectoral fins open or close: they are open for about a second."""
+        """Return the time (s) until the pectoral fins open or close; they stay open about 1 s."""
         share = self.fins_share
         if share <= 0 or share >= 1:
             self.fins_open = share >= 1
@@ -167,7 +167,7 @@ class Swimmer:
         return float(mean * self.rng.uniform(0.5, 1.5))
 
     def advance(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """One step of `dt` seconds: decide, bend, turn, beat, move."""
+        """Advance by `dt` seconds: decide, bend, turn, beat, move."""
         self._decide(others, dt)
         axis = self.axis
         late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s
@@ -177,7 +177,7 @@ class Swimmer:
         self._move_fins(dt)
 
     def _turn(self, dt: float, late: bool) -> None:
-        """Bend the body and turn its axis; `late` in the last part of a turn."""
+        """Bend the body and turn its axis; `late` means the last part of a turn."""
         bend, axis = self.bend, self.axis
         if self.mode == "turn":
             tau = 1 - max(self.remaining_s, 0.0) / self.duration_s
@@ -196,7 +196,7 @@ class Swimmer:
             self.swimming_type = int(math.copysign(1, self.angle))
         else:
             self.swimming_type = 0
-            self.turn_over = late  # from here on the body only straightens
+            self.turn_over = late  # from now on the body only straightens
 
     def _beat_tail(self, dt: float, late: bool) -> None:
         """Beat the tail; rate and amplitude follow their targets with a delay."""
@@ -209,7 +209,7 @@ class Swimmer:
             self.ripple[i] += dt * -self.ripple[i] / 0.4 + 0.11 * math.sqrt(dt) * noise
 
     def _move(self, turn: float, others: Sequence["Swimmer"], dt: float) -> None:
-        """Speed and place; thrust pulses twice a beat, a bent body and open fins brake."""
+        """Update speed and place: thrust pulses twice a beat, a bent body and open fins brake."""
         thrust = DRAG * (STRIDE * self.rate * self.amplitude) ** 2
         thrust *= 1 + 0.5 * math.sin(4 * math.pi * self.beat)
         brake = DRAG * (1 + 1.1 * abs(self.bend) + 0.5 * max(self.fins))
@@ -241,7 +241,7 @@ class Swimmer:
     def _without_collision(
         self, vx: float, vy: float, others: Sequence["Swimmer"]
     ) -> tuple[float, float]:
-        """The velocity, less what would lead into a wall or into another fish.
+        """Return the velocity without the part towards a near wall or fish.
 
         The approach is at most the gap per 0.25 s, so the gap never closes. Turns usually avoid a
         collision before this limit is reached.
@@ -263,9 +263,9 @@ class Swimmer:
 
 
 def _extent(fish: Swimmer, ux: float, uy: float) -> float:
-    """Reach of a fish from its mass centre in the direction (ux, uy).
+    """Return the reach of a fish from its mass centre in the direction (ux, uy).
 
-    In a turn it is REACH in every direction, else that of a slender hull: head, tail with its beat,
+    In a turn it is REACH in every direction, else the reach of a slender hull: head, beating tail,
     pectoral fins.
     """
     if fish.mode == "turn":
@@ -276,7 +276,7 @@ def _extent(fish: Swimmer, ux: float, uy: float) -> float:
 
 
 def _gap(fish: Swimmer, other: Swimmer, own: float | None = None) -> float:
-    """Distance between two fish, less FISH_GAP; `own` replaces the reach of the first."""
+    """Return the gap between two hulls, less FISH_GAP; `own` replaces the reach of the first."""
     dx, dy = other.x - fish.x, other.y - fish.y
     far = math.hypot(dx, dy)
     ux, uy = dx / far, dy / far
@@ -285,7 +285,7 @@ def _gap(fish: Swimmer, other: Swimmer, own: float | None = None) -> float:
 
 
 def _passing(fish: Swimmer, other: Swimmer, angle: float) -> float:
-    """Least distance of two fish within the next 1.6 s if the first turns by `angle` now."""
+    """Return the least distance of two fish within 1.6 s if the first turns by `angle` now."""
     dx, dy = other.x - fish.x, other.y - fish.y
     speed = max(fish.speed, 0.5)
     vx = other.speed * math.cos(other.axis) - speed * math.cos(fish.axis + angle)

@@ -26,15 +26,14 @@ PALETTE = (NEAR, FAR, COAT, DARK, COLLAR, INK, SHADE, SKY, HILL, MEADOW, TUFT)
 
 @dataclass(frozen=True)
 class Scenery:
-    """Objects on the ground. Tufts: x [px], y [share of the meadow's depth], size [px]; hills: x,
-    height [px]."""
+    """Objects on the ground."""
 
-    tufts: Floats
-    hills: Floats
+    tufts: Floats  # x [px], y [share of the meadow's depth], size [px]
+    hills: Floats  # x, height [px]
 
 
 def scenery(dog: DogFilm, rng: np.random.Generator) -> Scenery:
-    """Random tufts and hills along the dog's whole course."""
+    """Return random tufts and hills along the dog's whole track."""
     far = dog.width_px + camera_px(dog)[-1]
     count = int(far / 26) + 4
     tufts = np.column_stack(
@@ -97,14 +96,14 @@ def _paint(dog: DogFilm, frame: int, ground: Scenery) -> Picture:
 
 
 def _part(dog: DogFilm, phase: float, part: str | tuple[tuple[float, float], ...]) -> Floats:
-    """Contour of a part, by its limb's id or its nodes, in the body frame, px."""
+    """Return the contour of a part, by its limb's id or its nodes, in the body frame, px."""
     if isinstance(part, str):
         return limb(dog, part, np.array(phase), POINTS)
     return trunk(dog, phase, part, POINTS)
 
 
 def _collar(dog: DogFilm, phase: float) -> Floats:
-    """A band across the neck."""
+    """Return the outline of the collar in the body frame, px."""
     corners = np.array([[0.545, -1.115], [0.60, -1.19], [0.845, -1.03], [0.815, -0.955]])
     bob = trunk(dog, phase, BODY, POINTS)[0] - trunk(dog, 0.0, BODY, POINTS)[0]
     return dog.trunk_px * corners + bob
@@ -116,12 +115,12 @@ def _fill(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> Non
 
 
 def limb_masks(picture: Picture) -> dict[str, Mask]:
-    """Masks of the near limbs in a frame of the coded film, segmented by colour.
+    """Segment the near limbs in a frame of the coded film by colour; return their masks.
 
-    FinloopError if the picture has fewer than two pale regions: it is not of this film.
+    FinloopError if the picture has fewer than two pale regions: it is not a frame of this film.
     """
     palette = np.array(PALETTE, np.float32)
-    # The squared distance to each colour, less what all have in common; whole numbers, so exact.
+    # The squared distance to each colour, less the common term; whole numbers, so exact.
     distance = (palette**2).sum(axis=1) - 2 * picture.astype(np.float32) @ palette.T
     pale = (distance.argmin(axis=2) == 0).astype(np.uint8)
     count, labels, stats, centres = cv2.connectedComponentsWithStats(pale, connectivity=4)
@@ -129,7 +128,7 @@ def limb_masks(picture: Picture) -> dict[str, Mask]:
         raise FinloopError(
             f"a picture with {count - 1} pale regions",
             "a frame of the drawn dog, with both near limbs",
-            "give the film that was drawn",
+            "use the drawn film",
         )
     largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:2]
     hind, fore = sorted(largest, key=lambda label: centres[label][0])

@@ -4,7 +4,7 @@ Unit: the trunk, from hip to shoulder joint, is 1 long. x is forward (screen rig
 the ground below the middle of the trunk. Outlines run clockwise as seen.
 
 A limb has four bones, each turning about its upper joint: upper, lower, pastern and paw. Its skin
-moves by linear blend skinning: a bone weighs the more, the nearer to the point it lies at rest.
+moves by linear blend skinning: a bone nearer to the point at rest has more weight.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ import scipy
 from finloop.base.arrays import Floats, Mask
 from finloop.curve.contour import Curve, resample_curve
 
-FAR_OFFSET = (0.045, -0.022)  # of the far limbs from the near ones: seen a little from above
+FAR_OFFSET = (0.045, -0.022)  # shift of the far limbs, for a view from slightly above
 FINE = 2048
 BLEND = 4  # power of the distance to a bone
 BLUNT = 0.02  # added to that distance, so that a point on a bone follows the others too
@@ -30,12 +30,11 @@ class LimbShape:
     joints: tuple[tuple[float, float], ...]
     outline: tuple[tuple[float, float], ...]  # (k, 2) nodes of a closed smooth curve
     bend: int  # side of the knee: 1 = forward (knee), −1 = backward (elbow)
-    # turn of the pastern [rad] for each unit that the foot is ahead, and for each that it is
-    # lifted
+    # turn of the pastern [rad] per unit of the foot ahead, and per unit of lift
     lean: tuple[float, float]
 
     def bones(self) -> Floats:
-        """Lengths of the four bones."""
+        """Return the lengths of the four bones."""
         return np.asarray(np.linalg.norm(np.diff(self.joints, axis=0), axis=1))
 
 
@@ -90,7 +89,7 @@ EYE, NOSE = (0.905, -1.275), (1.145, -1.205)
 
 @cache
 def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
-    """n points (n, 2) of equal arc length of the closed cubic spline through the nodes."""
+    """Return n points (n, 2) of equal arc length on the closed cubic spline through the nodes."""
     corners = np.array([*nodes, nodes[0]])
     knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
     spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
@@ -100,7 +99,7 @@ def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
 
 @cache
 def skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
-    """Outline (n, 2) at rest, and the weights (n, 4) of the bones at each point."""
+    """Return the outline (n, 2) at rest, and the weights (n, 4) of the bones at each point."""
     outline, joints = smooth(shape.outline, n), np.array(shape.joints)
     along = np.diff(joints, axis=0)
     part = np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], along) / shape.bones() ** 2
@@ -111,14 +110,14 @@ def skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
 
 
 def reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
-    """Whether the limb is long enough for feet (…, 2) with its top moved by (…, 2)."""
+    """Return whether the limb is long enough for feet (…, 2) with its top moved by (…, 2)."""
     bones, ankle = shape.bones(), _ankle(shape, foot)[0]
     far = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
     return (far < bones[0] + bones[1]) & (far > abs(bones[0] - bones[1]))
 
 
 def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
-    """Outlines (…, n, 2) of a limb whose foot and top are moved by (…, 2) from their rest.
+    """Return outlines (…, n, 2) of a limb with foot and top moved by (…, 2) from rest.
 
     The knee follows by two-link inverse kinematics. The outline is a smooth function of `foot` and
     `top` alone.
@@ -146,7 +145,7 @@ def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
 
 
 def _ankle(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
-    """Hock or wrist (…, 2), turn of the pastern and of the paw (…,) [rad]."""
+    """Return the hock or wrist (…, 2), and the turns of pastern and paw (…,) [rad]."""
     rest = np.array(shape.joints)
     pastern = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
     paw = -0.6 * shape.lean[1] * foot[..., 1]

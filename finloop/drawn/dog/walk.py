@@ -1,10 +1,10 @@
 """A drawn dog that walks to the right, with the truth about every limb of every frame.
 
 It walks as in the curve paper's §4.2, Fig. 9, diagonal limbs together. A foot is on the ground for
-half a cycle, in which it goes straight back under the body at a constant speed. Then it swings
+half a cycle, in which it moves straight back under the body at a constant speed. Then it swings
 forward, slowly at both ends of its range. In subcycles A and B (phases 0…½) the left fore and right
 hind limbs swing; the extremes are key frames 1 and 1'. The dog heads for the right of the screen,
-so its right limbs are the near ones.
+so its right limbs are near.
 
 *Body frame*: it moves steadily with the dog; x forward, y down, px; the origin is on the ground
 below the middle of the trunk.
@@ -38,7 +38,7 @@ ROUND = 1.5  # power in the height of a swinging foot: 1 = a corner on top, 2 = 
 
 @dataclass(frozen=True)
 class DogFilm:
-    """A film of the dog. Lengths are in trunks (hip to shoulder) unless their names say px."""
+    """A film of the dog. Lengths are in trunks (hip to shoulder) unless their names end in px."""
 
     frames: int = 72
     frame_rate_hz: float = 24.0
@@ -46,7 +46,7 @@ class DogFilm:
     width_px: int = 480
     height_px: int = 320
     trunk_px: float = 170.0
-    # range of a foot under the body; the dog moves on by twice that in a cycle
+    # range of a foot under the body; the dog advances by twice that in a cycle
     stride: float = 0.40
     lift: float = 0.08  # height of a foot in mid-swing
     bob: float = 0.008  # amplitude of the body's rise and fall; it is lowest with the limbs apart
@@ -72,13 +72,13 @@ class DogFilm:
             raise FinloopError(
                 f"a film of {self.frames} frames and {self.cycles:g} cycles",
                 "at least 2 frames, and cycles above 0",
-                "ask for more",
+                "set more",
             )
         if not all(abs(gamma) <= 1 for gamma in (*self.swing_fore, *self.swing_hind)):
             raise FinloopError(
                 f"clocks of a swing with γ = {self.swing_fore} and {self.swing_hind}",
                 "-1 … 1: beyond that a foot turns back",
-                "choose them nearer to 0",
+                "choose values nearer to 0",
             )
         course = course_px(self)
         left, right = (course[[0, -1], 0] + np.multiply(self.trunk_px, REACH)).tolist()
@@ -93,29 +93,29 @@ class DogFilm:
             if not reaches(LIMBS[name[:4]], foot(self, name, phase), bob(self, phase)).all():
                 raise FinloopError(
                     f"a stride of {self.stride:g} with a lift of {self.lift:g} trunks",
-                    f"what the limb {name} can reach",
+                    f"a stride within reach of the limb {name}",
                     "shorten the stride, or lower the lift or the bob",
                 )
 
 
 def phases(dog: DogFilm) -> Floats:
-    """Phase of each frame, 0 … `cycles`, not wrapped."""
+    """Return the phase of each frame, 0 … `cycles`, not wrapped."""
     return np.arange(dog.frames) * dog.cycles / dog.frames
 
 
 def gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
-    """γ of the foot's own clock in subcycles A, B, C, D."""
+    """Return γ of the foot's clock in subcycles A, B, C, D."""
     swing = dog.swing_fore if name.startswith("fore") else dog.swing_hind
     return (*swing, 0.0, 0.0) if name in FIRST else (0.0, 0.0, *swing)
 
 
 def swings(name: str, phase: Floats) -> Mask:
-    """Whether the foot is off the ground."""
+    """Return whether the foot is off the ground."""
     return np.asarray((np.mod(phase, 1.0) < 0.5) == (name in FIRST))
 
 
 def progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Progress of a limb through its half of the cycle, 0 … 1, by its clocks."""
+    """Return the progress of a limb through its half of the cycle, 0 … 1, by its clocks."""
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
     which = quarter.astype(int) % 4
     gamma = np.array(gammas(dog, name))[which]
@@ -123,9 +123,9 @@ def progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
 
 
 def foot(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Displacement (…, 2) of the foot from its rest, in the body frame, trunks; up is negative.
+    """Return the foot's displacement (…, 2) from rest in the body frame, trunks; up is negative.
 
-    In the swing it rises and falls along a rounded triangle.
+    A swinging foot follows a rounded triangle.
     """
     part, up = progress(dog, name, phase), swings(name, phase)
     x = dog.stride * np.where(up, part - 0.5, 0.5 - part)
@@ -134,12 +134,12 @@ def foot(dog: DogFilm, name: str, phase: Floats) -> Floats:
 
 
 def bob(dog: DogFilm, phase: Floats) -> Floats:
-    """Displacement (…, 2) of the body from its mean, in trunks; up is negative."""
+    """Return the body's displacement (…, 2) from its mean, in trunks; up is negative."""
     return np.stack([np.zeros_like(phase), dog.bob * np.cos(4 * np.pi * phase)], axis=-1)
 
 
 def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
-    """Contours (…, n, 2) of a limb in the body frame, px, clockwise.
+    """Return contours (…, n, 2) of a limb in the body frame, px, clockwise.
 
     Point i is a fixed point of the skin; at rest the points have equal arc lengths.
     """
@@ -149,17 +149,17 @@ def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
 
 
 def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
-    """Contour (n, 2) of body, head, ear or tail in the body frame, px; head and tail move."""
+    """Return the contour (n, 2) of body, head, ear or tail in the body frame, px."""
     return dog.trunk_px * (_rotate_part(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
 
 
 def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
-    """The eye or nose (2,) in the body frame, px."""
+    """Return the place (2,) of the eye or nose in the body frame, px."""
     return dog.trunk_px * (_rotate_part(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
 
 
 def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
-    """Return points of a part at a phase, turned about the root of head or tail."""
+    """Turn the points of a part about the root of head or tail, for a phase."""
     nod = 0.035 * np.cos(4 * np.pi * phase - 0.8)
     if nodes in (HEAD, EAR):
         root, angle = NECK, nod
@@ -169,29 +169,29 @@ def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: 
         return points
     away = (points - root) @ [1, 1j] * np.exp(1j * angle)
     out = np.array(root) + np.stack([away.real, away.imag], axis=-1)
-    if nodes == EAR:  # it lags behind the head, the more the lower
+    if nodes == EAR:  # it lags behind the head, most at its lower end
         low = np.clip(points[:, 1] + 1.36, 0, None)
         out[:, 0] += 0.12 * np.sin(4 * np.pi * phase - 1.6) * low
     return out
 
 
 def course_px(dog: DogFilm) -> Floats:
-    """Origin of the body frame (frames, 2) in the picture, px."""
+    """Return the origin (frames, 2) of the body frame in the picture, px."""
     way = 2 * dog.stride * dog.trunk_px * phases(dog) * (1 - dog.pan)
     middle = 0.47 * dog.width_px - way[-1] / 2
     return np.column_stack([middle + way, np.full(dog.frames, 0.86 * dog.height_px)])
 
 
 def camera_px(dog: DogFilm) -> Floats:
-    """How far the camera has moved to the right (frames,), px of the ground."""
+    """Return the camera's displacement (frames,) to the right, px of the ground."""
     return 2 * dog.stride * dog.trunk_px * phases(dog) * dog.pan
 
 
 def truth(dog: DogFilm, n: int) -> dict[str, Floats]:
-    """Exact contours (frames, n, 2) of the limbs by id, in the body frame, px (see `limb`)."""
+    """Return the exact contours (frames, n, 2) of the limbs by id, in the body frame, px."""
     return {name: limb(dog, name, phases(dog), n) for name in NAMES}
 
 
 def support(name: str) -> tuple[tuple[float, float], ...]:
-    """Phases (from, to) in which the foot is planted."""
+    """Return the phases (from, to) in which the foot is on the ground."""
     return ((0.5, 1.0),) if name in FIRST else ((0.0, 0.5),)
