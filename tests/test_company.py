@@ -269,7 +269,7 @@ def test_along_one_path_they_follow_each_other():
     for _ in range(300):
         tank.advance()
         assert not overlaps(tank)
-        on_it += sum(fish.errand.begun for fish in tank.fish)
+        on_it += sum(fish.path_task.begun for fish in tank.fish)
     assert on_it > 300
 
 

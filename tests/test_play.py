@@ -256,7 +256,7 @@ def test_a_mode_of_the_paper_moves_one_fish_to_goals():
     tank.count(1)
     tank.follow(0, circle(140))
     tank.switch("hybrid")
-    assert tank.fish[0].errand is None  # nobody swims a path in this mode
+    assert tank.fish[0].path_task is None  # nobody swims a path in this mode
     for wish in (lambda: tank.follow(0, circle(140)), lambda: tank.shoal(0),
                  lambda: tank.lead(None, 0), lambda: tank.count(2)):  # fmt: skip
         with pytest.raises(FinloopError, match="mode hybrid cannot do") as refused:
@@ -451,8 +451,8 @@ def path_log(tank, ticks):
     for _ in range(ticks):
         tank.advance()
         fish = tank.fish[0]
-        row, errand = fish.row_at(tank.tick), fish.errand
-        log.append((errand is not None and errand.begun, row.x_px - 400, row.y_px - 300))
+        row, path_task = fish.row_at(tank.tick), fish.path_task
+        log.append((path_task is not None and path_task.begun, row.x_px - 400, row.y_px - 300))
     begun, x, y = np.array(log).T
     return begun.astype(bool), x, y
 
@@ -483,22 +483,22 @@ def test_an_open_path_ends_and_is_given_up_for_a_goal():
     begun, x, y = path_log(tank, 600)
     last = np.flatnonzero(begun)[-1]
     assert np.hypot(x[last] + 140, y[last]) < LENGTH  # where the half circle ends
-    assert tank.fish[0].errand is None and tank.fish[0].reached
+    assert tank.fish[0].path_task is None and tank.fish[0].reached
     tank.follow(0, half)
     assert tank.fish[0].goal[1:3] == pytest.approx(half[0], abs=0.1 * LENGTH)
     tank.send(0, 100.0, 100.0)
-    assert tank.fish[0].errand is None and tank.fish[0].goal.x_px == 100.0
+    assert tank.fish[0].path_task is None and tank.fish[0].goal.x_px == 100.0
     tank.follow(0, half)
     tank.drop(0)
-    assert tank.fish[0].errand is None and tank.fish[0].goal is None
+    assert tank.fish[0].path_task is None and tank.fish[0].goal is None
 
 
 def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
     tank = LiveTank(toy_players(), "matching", 1, 0)
     tank.follow(0, [(400.0, 300.0), (401.0, 300.0)])
-    assert tank.fish[0].errand is None and tank.fish[0].goal[1:3] == (401.0, 300.0)
+    assert tank.fish[0].path_task is None and tank.fish[0].goal[1:3] == (401.0, 300.0)
     tank.follow(0, [(-500.0, 300.0), (400.0, 300.0), (5000.0, 9000.0)])
-    route = tank.fish[0].errand.route
+    route = tank.fish[0].path_task.route
     assert all(inside(open_tank().legal, x, y) for x, y in zip(route.x, route.y, strict=True))
 
 
@@ -512,7 +512,7 @@ def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
     tank = LiveTank(toy_players(), "matching", 1, 4)
     tank.follow(0, circle(140))
     rows = played_rows(tank, 300)
-    begun = [tank.fish[0].wish_at(tick).errand.begun for tick in range(1, 301)]
+    begun = [tank.fish[0].wish_at(tick).path_task.begun for tick in range(1, 301)]
     assert begun[-1] and not begun[0]
     for tick in (290, begun.index(True) + 1, 40):
         tank.back_to(tick)

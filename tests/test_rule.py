@@ -229,9 +229,9 @@ def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
     assert one.goal is not None
     tank.follow(0, [(200.0, 200.0), (600.0, 300.0), (700.0, 600.0)])
     place_rows(tank, 3)
-    assert one.errand is not None and one.order is None
+    assert one.path_task is not None and one.order is None
     tank.shoal(0)
-    assert one.goal is None and one.errand is None and one.order.leader is None
+    assert one.goal is None and one.path_task is None and one.order.leader is None
     place_rows(tank, 20)
     assert {choice.name for choice in one._choices} >= {"company"}
     tank.lead(0, 2)

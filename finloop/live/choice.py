@@ -33,7 +33,7 @@ class Request(NamedTuple):
     """
 
     mode: str
-    errand: PathTask | None
+    path_task: PathTask | None
     order: RuleTask | None
     cut_after: int
 

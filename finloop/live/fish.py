@@ -95,7 +95,7 @@ class LiveFish:
     ) -> None:  # fmt: skip
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
-        self.errand: PathTask | None = None
+        self.path_task: PathTask | None = None
         self.order: RuleTask | None = None
         self.reached = False
         self._modes, self._rng, self._ghost = modes, rng, ghost
@@ -168,14 +168,14 @@ class LiveFish:
     def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
         """Send the fish to a goal, or none, from the next tick on; a dragged goal waits briefly."""
         self.goal = self._goal(*place) if place else None
-        self.errand, self.order, self.reached = None, None, False
+        self.path_task, self.order, self.reached = None, None, False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
 
     def follow(self, route: Route) -> None:
         """Send the fish to the beginning of a path from the next tick on, and along it."""
         x, y = place(route, 0.0)
         self.send((float(x), float(y)))
-        self.errand = PathTask(route)
+        self.path_task = PathTask(route)
 
     def obey(self, order: RuleTask) -> None:
         """Let the fish swim by a rule from the next tick on."""
@@ -226,7 +226,7 @@ class LiveFish:
         goal = self.goal
         self._poses[self.last_tick % HISTORY] = row.pose
         self._wishes[self.last_tick % HISTORY] = Request(
-            self.mode, self.errand, self.order, self._cut_after
+            self.mode, self.path_task, self.order, self._cut_after
         )
         self._ring[self.last_tick % HISTORY] = row._replace(
             weight=0.0 if self._was_ghost else row.weight,
@@ -237,8 +237,8 @@ class LiveFish:
         )[:-1]
 
     def _target(self) -> Goal | Route | Rule | None:
-        if self.errand is not None and self.errand.begun:
-            return self.errand.route
+        if self.path_task is not None and self.path_task.begun:
+            return self.path_task.route
         if self.order is not None:
             others = self._others(self, self.born + self._state.fish.tick)
             if self.order.leader in others:
@@ -251,15 +251,15 @@ class LiveFish:
 
     def _arrive(self, last: DecisionRecord) -> None:
         """End the last stretch: a goal may be reached, a path begun, or done."""
-        errand, fish = self.errand, self._state.fish
-        if errand is not None and errand.begun:
-            self.reached = errand.route.done(self._state.path.along, fish.tick)
-            self.errand = None if self.reached else errand
+        path_task, fish = self.path_task, self._state.fish
+        if path_task is not None and path_task.begun:
+            self.reached = path_task.route.done(self._state.path.along, fish.tick)
+            self.path_task = None if self.reached else path_task
         elif last.stretch.touched and isinstance(last.goal, Goal) and last.goal == self.goal:
-            if errand is None:
+            if path_task is None:
                 self.reached = True
             else:
-                self.goal, self.errand = None, errand._replace(begun=True)
+                self.goal, self.path_task = None, path_task._replace(begun=True)
 
     def back_to(self, tick: int) -> None:
         """Swim on from a known tick: the same as then, unless it is sent elsewhere."""
@@ -275,7 +275,7 @@ class LiveFish:
         self._played = tick - choice.tick + 1
         self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached = None, row.reached
-        self.mode, self.errand, self.order, self._cut_after = self._wishes[tick % HISTORY]
+        self.mode, self.path_task, self.order, self._cut_after = self._wishes[tick % HISTORY]
         if not math.isnan(row.goal_x_px):
             self.goal = self._goal(row.goal_x_px, row.goal_y_px)
 

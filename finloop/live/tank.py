@@ -211,7 +211,7 @@ class LiveTank:
                 raise self._paper_alone(f"{len(self.fish)} fish", mode)
             if most is not None:
                 for fish in self.fish:
-                    if fish.errand is not None or fish.order is not None:
+                    if fish.path_task is not None or fish.order is not None:
                         fish.send(None)
             self.mode = mode
             for fish in self.fish:

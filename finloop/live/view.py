@@ -184,13 +184,13 @@ class View:
             reached = fish.reached
         goal = None if math.isnan(x) else [round(x, 1), round(y, 1), reached]
         now = tick == self.tank.tick
-        errand = fish.errand if now else fish.wish_at(tick).errand
+        path_task = fish.path_task if now else fish.wish_at(tick).path_task
         order = fish.order if now else fish.wish_at(tick).order
         trail = range(tick - round(_TRAIL_S * self.tank.rate_hz), tick, _TRAIL_EVERY)
         return {
             "x": round(row.x_px, 1), "y": round(row.y_px, 1),
             "heading": round(row.heading_deg, 1), "speed": round(row.speed, 2),
-            "mode": row.mode, "state": row.state, "goal": goal, "path": _describe_path(errand),
+            "mode": row.mode, "state": row.state, "goal": goal, "path": _describe_path(path_task),
             "rule": self._leader_number(order),
             "done": reached,
             "trail": np.rint(fish.places(trail)).astype(int).tolist(),
@@ -247,15 +247,15 @@ class View:
         return np.rint(way).astype(int).tolist()
 
 
-def _describe_path(errand: PathTask | None) -> dict[str, Any] | None:
+def _describe_path(path_task: PathTask | None) -> dict[str, Any] | None:
     """Return a path, and whether the fish has come to its beginning."""
-    if errand is None:
+    if path_task is None:
         return None
-    route = errand.route
+    route = path_task.route
     every = -(-len(route.x) // _MOST_PLACES)
     places = np.rint(np.column_stack([route.x, route.y])).astype(int)
     shown = [*places[:-1:every].tolist(), places[-1].tolist()]
-    return {"places": shown, "closed": route.closed, "begun": errand.begun}
+    return {"places": shown, "closed": route.closed, "begun": path_task.begun}
 
 
 def _rank_candidates(options: CandidateVerdicts) -> list[int]:
