@@ -1,4 +1,4 @@
-"""Every mode opened at once, for programs that change over between them."""
+"""Open every mode at once, for programs that switch between them."""
 
 import sys
 from collections.abc import Callable
@@ -11,9 +11,9 @@ from stages.modes import hybrid, loops, matching, network
 
 
 def open_modes(project: Project) -> dict[str, Animator]:
-    """Return the animators of all modes that the film is enough for, by name.
+    """Return the animators of all modes for which the film shows enough, by name.
 
-    NothingToUse where it is enough for none. What a mode lacks is told on stderr.
+    NothingToUse if there is no such mode. stderr reports what each other mode lacks.
     """
     rows = project.sprites["row"].to_numpy()
     makers: dict[str, Callable[[Project], Animator]] = {

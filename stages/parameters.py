@@ -1,4 +1,4 @@
-"""Parameters as a table, in the terminal and as docs/parameters.md; their ranges in conf/."""
+"""Print parameters as a table, write docs/parameters.md, and write their ranges into conf/."""
 
 from stages.run import run  # isort: skip
 
@@ -27,7 +27,7 @@ print a group with `make params S="help=sprites"`.
 
 
 def terminal_table(word: str, width: int) -> str:
-    """Return the parameters of a group for a terminal so many characters wide.
+    """Return the parameters of a group for a terminal of this width in characters.
 
     FinloopError if there is no such group.
     """
@@ -45,12 +45,11 @@ def terminal_table(word: str, width: int) -> str:
 
 
 def _value(entry: ParameterHelp) -> str:
-    """Return the value as YAML writes it."""
     return yaml.safe_dump(entry.value, default_flow_style=True, width=200).split("\n")[0]
 
 
 def page(entries: Iterable[ParameterHelp]) -> str:
-    """Return the page of all parameters, a table for each group, as Markdown."""
+    """Return the page of all parameters as Markdown, one table per group."""
     parts = [_HEAD]
     for word, group in groupby(entries, lambda entry: entry.word):
         parts += [
@@ -65,7 +64,7 @@ def page(entries: Iterable[ParameterHelp]) -> str:
 
 
 def write_brackets() -> None:
-    """Write the range of each parameter behind its unit in the brackets of its comment in conf/."""
+    """Write the range of each parameter behind its unit, in the brackets of its conf/ comment."""
     for entry in every_parameter():
         if entry.brackets.endswith(entry.range):
             continue
