@@ -1,13 +1,13 @@
-"""Typed config groups for Hydra, found by DVC because this folder lies in the repository's root.
+"""Typed config groups for Hydra; DVC finds them because this folder is in the repository's root.
 
 While `dvc exp run` or `make params` composes conf/, this registers
 
 - a schema `schema/<word>/<option>` per parameter dataclass, which conf/<word>/<option>.yaml names
-  in its defaults list: Hydra refuses wrong types against it;
-- the schema `hydra/sweeper/finloop` of what conf/experiment/ sweeps;
-- the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/ and, since it sees
-  the whole composed config before anything is written, refuses the rest: unknown keys, with the
-  name that may be meant, values out of range, groups left out;
+  in its defaults list: Hydra refuses wrong types by it;
+- the schema `hydra/sweeper/finloop` of the sweeps in conf/experiment/;
+- the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/. It sees the whole
+  composed config before anything is written, and refuses unknown keys (with a suggestion), values
+  out of range, and missing groups;
 - the resolvers `${film_stamp:}`, `${tracks_stamp:}`, `${path_stamp:}` and `${retarget_stamp:}`, of
   the files that the parameters name.
 
@@ -32,10 +32,10 @@ CONF = Path(__file__).resolve().parents[1] / "conf"
 
 
 def schema(option: type) -> type:
-    """A parameter dataclass as OmegaConf understands it: not frozen, ranges left out.
+    """Return a parameter dataclass for OmegaConf: not frozen, without ranges.
 
-    Every field is mandatory, as the original has no defaults; what OmegaConf has no type for is
-    simplified here and checked in full by `finloop.base.settings`.
+    Every field is mandatory, as the original has no defaults. Types that OmegaConf lacks are
+    simplified here; `finloop.base.settings` checks them in full.
     """
     hints = get_type_hints(option)  # drops Annotated
     return make_dataclass(
@@ -55,7 +55,7 @@ def _simplified(hint: Any) -> Any:
 
 
 def checked_stamp(*, _root_: DictConfig) -> str:
-    """The stamp of conf/, given only to a composed config in which every parameter is right."""
+    """Return the stamp of conf/; raise FinloopError unless every parameter is right."""
     # Node by node, because to resolve the root would resolve the stamp itself again.
     values = {str(key): plain(_root_, str(key)) for key in _root_ if key not in STAMPS}
     if problems := all_problems(values):
@@ -64,28 +64,28 @@ def checked_stamp(*, _root_: DictConfig) -> str:
 
 
 def plain(root: DictConfig, word: str) -> Any:
-    """The parameters of a word, with nothing left to resolve; {} where the group is left out."""
+    """Return the resolved parameters of a word; {} where the group is missing."""
     node = root._get_node(word)
     return OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node or {}
 
 
 def stamp_of_films(*, _root_: DictConfig) -> str | None:
-    """The stamp of the films of a composed config."""
+    """Return the stamp of the films of a composed config."""
     return film_stamp(plain(_root_, "clip"))
 
 
 def stamp_of_tracks(*, _root_: DictConfig) -> str | None:
-    """The stamp of the tracks of a composed config."""
+    """Return the stamp of the tracks of a composed config."""
     return tracks_stamp(plain(_root_, "clip"), plain(_root_, "extract"))
 
 
 def stamp_of_path(*, _root_: DictConfig) -> str | None:
-    """The stamp of the path to swim of a composed config."""
+    """Return the stamp of the path to swim of a composed config."""
     return path_stamp(plain(_root_, "matching"))
 
 
 def stamp_of_retarget(*, _root_: DictConfig) -> str | None:
-    """The stamp of the tracks whose motion is swum, of a composed config."""
+    """Return the stamp of the retargeted tracks of a composed config."""
     return retarget_stamp(plain(_root_, "retarget"))
 
 

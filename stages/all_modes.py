@@ -1,4 +1,4 @@
-"""Every mode opened at once, for programs that change over between them."""
+"""Open every mode at once, for programs that switch between them."""
 
 import sys
 from importlib import import_module
@@ -10,9 +10,9 @@ from finloop.project import Project
 
 
 def open_modes(project: Project) -> dict[str, Animator]:
-    """Return the animators of all modes that the film is enough for, by name.
+    """Return the animators of all modes for which the film shows enough, by name.
 
-    NothingToUse where it is enough for none. What a mode lacks is told on stderr.
+    NothingToUse if there is no such mode. stderr reports what each other mode lacks.
     """
     made: dict[str, Animator] = {}
     # A fish that another mode left as a sprite goes on from the row behind it.

@@ -1,4 +1,4 @@
-"""Stage `animate`: the animations of all modes side by side, by the same measures as the film."""
+"""Stage `animate`: compare the animations of all modes by the same measures as the film."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -23,11 +23,11 @@ from finloop.social.measures import SHOAL, beside, halves, shoal_table
 from finloop.social.walls import Walls
 
 ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("reports/animate")
-ENOUGH_REACHED_PCT = 90.0  # of a mode that reaches fewer goals the report says so first
+ENOUGH_REACHED_PCT = 90.0  # a mode that reaches fewer goals becomes a finding
 
 
 def played_modes() -> list[str]:
-    """Return the modes of which there is an animation."""
+    """Return the modes that have an animation."""
     return [mode for mode in MODES if (ANIMATE / mode / "measures.json").exists()]
 
 
@@ -40,14 +40,14 @@ def mode_numbers(mode: str) -> dict[str, float]:
 
 
 def film_numbers(project: Project, motion: MotionStatistics, moved: tuple) -> dict[str, float]:
-    """Return the film by its own measures. moved: of `measures.motion_of_film`."""
+    """Return the same measures of the film; moved: from `measures.motion_of_film`."""
     features, rate = project.features, project.rate_hz
     steps = project.steps[["headed", "as_filmed"]].dropna()
     numbers = measures.measure_film(features, moved, steps["as_filmed"].to_numpy(float), motion)
     try:
         phases = learn_phases(features, rate, motion.delta, project.settings("network"))
         numbers |= state_shares(features, phases)
-    except FinloopError:  # it shows no straight swimming
+    except FinloopError:  # the film shows no straight swimming
         pass
     if project.settings("matching").fish > 1:
         numbers |= encounters.measure_film_clearance(features)
@@ -55,9 +55,9 @@ def film_numbers(project: Project, motion: MotionStatistics, moved: tuple) -> di
 
 
 def company(project: Project) -> pd.DataFrame:
-    """Return how far the fish of `matching` are from those of the film, as `beside` has it.
+    """Compare the fish of `matching` with those of the film, as `beside` does.
 
-    Beside them stands its first half, to which zones are fitted; nothing of one fish.
+    Its first half, to which zones are fitted, is compared too. A single fish has no rows.
     """
     if project.settings("matching").fish == 1 or "matching" not in played_modes():
         return beside({}, {})
@@ -75,7 +75,7 @@ def company(project: Project) -> pd.DataFrame:
 
 
 def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
-    """Return what is doubtful of each mode, in words; numbers: of the modes that play."""
+    """Return the findings about each mode as sentences; numbers: of the modes that play."""
     rows: list[tuple[str, str]] = []
     for mode, described in MODES.items():
         if mode not in numbers:

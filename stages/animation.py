@@ -1,4 +1,4 @@
-"""What the stages of all modes do: plan the animation of a mode, draw samples of it, measure it."""
+"""Plan the animation of a mode, draw samples of it and measure it, for the stages of all modes."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -41,7 +41,7 @@ More = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
 
 
 def film_data(project: Project, reel: Reel) -> FilmData:
-    """Return what a mode of the paper takes of a run. reel: with or without sprites."""
+    """Return the data of a run that a mode of the paper needs; reel: with or without sprites."""
     return FilmData(
         project.rate_hz, project.arena, project.background, reel, project.outlines, project.poses,
         project.map_facts, project.steps,
@@ -51,18 +51,18 @@ def film_data(project: Project, reel: Reel) -> FilmData:
 def save_no_more(
     folder: Path, animator: Animator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
-    """Write nothing beside what every mode has."""
+    """Write no further files and return no numbers."""
     return {}
 
 
 def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
     """Make the edit list of a mode, and its folder with samples, goals, measures and motion.
 
-    Where the film shows too little for the mode, the list is empty, and reason.json says why.
-    save_more: writes what the mode has beside that into the folder, and returns further numbers.
+    Where the film shows too little for the mode, the list is empty, and reason.json has the reason.
+    save_more: writes further files of the mode into the folder and returns further numbers.
     """
     need = [name for name in sys.modules if name.startswith("finloop.")]
-    with workers(need) as crew, Project() as project:
+    with workers(need) as pool, Project() as project:
         p = project.settings("animate")
         try:
             animator = open_mode(project)
@@ -78,25 +78,25 @@ def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
             seconds = project.settings("realism").seconds
             samples = sample_animations(animator, seconds, p)
             save_table(folder / "samples.parquet", samples, EDIT)
-            numbers = measure_trials(open_mode, mode, p.trials, crew)
+            numbers = measure_trials(open_mode, mode, p.trials, pool)
             save_json(folder / "trials.json", finite_numbers(numbers))
         save_table(OUT / f"{mode}.parquet", edit, EDIT)
 
 
 def say_where(mode: str, animator: Animator, p: Any) -> None:
-    """Tell on stderr where the fish is drawn smaller, and where the film does not show the tank."""
+    """Report on stderr where fish are drawn smaller, and where the film does not show the tank."""
     size, tank = animator.pictures.reel.size, animator.player.world.tank
     if size < 1 and p.fish_scale == "auto":
         print(
-            f"modes-{mode}: where the fish may be it could hardly turn at its own size, so it is "
-            f"drawn at {size:.2g} of it; film from farther away, or set animate.fish_scale",
+            f"modes-{mode}: the tank is too small for the fish to turn, so it is drawn at "
+            f"{size:.2g} of its size; film from farther away, or set animate.fish_scale",
             file=sys.stderr,
         )
     if p.tank == "auto" and tank.arena.all():
         print(
-            f"modes-{mode}: the film is too short, or its animals keep too much to one place, to "
-            "show where the tank ends, so that the fish may be anywhere in the picture; where "
-            "that shows more than the tank, give it (clip.arena), or take animate.tank=filmed",
+            f"modes-{mode}: the film is too short, or its animals stay too much in one place, to "
+            "show where the tank ends, so the fish may be anywhere in the picture; if that shows "
+            "more than the tank, give the tank (clip.arena), or set animate.tank=filmed",
             file=sys.stderr,
         )
 
@@ -136,7 +136,7 @@ def finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
 def measure_pictures(
     edit: pd.DataFrame, animator: Animator, steps: pd.DataFrame, rate_hz: float
 ) -> dict[str, float]:
-    """Return the measures of one fish that need pictures. steps: columns of `STEPS`."""
+    """Return the measures of one fish that need pictures; steps: columns of `STEPS`."""
     pictures = animator.pictures
     joins, jumps = seams(edit, pictures)
     return {
@@ -150,9 +150,9 @@ def measure_pictures(
 
 
 def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Return the measures of animations to random goals, each of its seed; no picture is looked at.
+    """Return the measures of animations to random goals, one per seed, without pictures.
 
-    For its own process, which brings the mode together once: of a film of hours that takes long.
+    A process of its own opens the mode once: for hours of film that takes long.
     """
     with Project() as project:
         animator = open_mode(project)
@@ -168,14 +168,14 @@ def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]
     return rows
 
 
-def measure_trials(open_mode: Open, mode: str, trials: int, crew: Workers) -> dict[str, float]:
-    """Return the measures of further animations of a mode, `trials_…`, on average."""
-    most = max(1, -(-trials // crew.count))
+def measure_trials(open_mode: Open, mode: str, trials: int, pool: Workers) -> dict[str, float]:
+    """Return the mean measures of further animations of a mode, as `trials_…`."""
+    most = max(1, -(-trials // pool.count))
     lots = [range(trials)[first : first + most] for first in range(0, trials, most)]
     rows: list[dict[str, float]] = []
     with progress(f"modes-{mode}", trials, "trials") as advance:
         for lot, own in zip(
-            lots, ordered_map(partial(measure_lot, open_mode), lots, crew), strict=True
+            lots, ordered_map(partial(measure_lot, open_mode), lots, pool), strict=True
         ):
             rows += own
             advance(len(lot))

@@ -1,4 +1,4 @@
-"""Stage `bpn`: the feature table becomes the motion model, and its errors (Fig. 15)."""
+"""Stage `bpn`: learn the motion model from the feature table, and its errors (Fig. 15)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -32,9 +32,9 @@ def main() -> None:
     rows = motion_rows(table, delta_of(table))
     sides = [split_or_all(rows, p)]
     if not sides[0][1].any():
-        print(f"bpn: so short a film is learnt from whole, all {len(rows.inputs)} rows; no row is "
-              "held out, so the error on other film is not known", file=sys.stderr)  # fmt: skip
-    # The other way to split says how far the skill reaches: to other times, to other fish.
+        print(f"bpn: so short a film trains the network with all {len(rows.inputs)} rows; none is "
+              "held out, so its error on other film is unknown", file=sys.stderr)  # fmt: skip
+    # The other split tests the network on other times, or on other fish.
     with suppress(FinloopError):  # one track, or too short
         sides.append(split(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p))
 

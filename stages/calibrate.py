@@ -1,4 +1,4 @@
-"""Stage `calibrate`: zones of company, fitted to one half of the film, beside its other half."""
+"""Stage `calibrate`: fit the zones of a school to one half of the film, test them on the other."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -30,13 +30,13 @@ OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
 def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
-    """The rows of the film whose tank the clip's arena is: of several films the first."""
+    """Return the rows of the film whose tank is the clip's arena: of several films the first."""
     parts = parts_of(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
 def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """The measures of fish that are points: that swim by the zones, and without company."""
+    """Return the measures of simulated point fish, by the zones and without the others."""
     rows, tables = film.whole_steps(p.rows), {}
     for name, rule in (("zones", zones), ("alone", NO_ZONES)):
         steps, rng = own_steps(film, rows, rule), np.random.default_rng(p.seed)
@@ -45,7 +45,7 @@ def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.
 
 
 def numbers(film: FilmShoal, fit: Fitted | None, zones: Zones) -> dict[str, float | int]:
-    """The zones, and how well they foretell."""
+    """Return the zones, and how well they predict."""
     values: dict[str, float | int] = {"fitted": int(fit is not None), "fish": film.fish}
     if fit is not None:
         values["explained_pct"] = 100 * fit.explained
@@ -55,7 +55,7 @@ def numbers(film: FilmShoal, fit: Fitted | None, zones: Zones) -> dict[str, floa
 
 
 def save_rule(folder: Path, rule: Shoaling) -> None:
-    """Write what `Project.rule` loads: the zones and the own steps of a film."""
+    """Write the zones and own steps of a film, which `Project.rule` loads."""
     own = rule.steps
     save_json(folder / "zones.json", {
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
@@ -76,13 +76,13 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         save_rule(folder, rule)
         save_table(folder / "film.parquet", film.table, SHOAL)
-        swum = shoals(film, zones, p) if fit else {}
-        for name, table in swum.items():
+        simulated = shoals(film, zones, p) if fit else {}
+        for name, table in simulated.items():
             save_table(folder / f"{name}.parquet", table, SHOAL)
         films = {"film": film.table, "second_half": film.half(False)}
-        table = beside(films, {"first_half": film.half(True), **swum})
-        # Not in reports/, which is in git: points that act on each other amplify rounding, so that
-        # on another processor they swim otherwise, as by another seed.
+        table = beside(films, {"first_half": film.half(True), **simulated})
+        # Not in reports/, which is in git: points that act on each other amplify rounding, so they
+        # swim differently on another processor, as with another seed.
         save_csv(folder / "company.csv", table, decimals=3)
     if fit is None:
         print(f"calibrate: {shortage(film)}", file=sys.stderr)

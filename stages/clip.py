@@ -1,4 +1,4 @@
-"""Stage `clip`: a film, or several, become the normalised clip, with facts, arena and truth."""
+"""Stage `clip`: normalise one film or several into the clip, with facts, arena and truth."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -34,7 +34,7 @@ FACTS = (  # among the metrics
 
 
 def main() -> None:
-    """Make data/clip/, reports/clip/metrics.json and findings.csv; say how good the film is."""
+    """Make data/clip/, reports/clip/metrics.json and findings.csv; report how good the film is."""
     p: ClipSettings = load("clip")
     films = drop_repeated_films(films_of(p)) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def films_of(p: File) -> list[File]:
-    """The parameters of each film: a path, a folder, a pattern or a list names them."""
+    """Return the parameters of each film: a path, a folder, a pattern or a list names them."""
     return [
         replace(of_path, path=str(film)) for path, of_path in p.each() for film in list_films(path)
     ]
@@ -63,14 +63,14 @@ def drop_repeated_films(films: list[File]) -> list[File]:
         if key in taken:
             of = "" if film.path == taken[key].path else f" as {taken[key].path}"
             print(
-                f"finloop: WARNING: {film.path} is named twice{of}, and taken once", file=sys.stderr
+                f"finloop: WARNING: {film.path} is named twice{of}, and used once", file=sys.stderr
             )
         taken.setdefault(key, film)
     return list(taken.values())
 
 
 def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) -> dict[str, float]:
-    """Write a film's clip to a folder; its metrics."""
+    """Write a film's clip to a folder; return its metrics."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
     before = stamps(p.film) if isinstance(p, File) else []
@@ -95,20 +95,20 @@ def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) 
 
 
 def say(numbers: dict[str, float]) -> None:
-    """Write findings.csv from the metrics of one film or several, and say what it holds."""
+    """Write findings.csv from the metrics of one film or several, and report what it contains."""
     rows = []
     for name, _ in folders(CLIP):
         prefix = f"{name}_" if name else ""
-        mended = {word for word in REPAIRS if numbers[f"{prefix}mended_{word}"]}
+        repaired = {word for word in REPAIRS if numbers[f"{prefix}mended_{word}"]}
         now, filmed = (Quality.from_metrics(numbers, prefix + part) for part in ("", "filmed_"))
-        for finding in findings(now, filmed, mended):
+        for finding in findings(now, filmed, repaired):
             rows.append({"film": name} | finding.row if name else finding.row)
             print(f"finloop: {name + ': ' if name else ''}{finding.line}", file=sys.stderr)
     save_csv(FINDINGS, pd.DataFrame(rows), 0)
 
 
 def write_clips(films: list[File], folder: Path) -> dict[str, float]:
-    """Write the clips of several films, each in a folder of its own, and what joins them.
+    """Write the clips of several films, each in its own folder, and what joins them.
 
     A film that cannot be read is named and left out. The clip of an earlier run with the same
     parameters and code is reused.
@@ -134,7 +134,7 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     whole = join_clips(folder, parts)
     failed = sum(bool(part.error) for part in parts)
     tank = next(part for part in parts if not part.error)
-    print(f"finloop: the animation is shown in the tank of {tank.name}", file=sys.stderr)
+    print(f"finloop: the animation uses the tank of {tank.name}", file=sys.stderr)
     return numbers | fact_metrics(whole) | {"films": len(films) - failed, "films_left_out": failed}
 
 

@@ -1,8 +1,8 @@
-"""Where a stage's work is done: on this machine, or by the workers that conf/cluster/ names.
+"""Where a stage works: on this machine, or with the workers that conf/cluster/ names.
 
 `python -m stages.cluster tcp://host:8786 [--count N]` starts workers of a Dask scheduler on this
 machine, in this folder. No stage has the parameters `cluster` under `params` in dvc.yaml: results
-are the same bytes, so that nothing runs anew when they change. A stage reads them from params.yaml.
+are the same bytes, so a change of them runs no stage again. A stage reads them from params.yaml.
 """
 
 from stages.run import THREAD_VARIABLES, THREADS, run  # isort: skip  (before numpy)
@@ -25,9 +25,9 @@ START = "python -m stages.cluster {}"
 
 @contextmanager
 def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
-    """The workers of a stage. need: modules that they load first; threads: not processes.
+    """Return the workers of a stage; need: modules to load first; threads: not processes.
 
-    FinloopError if a cluster is wanted that is not there, or does not fit.
+    FinloopError if the requested cluster is not there, or does not fit.
     """
     p: ClusterSettings = load("cluster")
     if isinstance(p, Default) and p.scheduler_address is None:
@@ -46,15 +46,15 @@ def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
 
 
 def main() -> None:
-    """Become the workers of a scheduler."""
+    """Start workers for a scheduler."""
     parser = argparse.ArgumentParser(prog="python -m stages.cluster", description=__doc__)
-    parser.add_argument("address", help="of Dask's scheduler: tcp://host:8786")
-    parser.add_argument("--count", type=int, default=THREADS, help="workers, of one thread each")
+    parser.add_argument("address", help="address of Dask's scheduler: tcp://host:8786")
+    parser.add_argument("--count", type=int, default=THREADS, help="workers, one thread each")
     arguments = parser.parse_args()
     if not find_spec("distributed"):
         raise FinloopError("Dask is not installed", "the extra `cluster`", "make cluster")
     command = (sys.executable, "-m", "dask", "worker", arguments.address)
-    # A limit of memory would count what is mapped, and end who maps a long film.
+    # A memory limit would count mapped files, and end workers that map a long film.
     limits = ("--nthreads", "1", "--nworkers", str(arguments.count), "--memory-limit", "0")
     path = os.pathsep.join(filter(None, (str(Path.cwd()), os.environ.get("PYTHONPATH"))))
     os.execve(sys.executable, (*command, *limits), os.environ | {"PYTHONPATH": path})

@@ -1,8 +1,8 @@
-"""Stage `code`, the first: which files of the program does each stage run?
+"""Stage `code`, the first: list the files of the program that each stage runs.
 
-DVC does not see imports. This stage follows them from the module of each stage, and writes a list,
+DVC does not see imports. This stage follows them from the module of each stage and writes
 data/code/<stage>.txt: every file of the program that the stage may run, with a digest. A stage
-depends on its list: it runs again when one of these files changes, not when another file of the
+depends on its list. It runs again when one of these files changes, and not when another file of the
 program does.
 """
 
@@ -23,7 +23,7 @@ from finloop.io.atomic import whole_folder
 ROOT = Path(__file__).parents[1]
 OUT = Path("data/code")
 OURS = re.compile(r"(finloop|stages)(\.\w+)+")
-LAZY = "finloop/__init__.py"  # imports only what is asked for
+LAZY = "finloop/__init__.py"  # imports lazily
 PROJECT = "finloop/project.py"
 PARTS = {PROJECT: "Project", "finloop/run_files.py": "RunFiles"}  # its class, and the base of that
 DECLARATIONS = [f"finloop/{settings_file(one)}" for one in GROUPS]
@@ -68,7 +68,7 @@ def package_data(package: Path) -> set[str]:
 
 
 def follow_imports(files: set[str]) -> set[str]:
-    """Return these files and all that they import, and what those import, and so on."""
+    """Return these files and all files that they import, directly or indirectly."""
     todo, seen = set(files), set[str]()
     while todo:
         file = todo.pop()
@@ -78,7 +78,7 @@ def follow_imports(files: set[str]) -> set[str]:
 
 
 def module_files(name: str) -> set[str]:
-    """Return a module's file and its packages' __init__.py; only these of a name of no module."""
+    """Return a module's file and its packages' __init__.py; only these for an unknown name."""
     parts = name.split(".")
     files = set()
     for depth in range(1, len(parts) + 1):
@@ -91,9 +91,9 @@ def module_files(name: str) -> set[str]:
 
 @cache
 def imported_files(file: str) -> set[str]:
-    """Return the files of ours that a file itself imports, anywhere in it, or names in a string.
+    """Return the program's files that a file imports anywhere, or names in a string.
 
-    finloop/__init__.py imports only what is asked for: it counts as importing nothing.
+    finloop/__init__.py imports lazily: it counts as importing nothing.
 
     Each property and method of `Project` imports what it needs inside itself, so that a stage
     depends on what it uses and not on the whole pipeline. So of finloop/project.py and
@@ -114,7 +114,7 @@ def imported_files(file: str) -> set[str]:
 
 
 def files_of_imports(nodes: list[Any]) -> set[str]:
-    """Return the files that these nodes lead to: imports, strings that name a module of ours."""
+    """Return the files behind these nodes: imports, and strings that name one of our modules."""
     names = set[str]()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -138,7 +138,7 @@ def files_of_name(name: str) -> set[str]:
 
 @cache
 def lazy_parts(package: str) -> dict[str, str]:
-    """Return what a package offers by `lazy_loader.attach`: name → module; {} if it does not."""
+    """Return the names that a package offers by `lazy_loader.attach`: name → module; or {}."""
     path = ROOT / package.replace(".", "/") / "__init__.py"
     if not package or not path.is_file():
         return {}
@@ -164,7 +164,7 @@ def project_members() -> dict[str, ast.FunctionDef]:
 
 
 def attribute_names(tree: ast.AST, owner: str) -> set[str]:
-    """Return the attributes that are read of an object by its name, in lower case.
+    """Return the attributes that are read of an object with this name, in lower case.
 
     Of owner "project": x in `project.x`, in `a.project.x` and in `Project(…).x`.
     """
@@ -179,7 +179,7 @@ def attribute_names(tree: ast.AST, owner: str) -> set[str]:
 
 
 def follow_members(names: set[str]) -> set[str]:
-    """Return the members of `Project` among these names, all that they use by `self`, and so on."""
+    """Return the members of `Project` among these names, and all that they use by `self`."""
     todo, seen = names & set(project_members()), set[str]()
     while todo:
         member = todo.pop()

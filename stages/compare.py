@@ -28,26 +28,26 @@ LINE = 160  # characters of the printed table; runs that do not fit stand below 
 
 
 def git(*arguments: str, at: Path | None = None) -> str:
-    """The output of a git command; FinloopError with its message if it fails."""
+    """Return the output of a git command; FinloopError with its message if it fails."""
     process = subprocess.run(
         ["git", *arguments], cwd=at, capture_output=True, text=True, check=False
     )
     if process.returncode:
         raise FinloopError(
             f"git {arguments[0]} failed: {process.stderr.strip()}",
-            "a repository of git with a commit, and room",
+            "a git repository with a commit, and room",
             "git add --all; git commit",
         )
     return process.stdout
 
 
 def head() -> str:
-    """The present commit."""
+    """Return the present commit."""
     return git("rev-parse", "HEAD").strip()
 
 
 def experiments() -> dict[str, str]:
-    """The experiments on the present commit: name → its own commit."""
+    """Return the experiments on the present commit: name → the experiment's commit."""
     parent = head()
     refs = git(
         "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{parent[:2]}/{parent[2:]}"
@@ -57,7 +57,7 @@ def experiments() -> dict[str, str]:
 
 
 def parameters(commit: str) -> dict[str, Any]:
-    """`group.key` → value."""
+    """Return the parameters of a commit: `group.key` → value."""
     values = yaml.safe_load(git("show", f"{commit}:{PARAMS}"))
     return {
         f"{word}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
@@ -68,11 +68,11 @@ def parameters(commit: str) -> dict[str, Any]:
 
 
 def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return by commit `stage.number` → value, of the stages that have metrics there.
+    """Return `stage.number` → value by commit, of the stages that have metrics there.
 
-    Of a stage whose numbers git does not keep, only those of metrics.json.
+    Where git does not keep numbers.csv, these are the numbers of metrics.json.
     """
-    from dvc.repo import Repo  # not at the top: loads for half a second
+    from dvc.repo import Repo  # not at the top: the import takes half a second
 
     commits, stages = [*commits], [*stages]
     paths = [f"reports/{stage}/metrics.json" for stage in stages]
@@ -96,12 +96,12 @@ def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str
 
 
 def side_by_side(names: list[str], measures: list[str]) -> Comparison:
-    """The comparison of the named experiments, by default of all and the present commit."""
+    """Compare the named experiments, by default all of them and the present commit."""
     commits_of = experiments()
     if missing := [name for name in names if name not in commits_of]:
         raise FinloopError(
             f"no experiment {', '.join(missing)} on the present commit",
-            f"names out of: {', '.join(commits_of) or 'none yet'}",
+            f"names from: {', '.join(commits_of) or 'none yet'}",
             "make sweep experiment=…, or dvc exp list",
         )
     commits = {name: commits_of[name] for name in names} if names else commits_of | {BASE: "HEAD"}
@@ -114,7 +114,7 @@ def side_by_side(names: list[str], measures: list[str]) -> Comparison:
 
 
 def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
-    """Write the page; return its table as text, a row a parameter or measure."""
+    """Write the page; return its table as text, one row per parameter or measure."""
     table = side_by_side(names, measures)
     with whole_file(OUT) as part:
         part.write_text(html(table, title, why), encoding="utf-8")
@@ -125,9 +125,9 @@ def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
 def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(prog="python -m stages.compare", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="name", help="of experiments")
+    parser.add_argument("names", nargs="*", metavar="name", help="experiments to compare")
     parser.add_argument(
-        "--measure", action="append", default=[], metavar="stage.number", help="one more"
+        "--measure", action="append", default=[], metavar="stage.number", help="one more measure"
     )
     options = parser.parse_args()
     print(compare(options.names, options.measure, "Experiments on one commit", ""))

@@ -2,8 +2,8 @@
 
 `help=sprites` prints the parameters of a group instead.
 
-The composing is DVC's own, as in `dvc exp run -S`, so both give the same file. With --check nothing
-is written; the exit status is 1 where params.yaml is not the composition of conf/.
+DVC composes as in `dvc exp run -S`, so both give the same file. With --check nothing is written;
+the exit status is 1 where params.yaml is not the composition of conf/.
 """
 
 from stages.run import run  # isort: skip
@@ -44,9 +44,9 @@ def compose_params(overrides: list[str]) -> str:
 
 
 def experiment(name: str) -> Experiment:
-    """The sweep that conf/experiment/<name>.yaml declares.
+    """Return the sweep that conf/experiment/<name>.yaml declares.
 
-    FinloopError if there is no such file (the others are listed), or what it says is wrong.
+    FinloopError if there is no such file (the others are listed), or its content is wrong.
     """
     override = f"+{FOLDER}={name}"
     compose_params([override])  # is it right in itself; and loads the schema of a sweep
@@ -56,21 +56,21 @@ def experiment(name: str) -> Experiment:
         raise FinloopError(
             f"{CONF}/{FOLDER}/{name}.yaml has no sweep",
             "`override /hydra/sweeper: finloop`, and hydra.sweeper.params",
-            f"make params S={override}, which takes its values",
+            f"for its values alone: make params S={override}",
         )
     values = OmegaConf.to_container(whole.hydra.sweeper)
     sweep, problems = check(FOLDER, {name: Experiment}, values)
     if sweep is None:
         raise FinloopError(
-            f"{CONF}/{FOLDER}/{name}.yaml is no sweep:\n    " + "\n    ".join(problems),
-            "title, why, seen, params and measures, with stages that there are",
+            f"{CONF}/{FOLDER}/{name}.yaml is not a sweep:\n    " + "\n    ".join(problems),
+            "title, why, seen, params and measures, with existing stages",
             "correct it",
         )
     return sweep
 
 
 def _readable(error: BaseException) -> FinloopError:
-    """Our own refusal where Hydra has wrapped one, else what Hydra says."""
+    """Return finloop's own refusal where Hydra has wrapped one, else Hydra's message."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, FinloopError):
@@ -81,7 +81,7 @@ def _readable(error: BaseException) -> FinloopError:
     lines = [line.strip() for line in lines_of if line.strip() and not line.startswith("To append")]
     return FinloopError(
         "\n    ".join(lines),
-        f"keys and values that the groups in {CONF}/ have",
+        f"keys and values of the groups in {CONF}/",
         f"correct {CONF}/, or the overrides",
     )
 
@@ -89,32 +89,32 @@ def _readable(error: BaseException) -> FinloopError:
 def compare(overrides: list[str]) -> None:
     """Refuse a params.yaml that is not the composition of conf/.
 
-    One that somebody composed with conf/local/, which git does not have, can be checked only where
-    that lies; elsewhere its values are checked. Stamps of films and tracks are not compared: those
-    may lie elsewhere, too.
+    A params.yaml composed with conf/local/, which git does not have, can be checked only where that
+    folder is; elsewhere its values are checked. Stamps of films and tracks are not compared,
+    because these files may be elsewhere, too.
     """
     text = PARAMS.read_text(encoding="utf-8") if PARAMS.is_file() else ""
     values = yaml.safe_load(text) or {}
     if "-" in values.get(STAMP, "") and not LOCAL.is_file():
-        print(f"{PARAMS} holds values of somebody's {LOCAL}: only their ranges are checked",
+        print(f"{PARAMS} has values of a {LOCAL} that is not here: only ranges are checked",
               file=sys.stderr)  # fmt: skip
         if problems := all_problems(values):
             raise refusal(problems)
         return
     if not same_but_files(values, yaml.safe_load(compose_params(overrides))):
         raise FinloopError(
-            f"{PARAMS} is not the composition of {CONF}/", "the two equal", "make params"
+            f"{PARAMS} is not the composition of {CONF}/", "both to be equal", "make params"
         )
 
 
 def same_but_files(first: dict[str, Any], second: dict[str, Any]) -> bool:
-    """Whether two compositions are the same, but for the stamps of films and tracks."""
+    """Return whether two compositions are equal apart from the stamps of films and tracks."""
     unstamped = dict.fromkeys(FILES)
     return first | unstamped == second | unstamped
 
 
 def main() -> None:
-    """Write params.yaml, or compare it."""
+    """Write params.yaml, or compare it with conf/."""
     parser = argparse.ArgumentParser(prog="make params", description=__doc__)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")

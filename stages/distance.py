@@ -1,4 +1,4 @@
-"""Stage `distance`: how alike the frames of the film are (fish paper §4.1, Eqs. 5-8, Fig. 9)."""
+"""Stage `distance`: how similar the frames of the film are (fish paper §4.1, Eqs. 5-8, Fig. 9)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -24,7 +24,7 @@ SAMPLE = 1000  # pairs measured again in float64
 
 
 def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
-    """The number of SAMPLE pairs that are off by EXACT, against new pictures and float64."""
+    """Return how many of SAMPLE pairs differ by EXACT from new pictures in float64."""
     some = pairs.sample(min(SAMPLE, len(pairs)), random_state=0)
     count = 0
     for start in range(0, len(some), 50):
@@ -75,7 +75,7 @@ def main() -> None:
             file=sys.stderr,
         )
     if not len(pairs):
-        print("distance: no two frames are alike enough to be kept", file=sys.stderr)
+        print("distance: no two frames are similar enough", file=sys.stderr)
 
 
 if __name__ == "__main__":

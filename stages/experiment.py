@@ -17,7 +17,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
 class Experiment:
     """The values of `hydra.sweeper` in conf/experiment/<name>.yaml."""
 
-    # title, why: text. What the page that compares the runs says
+    # title, why: text. On the page that compares the runs
     title: str
     why: str
     seen: str  # text; what was seen when it was run, in a sentence, on which film
@@ -29,7 +29,6 @@ class Experiment:
     measures: Annotated[list[Name], Field(min_length=1)]
 
     def __post_init__(self) -> None:
-        """Refuse stages that there are not."""
         for word in (name.partition(".")[0] for name in (*self.params, *self.measures)):
             if word not in WORDS:
                 raise ValueError(f"{word} is no stage")
@@ -40,7 +39,7 @@ class Experiment:
         return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
     def runs(self, name: str) -> dict[str, list[str]]:
-        """Every combination: name of the run → its overrides; the last parameter varies first."""
+        """Return every combination: name of the run → its overrides; the last varies first."""
         runs = {}
         for values in product(*map(choices, self.params.values())):
             pairs = zip(self.params, values, strict=True)
@@ -49,7 +48,7 @@ class Experiment:
 
 
 def choices(values: str) -> Iterator[str]:
-    """The values of one parameter, from Hydra's notation of a sweep."""
+    """Yield the values of one parameter, from Hydra's notation of a sweep."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     override = OverridesParser.create().parse_override(f"swept={values}")

@@ -1,4 +1,4 @@
-"""Stage `export`: what other programs take: films with alpha, atlas, edit list, tracks as poses."""
+"""Stage `export`: files for other programs: films with alpha, atlas, edit list, tracks as poses."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -44,7 +44,7 @@ POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 
 
 def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> dict[str, Any]:
-    """Write the animation and every sequence of sprites; what films.json says of them."""
+    """Write the animation and every sequence of sprites; return the entries of films.json."""
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
@@ -52,7 +52,7 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
     made: dict[str, Any] = {}
 
     def film(name: str, pictures: Iterable[Image], crop: Box, webp_ticks: int) -> None:
-        """Write name.webm, and of its first `webp_ticks` name.webp."""
+        """Write name.webm, and name.webp from its first `webp_ticks`."""
         path, shape = folder / name, (crop.bottom - crop.top, crop.right - crop.left, 4)
         webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)
         webp = AlphaWebpWriter(path.with_suffix(".webp"), shape, rate, p.webp_quality)
@@ -87,7 +87,7 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
 
 
 def save_alone(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> None:
-    """Write stimulus.html: the beginning of the animation, played by the page itself."""
+    """Write stimulus.html, a page that plays the beginning of the animation without a server."""
     facts = project.facts
     ticks = round(p.stimulus_seconds * facts.frame_rate)
     if not ticks:
@@ -104,13 +104,13 @@ def save_alone(folder: Path, p: ExportSettings, project: Project, drawn: EditSou
 
 
 def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
-    """Return the name of every row's animal: another program's, or `animal_` and its number."""
+    """Return the name of every row's animal: from another program, or `animal_` and its number."""
     if project.external_tracks is not None:
         return project.external_tracks["animal"]
-    told = project.identities
-    digits = len(str(told["identity"].max()))
-    name = "animal_" + told["identity"].astype(str).str.zfill(digits)
-    return tracks["track_id"].map(name.set_axis(told["track_id"]))
+    identities = project.identities
+    digits = len(str(identities["identity"].max()))
+    name = "animal_" + identities["identity"].astype(str).str.zfill(digits)
+    return tracks["track_id"].map(name.set_axis(identities["track_id"]))
 
 
 def main() -> None:

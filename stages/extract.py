@@ -1,4 +1,4 @@
-"""Stage `extract`: the normalised clip becomes background, tracks, backbones, cut-outs."""
+"""Stage `extract`: make background, tracks, backbones and cut-outs from the normalised clip."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -48,13 +48,13 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pie
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and films.csv."""
     settings: ExtractSettings = load("extract")
-    with workers(WORKERS_NEED) as crew, whole_folder(EXTRACT) as folder:
+    with workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
         if parts_of(CLIP):
-            numbers, films = extract_films(CLIP, settings, crew, folder)
+            numbers, films = extract_films(CLIP, settings, pool, folder)
         else:
             pieces = Pieces(PIECES / name_of(track_inputs(CLIP, settings)))
             keep_only(PIECES, [pieces.folder.name])
-            numbers = extract_film(CLIP, settings, crew, pieces, folder)
+            numbers = extract_film(CLIP, settings, pool, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             contribution = Contribution(
                 name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness()
@@ -66,30 +66,30 @@ def main() -> None:
 
 
 def track_inputs(clip: Path, own: ExtractSettings) -> dict[str, Any]:
-    """Return everything that the tracks of a clip's folder are made from."""
-    key = clip / KEY_NAME  # of one of several films
+    """Return everything from which the tracks of a clip's folder are made."""
+    key = clip / KEY_NAME  # exists for one of several films
     film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
     tracks = stamps_of(Path(own.tracks_path).expanduser()) if own.tracks_path else None
     return {"extract": asdict(own), "code": code_digest("extract"), "clip": film, "tracks": tracks}
 
 
 def stamps_of(path: Path) -> list[Stamp] | None:
-    """The stamps of a file or of a folder's files; None where there is nothing."""
+    """Return the stamps of a file or of a folder's files; None where there is nothing."""
     return stamps(path) if path.exists() else None
 
 
 def extract_film(
-    clip: Path, settings: ExtractSettings, crew: Workers, pieces: Pieces, folder: Path
+    clip: Path, settings: ExtractSettings, pool: Workers, pieces: Pieces, folder: Path
 ) -> dict[str, float]:
-    """Write the tracks and cut-outs of a clip to a folder; its metrics."""
+    """Write the tracks and cut-outs of a clip to a folder; return its metrics."""
     facts = load_facts(clip / FACTS_NAME)
     if pieces.size():
-        print("finloop: goes on from what an interrupted run has found", file=sys.stderr)
+        print("finloop: continues with the results of an interrupted run", file=sys.stderr)
     try:
         with progress("extract", facts.frames) as advance:
-            extraction = extract(clip, settings, folder, crew, advance, pieces)
+            extraction = extract(clip, settings, folder, pool, advance, pieces)
     except FollowedNoneError:
-        pieces.remove()  # there would be nothing again
+        pieces.remove()  # a new run would find nothing, too
         raise
     for note in notes_on_given(extraction.given):
         print(f"finloop: note: {note}", file=sys.stderr)
@@ -103,7 +103,7 @@ def extract_film(
 
 
 def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
-    """Notes for the user on tracks from a file; none without one."""
+    """Return notes for the user on tracks from a file; none without one."""
     if numbers:
         animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
         why = (
@@ -118,12 +118,12 @@ def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
 
 
 def extract_films(
-    clip: Path, settings: ExtractSettings, crew: Workers, folder: Path
+    clip: Path, settings: ExtractSettings, pool: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Write the tracks and cut-outs of several films, a folder each, and their motion base.
 
-    A film in which nothing can be followed is named and left out. The tracks of an earlier run with
-    the same clip, parameters and code are reused. Returns metrics, and a row for each film.
+    A film without a track is named and left out. The tracks of an earlier run with the same clip,
+    parameters and code are reused. Returns metrics, and a row for each film.
     """
     numbers, every = dict[str, float](), all_parts(clip)
     errors = {part.name: part.error for part in every if part.error}
@@ -141,7 +141,7 @@ def extract_films(
         home = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)
         with left_out(part, errors):
-            make = partial(extract_film, clip / home, own, crew, Pieces(PIECES / name_of(key)))
+            make = partial(extract_film, clip / home, own, pool, Pieces(PIECES / name_of(key)))
             metrics_of_film = reuse_or_make(EXTRACT / home, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in metrics_of_film.items()}
     contributions = join_extractions(clip, folder, errors)
@@ -157,7 +157,7 @@ def extract_films(
 
 @contextmanager
 def left_out(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
-    """A block for one film: where it fails, the film is named and left out."""
+    """Return a context for one film: if it fails, the film is named and left out."""
     try:
         yield
     except FinloopError as error:
@@ -179,7 +179,7 @@ def film_row(contribution: Contribution) -> dict[str, Any]:
 
 
 def metrics(extraction: Extraction) -> dict[str, float]:
-    """Numbers on noise, the typical fish, verdicts and the lengths of tracks."""
+    """Return numbers on noise, the typical fish, verdicts and the lengths of tracks."""
     scene, verdicts, lengths, given, lost = extraction
     long = [count for count in lengths.values() if count >= LONG]
     return {

@@ -1,4 +1,4 @@
-"""Stage `features`: tracks become the feature table, the numbers of Fig. 7, and Table 1."""
+"""Stage `features`: make the feature table, the numbers of Fig. 7, and Table 1 from the tracks."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -43,7 +43,7 @@ def main() -> None:
     }
     if metrics["current_body_lengths_s"] and settings.water_current_bl_s == "auto":
         print(
-            "features: the animal stays in its place and beats its tail; it is taken to swim "
+            "features: the animal beats its tail but stays in its place; it is assumed to swim "
             f"{metrics['current_body_lengths_s']:.2g} body lengths/s against a current "
             "(features.water_current_bl_s; 0 = none)",
             file=sys.stderr,

@@ -1,8 +1,9 @@
-"""One's own film: conf/local/default.yaml names it, params.yaml is composed; then, the report.
+"""Use your own film: name it in conf/local/default.yaml, compose params.yaml, show the report.
 
-`python -m stages.film [key=value ...]` takes the film, or several, from the variable FILM: a path
-as it is, or paths between spaces, those that hold spaces in quotes. `--report` says where the
-report is, and opens it where there is a desktop. `make film` calls both, and the pipeline between.
+`python -m stages.film [key=value ...]` takes one film or several from the variable FILM: a path as
+it is, or several paths between spaces, with quotes around a path that contains spaces. `--report`
+prints where the report is, and opens it where there is a desktop. `make film` calls both, with the
+pipeline between them.
 """
 
 from stages.run import run  # isort: skip
@@ -27,7 +28,7 @@ WANTED = 'make film FILM=/path/of/film.mp4; several: FILM="a.mp4 b.mp4", quoted 
 
 
 def films_in(text: str) -> list[str]:
-    """The paths that FILM names, whole; FinloopError where it names none, or one is not there."""
+    """Return the full paths in FILM; raise FinloopError if it names none, or one is missing."""
     if not text.strip():
         raise FinloopError("FILM names no film", WANTED, "give the path of your film")
     try:
@@ -49,7 +50,7 @@ def films_in(text: str) -> list[str]:
 
 
 def local_text(films: list[str]) -> str:
-    """The content of conf/local/default.yaml for these films."""
+    """Return the content of conf/local/default.yaml for these films."""
     # As OmegaConf reads it: `${` would begin the name of another value.
     paths = [json.dumps(film.replace("${", "\\${"), ensure_ascii=False) for film in films]
     value = paths[0] if len(paths) == 1 else "[" + ", ".join(paths) + "]"
@@ -64,10 +65,10 @@ clip:
 
 
 def name_films(films: list[str], local: Path) -> str:
-    """Let conf/local/default.yaml name these films; what was done, in a sentence.
+    """Let conf/local/default.yaml name these films; return a sentence on what was done.
 
-    A file that names them already is left with its settings; another one is kept as a backup,
-    unless it holds nothing but what this function wrote.
+    A file that names them already keeps its settings. Another file is kept as a backup, unless it
+    contains only what this function wrote.
     """
     before = local.read_text(encoding="utf-8") if local.is_file() else ""
     films_before = _films_of(before)
@@ -89,7 +90,6 @@ def name_films(films: list[str], local: Path) -> str:
 
 
 def _films_of(text: str) -> list[str]:
-    """The films that a conf/local/default.yaml names; none where it does not say."""
     try:
         path = yaml.safe_load(text)["clip"]["path"]
     except (yaml.YAMLError, KeyError, TypeError):
@@ -101,7 +101,7 @@ def _films_of(text: str) -> list[str]:
 
 
 def show_report(report: Path) -> None:
-    """Say where the report is, and open it where there is a desktop."""
+    """Print where the report is, and open it where there is a desktop."""
     print(f"\nDone. The report: {report.absolute()}")
     desktop = sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
     if desktop:

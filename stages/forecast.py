@@ -1,4 +1,4 @@
-"""Stage `forecast`: the network of the next pose and motion, and the film's spread about it."""
+"""Stage `forecast`: learn to predict the next pose and motion, and the film's spread around it."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -41,14 +41,14 @@ def load_visible(project: Project) -> VisibleDistance:
 
 
 def save_graph(folder: Path, swim: Sampler) -> None:
-    """Write what `Project.forecast` maps: the graph of similar rows, and the predicted states."""
+    """Write the graph of similar rows and the predicted states, which `Project.forecast` maps."""
     save_array(folder / "start.npy", swim.start)
     save_array(folder / "neighbours.npy", swim.to)
     save_array(folder / "mean.npy", swim.mean)
 
 
 def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Errors of the relative motion area Δ later, on rows of the film itself that were held out."""
+    """Return errors of the relative motion area Δ later, on held-out rows of the film itself."""
     features, poses, film = project.features, project.poses, project.states
     rows = parts.held_out[parts.held_out < film.count]
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
@@ -68,7 +68,7 @@ def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[st
 def quality(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """The quality of the forecasts and of a fish that swims freely; tables go to the folder."""
+    """Return the quality of the forecasts and of a freely swimming fish; write the tables."""
     ensemble = assess.ensembles(film, swim, parts, rng)
     states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)
@@ -88,7 +88,7 @@ def main() -> None:
         try:
             film = project.states
             parts = split(film, p)
-            with (  # half of the time each, and neither waits for the other
+            with (  # half of the time each, in parallel
                 ThreadPoolExecutor(1) as beside,
                 progress("forecast", p.epochs, "epochs") as advance,
             ):

@@ -1,4 +1,4 @@
-"""Stage `gait`: motion fitted from film drives a drawn character (curve paper §4.2, Figs. 8-14)."""
+"""Stage `gait`: motion fitted to film drives a drawn character (curve paper §4.2, Figs. 8-14)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -52,7 +52,7 @@ Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]  # of a cycle, an
 
 
 class GaitFit(NamedTuple):
-    """A gait with the film and the keys that it comes from, and its errors on held-out frames."""
+    """A gait, the film and keys to which it is fitted, and its errors on held-out frames."""
 
     film: GaitContours
     gait: Gait
@@ -60,7 +60,7 @@ class GaitFit(NamedTuple):
     errors: ClockComparison
 
     def draw(self, folder: Path, pictures: Pictures | None = None) -> None:
-        """Figs. 8 to 14 into a folder."""
+        """Draw Figs. 8 to 14 into a folder."""
         gait = self.gait
         samples = samples_of(self.film, gait.split, gait.wavelet, gait.coarse)
         subcycles = subcycles_of(self.keys, samples, gait.wavelet, gait.coarse)
@@ -68,17 +68,17 @@ class GaitFit(NamedTuple):
             save_figure(folder / f"{name}.png", figure)
 
     def rms(self) -> dict[str, float]:
-        """By clock: RMS errors on held-out frames, per cent of the body length."""
+        """Return the RMS errors on held-out frames by clock, per cent of the body length."""
         return {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
 
     def numbers(self, film: str) -> dict[str, float]:
-        """For the metrics."""
+        """Return the numbers for the metrics."""
         facts = {key: getattr(self.gait, key) for key in ("frequency_hz", "confidence", "cycles")}
         return {f"{film}_{key}": value for key, value in (facts | self.rms()).items()}
 
 
 def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
-    """A gait fitted to a film, and to parts of it for the errors on held-out frames."""
+    """Fit a gait to a film, and to parts of it for the errors on held-out frames."""
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare(film, **basis)
     gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.gamma_per_scale)
@@ -87,7 +87,10 @@ def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sourc
 
 
 def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
-    """The gait of the track with the surest tail beat, None if none repeats; a row a track."""
+    """Return the gait of the track with the clearest tail beat, and a table of all tracks.
+
+    The gait is None if no outline repeats.
+    """
     project = Project()
     rate, tracks = project.rate_hz, project.tracks(TRACKS)
     heads = project.features[["track_id", "frame", "head_x_px", "head_y_px"]]
@@ -117,7 +120,7 @@ def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
 
 
 def dog(p: GaitSettings) -> DogFilm:
-    """The drawn dog that the parameters ask for."""
+    """Return the drawn dog of the parameters."""
     size = p.dog_width_px / DogFilm.width_px
     return DogFilm(
         frames=p.dog_frames, frame_rate_hz=p.dog_rate_hz, cycles=p.dog_cycles,
@@ -127,7 +130,7 @@ def dog(p: GaitSettings) -> DogFilm:
 
 
 def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
-    """Film the dog, and find its near limbs in the film as it was coded; pictures of a cycle."""
+    """Film the dog and find its near limbs in the coded film; also return pictures of a cycle."""
     rate = Fraction(walk.frame_rate_hz).limit_denominator(1001)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
@@ -164,7 +167,7 @@ def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[st
 
 
 def table_of(which: str, gait: Gait) -> pd.DataFrame:
-    """γ by contour and subcycle, the mean over the scales; the true columns are empty."""
+    """Return γ by contour and subcycle, the mean over the scales; the true columns are empty."""
     rows = [
         (which, name, sub, float(np.mean(values)), *(np.nan,) * 3)
         for name, of in gait.gamma.items()
@@ -175,7 +178,7 @@ def table_of(which: str, gait: Gait) -> pd.DataFrame:
 
 
 def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
-    """The gait of the drawn dog, or of one's own film of limbs."""
+    """Return the gait of the drawn dog, or of the user's film of limbs."""
     pictures: Pictures | None = None
     if p.limbs == "dog":
         pictures = filmed_dog(dog(p), folder)
@@ -197,7 +200,7 @@ def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
 def animate_drawing(
     name: str, keys: tuple[str, str], gait: Gait, p: GaitSettings, folder: Path
 ) -> dict:
-    """Save a drawing in motion in every format, and return how far its feet slide."""
+    """Save a moving drawing in every format; return how far its feet slide."""
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     result = transfer(first, second, gait, frames, p.contour_points)
@@ -215,14 +218,14 @@ def animate_drawing(
 
 
 def swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
-    """The gait that drives the drawn fish: a shipped one, or the clip's own."""
+    """Return the gait that drives the drawn fish: a shipped one, or the clip's own."""
     if p.swimmer_gait is not None:
         return load_gait(Path(p.swimmer_gait))
     if swimmer is None:
         raise FinloopError(
             "gait.swimmer_gait is null, and no track of the clip has an outline that repeats",
             "a clip with a steady tail beat, or the path of a gait",
-            "see why in reports/gait/tracks.csv, or set gait.swimmer_gait=data/gaits/trout.json",
+            "see reports/gait/tracks.csv, or set gait.swimmer_gait=data/gaits/trout.json",
         )
     return swimmer.gait
 
@@ -231,7 +234,7 @@ def main() -> None:
     """Make data/gait/, reports/gait/."""
     p: GaitSettings = load("gait")
     with whole_folder(OUT) as folder:
-        walker, pictures = limbs(p, folder)  # first: here a person gives most, and errs most
+        walker, pictures = limbs(p, folder)  # first: most user input, and so most errors
         swimmer, tracks = outlines(p)
         save_csv(REPORT / "tracks.csv", tracks, decimals=4)
         fish = swimmer_gait(p, swimmer)

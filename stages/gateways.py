@@ -21,17 +21,17 @@ WORDS = {IN: "into", OUT: "out of"}
 
 
 def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> None:
-    """Tell on stderr where there is no way, and what would give one."""
+    """Report on stderr where there is no gateway, and how to get one."""
     for direction, word in WORDS.items():
         if (ways["direction"] == direction).any():
             continue
         near = every.loc[every["direction"] == direction, "distance"]
         if near.empty:
-            why = f"no track lasts {least:g} Δ and a frame more"
+            why = f"no track lasts {least:g} Δ and one frame more"
         else:
             most = np.ceil(10 * near.min() / step + 1e-6) / 10
             why = f"gateways.distance_threshold={most:.1f} would give some"
-        print(f"gateways: no way {word} the film; {why}", file=sys.stderr)
+        print(f"gateways: no gateway {word} the film; {why}", file=sys.stderr)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Stage `identity`: tracks are joined to animals, by motion and appearance."""
+"""Stage `identity`: join tracks to animals, by motion and appearance."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
-    """Numbers of animals and joins, and the lengths of gaps."""
+    """Return numbers of animals and joins, and the lengths of gaps."""
     joins = table[table["after_track"] >= 0]
     sizes = features.merge(table, on="track_id").groupby("identity").size()
     at_once = features.groupby("frame").size()
@@ -58,7 +58,7 @@ def numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
 
 
 def join_trial(film: Evidence, table: pd.DataFrame) -> dict[str, float]:
-    """How sure joins are, and how often they are right in trial gaps."""
+    """Return how confident joins are, and how often they are right in trial gaps."""
     joins = table[table["after_track"] >= 0]
     rng = np.random.default_rng(film.settings.seed)
     right, wrong = trial_gaps(film, joins["gap_frames"].to_numpy(), rng)

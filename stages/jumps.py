@@ -1,4 +1,4 @@
-"""Stage `jumps`: the jumps between frames that look and move alike, mirror images too."""
+"""Stage `jumps`: find jumps between frames that look and move alike, mirror images included."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -29,9 +29,9 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 
 @dataclass
 class StoredFilm:
-    """A `finloop.jumps.source.RowSource` whose pictures, `size` px across, are in the file `path`.
+    """A `finloop.jumps.source.RowSource` with pictures, `size` px across, in the file `path`.
 
-    Another process opens the file and the project anew. OSError if the disk is full.
+    Every process opens the file and the project itself. OSError if the disk is full.
     """
 
     path: Path
@@ -48,15 +48,15 @@ class StoredFilm:
         return open_array(self.path, shape_of(self.project.film_reel, self.size), "uint8")
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """As in `RowSource`."""
+        """Return the film, as `RowSource` does."""
         return self.project.film_reel, self.project.poses
 
     def pictures(self) -> Pictures:
-        """As in `RowSource`."""
+        """Return pictures of rows, as `RowSource` does."""
         return self._pictures
 
     def keep(self) -> None:
-        """As in `RowSource`."""
+        """Keep pictures of rows, as `RowSource` does."""
         keep_array(self._pictures)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -68,13 +68,13 @@ def main() -> None:
     p: JumpsSettings = load("jumps")
     with (
         Project() as project,
-        workers(WORKERS_NEED, threads=True) as crew,
+        workers(WORKERS_NEED, threads=True) as pool,
         whole_folder(OUT) as folder,
     ):
         source = StoredFilm(folder / "pictures.npy", p.look_px, project)
         source.create()
         with progress("jumps", len(source.film()[0]), "rows") as advance:
-            result = film_jumps(source, p, crew, advance)
+            result = film_jumps(source, p, pool, advance)
         save(folder, result)
     save_metrics(REPORT / "metrics.json", result.numbers)
 

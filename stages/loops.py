@@ -1,4 +1,4 @@
-"""Stage `loops`: where the film can jump to a similar frame (Figs. 8, 10-13)."""
+"""Stage `loops`: find where the film can jump to a similar frame (Figs. 8, 10-13)."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 

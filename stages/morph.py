@@ -1,4 +1,4 @@
-"""Stage `morph`: a drawing becomes another one; a hoop springs back (curve paper §2-4.1)."""
+"""Stage `morph`: turn one drawing into another; release a bent hoop (curve paper §2-4.1)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -42,7 +42,7 @@ SETTINGS = {  # of Fig. 5: e0, c, rho
 
 
 def tables() -> pd.DataFrame:
-    """Tables 1 and 2: normalised connection coefficients, and the true scale of the first."""
+    """Return Tables 1 and 2: normalised connection coefficients, and the first's true scale."""
     rows = []
     for wavelet in TABLES:
         table = connection(wavelet)
@@ -55,14 +55,14 @@ def tables() -> pd.DataFrame:
 
 
 def hoop(p: MorphSettings) -> dict[str, float]:
-    """Figs. 6, 7: a bent hoop, round at rest, is let go; the error of each method of solving."""
+    """Draw Figs. 6, 7, a bent hoop that is round at rest; return the errors of all solvers."""
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(area(outline)) / np.pi)
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     shape, rest = match_curves(outline, Curve(ring, True), HOOP_POINTS)
     shape = shape - shape.mean(axis=0) - rest
-    # Mode m swings m √(e₀/ρ) times in a time of 1: the oval, m = 2, once.
+    # Mode m swings m √(e₀/ρ) times per unit of time: the oval, m = 2, once.
     material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
     times = np.linspace(0, 3, 181)
     problem = Problem(rest, shape, material, times, wavelet=p.wavelet)
@@ -92,7 +92,7 @@ def hoop(p: MorphSettings) -> dict[str, float]:
 
 
 def curves(p: MorphSettings) -> dict[str, float]:
-    """Figs. 2 and 3, and how much of K lies off its diagonal."""
+    """Draw Figs. 2 and 3; return how much of K lies off its diagonal."""
     outline = max(glyph(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
     save_figure(

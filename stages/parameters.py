@@ -26,7 +26,7 @@ print a group with `make params S="help=sprites"`.
 
 
 def terminal_table(word: str, width: int) -> str:
-    """Return the parameters of a group for a terminal so many characters wide.
+    """Return the parameters of a group for a terminal of this width in characters.
 
     FinloopError if there is no such group.
     """
@@ -44,12 +44,11 @@ def terminal_table(word: str, width: int) -> str:
 
 
 def _value(entry: ParameterHelp) -> str:
-    """Return the value as YAML writes it."""
     return yaml.safe_dump(entry.value, default_flow_style=True, width=200).split("\n")[0]
 
 
 def page(entries: Iterable[ParameterHelp]) -> str:
-    """Return the page of all parameters, a table for each group, as Markdown."""
+    """Return the page of all parameters as Markdown, one table per group."""
     parts = [_HEAD]
     for word, group in groupby(entries, lambda entry: entry.word):
         parts += [

@@ -1,8 +1,8 @@
-"""Stage `params`: is params.yaml whole, and composed from the present conf/?
+"""Stage `params`: check that params.yaml is complete and composed from the present conf/.
 
-It runs when conf/ has changed, and every root of the pipeline depends on its one constant output:
-so nothing runs before it, and nothing runs again because of it. Whatever composes params.yaml
-checks it too, and each stage its own part.
+It runs when conf/ has changed. Every root of the pipeline depends on its constant output, so
+nothing runs before it, and nothing runs again because of it. The programs that compose params.yaml
+check it too, and each stage checks its own part.
 """
 
 from stages.run import run  # isort: skip
@@ -17,7 +17,7 @@ CHECKED = Path("data/params/checked.txt")
 
 
 def main() -> None:
-    """Refuse what is wrong by name; else write the output."""
+    """Refuse wrong values by name; else write the output."""
     if problems := all_problems(read()):
         raise refusal(problems)
     with whole_file(CHECKED) as part:

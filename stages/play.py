@@ -1,6 +1,6 @@
-"""The live tank: `python -m stages.play` opens a local page on which the fish are sent by hand.
+"""The live tank: `python -m stages.play` opens a local page on which the user sends the fish.
 
-No stage of the pipeline, but a program on what the stages have made; it writes nothing.
+It is a program that reads the stages' results, not a stage; it writes nothing.
 """
 
 from stages.run import run  # isort: skip  (before numpy)
@@ -31,14 +31,14 @@ from stages.settings import load
 
 PAGE = Path(finloop.live.__file__).with_name("play.html")
 PORT = 8750
-PICTURES = 2048  # are held, for the film comes round again and again
+PICTURES = 2048  # kept in memory, because the film repeats
 
 
 @contextmanager
 def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
-    """Yield the live tank, of what the stages have made.
+    """Yield the live tank, from the stages' results.
 
-    fish: None = as many as `matching.fish`; one in a mode of the paper.
+    fish: None = as many as `matching.fish`, or one in a mode of the paper.
     """
     p, q = load("animate"), load("render")
     with Project() as project:
@@ -71,7 +71,7 @@ def main() -> None:
     asked = _parser().parse_args()
     with bind_socket(asked.port) as listens:
         url = f"http://{HOST}:{listens.getsockname()[1]}/"
-        print("play: reading what the stages have made ...", file=sys.stderr)
+        print("play: reading the stages' results ...", file=sys.stderr)
 
         def announce() -> None:
             print(f"play: the tank is open at {url} (Ctrl-C closes it)", file=sys.stderr)
@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def has_screen() -> bool:
-    """Whether a browser could show itself; else a text browser would take the terminal."""
+    """Return whether a browser has a screen; a text browser would take over the terminal."""
     screens = ("DISPLAY", "WAYLAND_DISPLAY")
     return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))
 
@@ -97,7 +97,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m stages.play", description="A live tank on a local page."
     )
     parser.add_argument(
-        "--mode", choices=tuple(MODES), help="default hybrid; of several fish matching"
+        "--mode", choices=tuple(MODES), help="default hybrid; matching for several fish"
     )
     parser.add_argument(
         "--fish",

@@ -1,4 +1,4 @@
-"""Stage `pose`: every posture of the film as a few codes, the shares of its principal shapes."""
+"""Stage `pose`: describe every posture of the film by a few codes of its principal shapes."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -32,7 +32,7 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         save_table(folder / "poses.parquet", poses.table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)
-        # As they would be worked out from the files, to the last bit.
+        # Equal to the last bit to poses computed from the files.
         again = restore_poses(features, poses.codes, asdict(poses.facts))
         save_array(folder / "postures.npy", again.pose.posture)
         save_outlines(folder / "outlines.npy", project)
@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def save_outlines(path: Path, project: Project) -> None:
-    """Write the outlines (n, k, 2) x, y px of all rows, to be mapped."""
+    """Write the outlines (n, k, 2) x, y px of all rows to a file that can be mapped."""
     outlines = new_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
     table, first = project.data / "extract/tracks.parquet", 0
     for axes in read_lists(table, tracks_schema(project.scene.points), OUTLINE, ROWS):

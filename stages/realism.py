@@ -1,4 +1,4 @@
-"""Stage `realism`: can a classifier tell the animation from its film, and what gives it away?"""
+"""Stage `realism`: test whether a classifier can distinguish the animation from its film."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -38,66 +38,64 @@ from stages.settings import load
 ANIMATE = Path("data/animate")
 OUT, REPORT = Path("data/realism"), Path("reports/realism")
 WORKERS_NEED = ["finloop.realism.instrument", "finloop.realism.compare", "finloop.project"]
-LEAST_SHARE = 0.8  # of the ticks that extraction follows; below it there is a note
+LEAST_SHARE = 0.8  # of the ticks that extraction follows; below it a note is printed
 PANEL_PX, CRF = 320, 20  # of the film of examples
 
 
 @dataclass(frozen=True)
 class GalleryOpener:
-    """Opens all pictures that edit lists draw from, also in another process."""
+    """Open all pictures from which edit lists draw, also in another process."""
 
     project: Project
 
     def __call__(self) -> AbstractContextManager[Gallery]:
-        """Return the pictures; the project closes them."""
         return nullcontext(self.project.whole_gallery)
 
 
 def share_of(ticks: Sized, work: list[Work]) -> float:
-    """The share of the ticks of edit lists at which extraction followed a fish."""
+    """Return the share of the ticks of edit lists in which extraction followed a fish."""
     return len(ticks) / max(1, sum(len(edit) for edit, _ in work))
 
 
 def swimming_of(
     works: dict[str, list[Work]], pictures: GalleryOpener, instruments: dict[str, Instrument],
-    crew: Workers,
+    pool: Workers,
 ) -> dict[str, Swimming]:  # fmt: skip
-    """Film and animations as extraction measures them; those that it cannot follow are left out."""
+    """Measure film and animations by extraction; leave out those without a followed fish."""
     work = partial(measure_list, pictures)
     every = [(instruments[name], *job) for name, part in works.items() for job in part]
     tables = []
     with progress("realism", sum(len(edit) for _, edit, _ in every), "ticks") as advance:
-        for (_, edit, _), table in zip(every, ordered_map(work, every, crew), strict=True):
+        for (_, edit, _), table in zip(every, ordered_map(work, every, pool), strict=True):
             tables.append(table)
             advance(len(edit))
-    swum: dict[str, Swimming] = {}
+    measured: dict[str, Swimming] = {}
     for name, part in works.items():
         own, tables = tables[: len(part)], tables[len(part) :]
         share = 0.0
         if any(map(len, own)):
-            swum[name] = swimming([edit for edit, _ in part], own, instruments[name].rate_hz)
-            share = share_of(swum[name].row, part)
+            measured[name] = swimming([edit for edit, _ in part], own, instruments[name].rate_hz)
+            share = share_of(measured[name].row, part)
         if share < LEAST_SHARE:
             print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
-                  "ticks, and the numbers are of these; look at the film that "
-                  f"render.mode={name} makes", file=sys.stderr)  # fmt: skip
-    return swum
+                  "ticks, and the numbers use only these; look at the film from "
+                  f"render.mode={name}", file=sys.stderr)  # fmt: skip
+    return measured
 
 
 def _verdict(
     p: RealismSettings, item: tuple[str, tuple[Windows, Windows]]
 ) -> Verdict | FinloopError:
-    """A comparison, or why there is none."""
     try:
         return compare.verdict(item[1], p, alone=item[0] != AGAIN)
     except FinloopError as error:
         return error
 
 
-def verdicts_of(sides: Sides, p: RealismSettings, crew: Workers) -> dict[str, Verdict]:
-    """All comparisons with enough windows."""
+def verdicts_of(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Verdict]:
+    """Return all comparisons with enough windows."""
     verdicts: dict[str, Verdict] = {}
-    results = ordered_map(partial(_verdict, p), sides.items(), crew)
+    results = ordered_map(partial(_verdict, p), sides.items(), pool)
     for name, result in zip(sides, results, strict=True):
         if isinstance(result, Verdict):
             verdicts[name] = result
@@ -107,7 +105,7 @@ def verdicts_of(sides: Sides, p: RealismSettings, crew: Workers) -> dict[str, Ve
 
 
 def save_film(folder: Path, pictures: GalleryOpener, slower: int) -> None:
-    """Write the examples as a slow film, each twice; none where there are none."""
+    """Write the examples as a slow film, each twice; no film where there are no examples."""
     table = load_table(folder / "examples.parquet", examples.EXAMPLES)
     if table.empty:
         return
@@ -127,7 +125,7 @@ def save_film(folder: Path, pictures: GalleryOpener, slower: int) -> None:
 
 def save_report(
     verdicts: dict[str, Verdict], sample: Sample, works: dict[str, list[Work]],
-    swum: dict[str, Swimming],
+    measured: dict[str, Swimming],
 ) -> None:  # fmt: skip
     """Write numbers and curves."""
     save_csv(REPORT / "auc.csv", compare.table(verdicts), decimals=4)
@@ -136,7 +134,7 @@ def save_report(
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
     save_csv(REPORT / "roc.csv", table.reindex(columns=columns), decimals=4)
     numbers = compare.numbers(verdicts)
-    for name, result in swum.items():
+    for name, result in measured.items():
         numbers |= {
             f"{name}_s": len(result.row) / sample.rate_hz,
             f"{name}_followed_pct": 100 * share_of(result.row, works[name]),
@@ -146,12 +144,12 @@ def save_report(
 
 def main() -> None:
     """Make data/realism/, reports/realism/."""
-    with Project() as project, workers(WORKERS_NEED) as crew:
-        compare_swimming(load("realism"), load("animate"), project, crew)
+    with Project() as project, workers(WORKERS_NEED) as pool:
+        compare_swimming(load("realism"), load("animate"), project, pool)
 
 
 def instrument_of(project: Project) -> Instrument:
-    """Return what measures the film as extraction does."""
+    """Return the instrument that measures as the film's extraction did."""
     features, rate = project.features, project.rate_hz
     delta_s, current = delta_of(features) / rate, float(features["current"].iloc[0])
     return Instrument(
@@ -161,7 +159,7 @@ def instrument_of(project: Project) -> Instrument:
 
 
 def compare_swimming(
-    p: RealismSettings, q: AnimateSettings, project: Project, crew: Workers
+    p: RealismSettings, q: AnimateSettings, project: Project, pool: Workers
 ) -> None:
     """Compare film and animations; write the report."""
     rate, features = project.rate_hz, project.features
@@ -174,22 +172,22 @@ def compare_swimming(
             works[mode] = animation_lists(load_table(path, EDIT))
             instruments[mode] = instrument.adapt_to_animation(project.size(mode))
     pictures = GalleryOpener(project)
-    swum = swimming_of(works, pictures, instruments, crew)
-    if FILM not in swum:
+    measured = swimming_of(works, pictures, instruments, pool)
+    if FILM not in measured:
         raise FinloopError(
-            "extraction could follow no fish of the film drawn again",
-            "cut-outs that look like the fish they were cut from",
+            "extraction follows no fish in the film drawn again",
+            "cut-outs that look like the filmed fish",
             "look at reports/extract/detections.png",
         )
-    sample = compare.sample(swum[FILM], features, rate, p)
-    sides = sample.sides({mode: swum[mode] for mode in swum if mode != FILM}, features)
-    verdicts = verdicts_of(sides, p, crew)
+    sample = compare.sample(measured[FILM], features, rate, p)
+    sides = sample.sides({mode: measured[mode] for mode in measured if mode != FILM}, features)
+    verdicts = verdicts_of(sides, p, pool)
     with whole_folder(OUT) as folder:
-        windows, curves = examples.WindowPool(sample, works, swum).tables(sides, verdicts)
+        windows, curves = examples.WindowPool(sample, works, measured).tables(sides, verdicts)
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
         save_table(folder / "curves.parquet", curves, examples.CURVES)
         save_film(folder, pictures, p.slower)
-    save_report(verdicts, sample, works, swum)
+    save_report(verdicts, sample, works, measured)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Stage `render`: an edit list becomes films (fish paper Figs. 16, 18)."""
+"""Stage `render`: draw films from an edit list (fish paper Figs. 16, 18)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -29,7 +29,7 @@ def films(
     p: RenderSettings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:  # fmt: skip
-    """Write the films of an edit list; the steps between its frames."""
+    """Write the films of an edit list; return the steps between its frames."""
     shown, ticks = frames(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
@@ -60,7 +60,7 @@ def films(
 
 
 def save_beside(folder: Path, p: RenderSettings, project: Project) -> None:
-    """Write modes.mp4: the film's own fish and every mode side by side."""
+    """Write modes.mp4: the film's own fish and the fish of every mode, side by side."""
     rate = project.facts.frame_rate
     ticks = round(p.comparison_seconds * rate)
     if not ticks:

@@ -1,4 +1,4 @@
-"""Stage `report`: all results on one page, reports/index.html."""
+"""Stage `report`: show all results on one page, reports/index.html."""
 
 from stages.run import THREADS, run, save_metrics  # isort: skip  (before numpy)
 
@@ -47,24 +47,24 @@ SOURCES = {
 TANK = Path("data/tank/tank.html")
 TABLES = {  # by chapter
     "filmed": (
-        ("extract/films.csv", "The films, and how their fish are brought to the first film's"),
+        ("extract/films.csv", "The films, and how their fish are matched to the first film's"),
         ("features/table1.csv", "Table 1: the film's fish in every orientation"),
         ("sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
     ),
     "swimming": (
-        ("realism/auc.csv", "Told from film: area under the ROC curve; lost without a channel"),
+        ("realism/auc.csv", "Distinguishable from film: AUC, and loss without a channel"),
     ),
     "curves": (
         ("morph/connection.csv", "Tables 1, 2 of the curve paper: connection coefficients"),
-        ("morph/folds.csv", "Frames in which a contour meets itself"),
+        ("morph/folds.csv", "Frames in which a contour crosses itself"),
     ),
-    "gait": (("gait/gamma.csv", "γ, and what it leaves unexplained"),),
-    "checks": (("clip/findings.csv", "The film: what is good, and what is better otherwise"),),
+    "gait": (("gait/gamma.csv", "γ and the unexplained rest"),),
+    "checks": (("clip/findings.csv", "Quality of the film, with advice"),),
 }
 
 
 def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
-    """The chapters of which there are pictures, with their pictures and tables."""
+    """Yield the chapters that have pictures, with their pictures and tables."""
 
     def load_webp(figure: Figure) -> WebP:
         return webp(load_picture(REPORTS / figure.path), p.max_picture_width_px, p.picture_quality)
@@ -83,7 +83,7 @@ def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, We
 
 
 def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool]]]:
-    """Every group's keys and values, and whether they were overridden."""
+    """Return every group's keys and values, and whether they differ from conf/."""
     differ = {change.partition("=")[0] for change in overrides(values)}
     return {
         word: [
@@ -95,7 +95,7 @@ def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool
 
 
 def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
-    """The film in a sentence."""
+    """Return a sentence on the film."""
     fish = f", {features['fish_frames']:,} pictures of fish" if features else ""
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
     scale = ""
@@ -112,12 +112,12 @@ def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 
 def film_in_words(mode: str, marks: bool) -> str:
-    """What the film shows."""
+    """Return a sentence on what the animation shows."""
     if mode == "retarget":
-        does, shown = "The fish swims as another animal did", "The line is its way"
+        does, shown = "The fish swims as another animal did", "The line is its path"
     else:
         does = f"The fish swims to its goals in turn (mode {mode}), then wanders"
-        shown = "Rings are goals, the line is its way"
+        shown = "Rings are goals, the line is its path"
     return f"{does}. No sound." + (f" {shown}." if marks else "")
 
 
@@ -166,7 +166,7 @@ def main() -> None:
         raise FinloopError(
             f"the page would be {len(text) / 1e6:.1f} MB",
             f"at most {p.max_page_mb:.1f} MB (report.max_page_mb)",
-            "smaller report.max_picture_width_px or report.max_film_mb",
+            "lower report.max_picture_width_px or report.max_film_mb",
         )
     with whole_file(OUT) as part:
         part.write_bytes(text)

@@ -1,4 +1,4 @@
-"""Stage `retarget`: a track recorded anywhere is swum by this film's fish."""
+"""Stage `retarget`: this film's fish swims a track that was recorded elsewhere."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -23,7 +23,7 @@ EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
 def material(project: Project) -> RetargetData:
-    """Return results of the stages before, of the film that is drawn."""
+    """Return results of earlier stages, of the film that is drawn."""
     return RetargetData(
         project.rate_hz, project.arena, project.film_reel, project.poses, project.look,
         project.map_facts.size,
@@ -31,32 +31,32 @@ def material(project: Project) -> RetargetData:
 
 
 def retarget_film(p: RetargetSettings) -> Retargeted:
-    """Retarget the track of the parameters to the fish of the film."""
+    """Retarget the requested track to the fish of the film."""
     with Project() as project:
         steps, film = project.steps[["headed", "as_filmed"]].dropna(), material(project)
         others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
-        swum = retarget_track(load_track(film, p), film, p, others)
-        mine = drawn_steps(swum.edit, film.pictures)
-        joins, _ = seams(swum.edit, film.pictures)
+        result = retarget_track(load_track(film, p), film, p, others)
+        mine = drawn_steps(result.edit, film.pictures)
+        joins, _ = seams(result.edit, film.pictures)
     numbers = {
-        **swum.numbers,
+        **result.numbers,
         **step_measures(mine, steps["as_filmed"].to_numpy(float)),
         **discontinuity_measures(joins, steps["headed"].to_numpy(float)),
     }
-    return swum._replace(numbers=numbers)
+    return result._replace(numbers=numbers)
 
 
 def notes(numbers: Mapping[str, float]) -> list[str]:
-    """What is to be known of a retargeted track, in sentences; numbers: of `Retargeted`."""
+    """Return notes on a retargeted track, as sentences; numbers: of `Retargeted`."""
     sentences = []
     if not numbers["with_postures"]:
         sentences.append(
-            "the track says no posture (that takes three points along the body): the fish is bent "
-            "as the film's at such a speed and turn rate"
+            "the track has no posture (that takes three points along the body): the fish bends as "
+            "in the film at the same speed and turn rate"
         )
     if numbers["left_out_s"] > 0:
         sentences.append(
-            f"the longest stretch without a gap is swum, {numbers['duration_s']:.1f} s; "
+            f"the fish swims the longest stretch without a gap, {numbers['duration_s']:.1f} s; "
             f"{numbers['left_out_s']:.1f} s are left out"
         )
     if numbers["outside_ticks"]:
@@ -68,18 +68,18 @@ def main() -> None:
     """Make data/retarget/, reports/retarget/."""
     p: RetargetSettings = load("retarget")
     if p.tracks is None:
-        swum = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})
+        result = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})
     else:
-        swum = retarget_film(p)
-        for note in notes(swum.numbers):
+        result = retarget_film(p)
+        for note in notes(result.numbers):
             print(f"retarget: {note}", file=sys.stderr)
     with whole_folder(OUT) as folder:
-        save_table(folder / "asked.parquet", swum.asked, ASKED)
+        save_table(folder / "asked.parquet", result.asked, ASKED)
     with whole_folder(EDIT_LIST.with_suffix("")) as folder:
         save_records(folder / "goals.json", [])
         save_json(folder / "drawn.json", {"size": 1.0})
-    save_table(EDIT_LIST, swum.edit, EDIT)
-    save_metrics(REPORT / "metrics.json", swum.numbers)
+    save_table(EDIT_LIST, result.edit, EDIT)
+    save_metrics(REPORT / "metrics.json", result.numbers)
 
 
 if __name__ == "__main__":

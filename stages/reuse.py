@@ -1,6 +1,6 @@
-"""Reuse of the results of an earlier run: of several films only the changed ones are made anew.
+"""Reuse results of an earlier run: of several films, only changed ones are made again.
 
-A film's folder holds its key: the parameters, the film and the code that it was made from.
+A film's folder holds its key: the parameters, the film and the code from which it was made.
 """
 
 import hashlib
@@ -22,10 +22,10 @@ Numbers = Mapping[str, float]
 def reuse_or_make(
     old: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
 ) -> dict[str, float]:
-    """The numbers of a film; its files in `folder` come from `old`, or from `make(folder)`.
+    """Return the numbers of a film; its files in `folder` come from `old`, or from `make(folder)`.
 
-    `key`: plain values; `old` is reused if it has the same key. After an error in `make` there is
-    no folder.
+    key: plain values; `old` is reused if it has the same key. After an error in `make` there is no
+    folder.
     """
     text = json.loads(json.dumps(key))
     if _read(old / KEY_NAME) == text and isinstance(numbers := _read(old / NUMBERS_NAME), dict):
@@ -43,7 +43,6 @@ def reuse_or_make(
 
 
 def _read(path: Path) -> Any:
-    """The content of a JSON file; None where there is none."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -51,7 +50,6 @@ def _read(path: Path) -> Any:
 
 
 def _link(source: str, target: str) -> None:
-    """The same file once more; a copy where the file system has no links."""
     try:
         os.link(source, target)
     except OSError:
@@ -59,7 +57,7 @@ def _link(source: str, target: str) -> None:
 
 
 def name_of(key: Mapping[str, Any]) -> str:
-    """A short name for a key: another key has another one."""
+    """Return a short name for a key; different keys have different names."""
     return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:16]
 
 

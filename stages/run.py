@@ -1,4 +1,4 @@
-"""The door of every stage: threads, an end with its parent, one message for an error, progress.
+"""The entry of every stage: threads, an end with its parent, one message for an error, progress.
 
 A stage is a module `stages/<word>.py` of this shape; `stages.run` is its first import because the
 thread counts must be set before numpy is imported::
@@ -57,16 +57,16 @@ LINE_EVERY_S = 10.0  # progress where there is no terminal to draw a bar on
 
 
 def _set_threads() -> None:
-    """Two threads for every numerical library, FINLOOP_THREADS for more.
+    """Set two threads for every numerical library, or FINLOOP_THREADS.
 
-    A fixed number, not the machine's: results differ in their last bits between thread counts.
+    The number is fixed, not the machine's: results differ in their last bits between thread counts.
     """
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, os.environ.get("FINLOOP_THREADS", "2"))
 
 
 def _bring_compiled() -> None:
-    """Give a temporary experiment, a bare copy elsewhere, the machine code its repository has.
+    """Give a temporary experiment, a bare copy elsewhere, its repository's machine code.
 
     Compiling it again takes ten seconds. `base.kernel` checks that the sources are the same.
     """
@@ -82,12 +82,12 @@ def _bring_compiled() -> None:
 
 
 def _right_python() -> None:
-    """Stop where the Python that was found first is not the one the packages are installed in."""
+    """Stop if the first Python on PATH lacks the packages."""
     missing = [name for name in ("cv2", "numpy", "pydantic") if not importlib.util.find_spec(name)]
     if missing:
         error = FinloopError(
             f"{sys.executable} lacks {', '.join(missing)}",
-            "the environment that `make setup` creates, first on PATH",
+            "the environment from `make setup`, first on PATH",
             "make repro; or: source .venv/bin/activate, then call dvc again",
         )
         sys.exit(f"finloop: {error}")
@@ -97,7 +97,7 @@ _set_threads()
 THREADS = int(os.environ["OMP_NUM_THREADS"])  # processes that a stage may work on, too
 if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test
     # dvc.yaml's commands begin with `exec`, so that the parent is DVC itself and no shell between:
-    # else the stage of a killed `dvc repro` works on beside that of the next one.
+    # else the stage of a killed `dvc repro` runs on beside that of the next one.
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C amid the imports: no traceback
     gc.disable()  # amid the imports, a third of their time; `run` enables it
@@ -108,10 +108,10 @@ _right_python()
 def run(main: Callable[[], None]) -> NoReturn:
     """Run a stage and end the process: status 0, or one message on stderr and status 1 (130).
 
-    Only an exception nobody foresaw shows its traceback, after a line that says so.
+    Only an unforeseen exception shows its traceback, after a line that marks it as a fault.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    gc.freeze()  # what was imported stays: it is never looked through, at the end neither
+    gc.freeze()  # imported objects stay: the collector never examines them
     gc.enable()
     try:
         main()
@@ -124,7 +124,7 @@ def run(main: Callable[[], None]) -> NoReturn:
             traceback.print_exc()
             foreseen = FinloopError(
                 f"an error in the program itself: {type(error).__name__}: {error}",
-                "no error, or a message that says what to do",
+                "no error, or a message with a remedy",
                 "report it, with the traceback above",
             )
         sys.exit(f"finloop: {foreseen}")
@@ -132,7 +132,6 @@ def run(main: Callable[[], None]) -> NoReturn:
 
 
 def _foreseen(error: Exception) -> FinloopError | None:
-    """The message for an error that a user can do something about; None for any other."""
     if isinstance(error, FinloopError):
         return error
     if isinstance(error, MemoryError):
@@ -144,7 +143,7 @@ def _foreseen(error: Exception) -> FinloopError | None:
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         return FinloopError(
             f"the disk is full ({error.filename or 'while writing'})",
-            "room for this stage's output; what was half written is removed",
+            "room for this stage's output; incomplete files are removed",
             "make room (`dvc gc --workspace` drops unused results), then: dvc repro",
         )
     return None
@@ -154,7 +153,7 @@ def _foreseen(error: Exception) -> FinloopError | None:
 def progress(word: str, total: int | None, unit: str = "frames") -> Iterator[Callable[..., None]]:
     """Yield `advance(n=1)`, which moves a bar on a terminal's stderr, or prints a line at times.
 
-    `total` is the number of `unit` to come, None where it is unknown.
+    total: the number of `unit` to come, None where it is unknown.
     """
     with _bar(word, total, unit) if sys.stderr.isatty() else _lines(word, total, unit) as advance:
         yield advance
@@ -162,7 +161,6 @@ def progress(word: str, total: int | None, unit: str = "frames") -> Iterator[Cal
 
 @contextmanager
 def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
-    """A bar with the time that went and the time that is left."""
     from rich import progress as bars
     from rich.console import Console
 
@@ -182,7 +180,6 @@ def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None
 
 @contextmanager
 def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
-    """A line in the log every LINE_EVERY_S, with the time that is left, and one at the end."""
     start = last = time.monotonic()
     done = before = 0  # now, and when the last line was written
 
@@ -195,7 +192,7 @@ def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., No
         done += n
         now = time.monotonic()
         if now - last >= LINE_EVERY_S:
-            pace = (now - last) / max(1, done - before)  # what was kept goes by at another one
+            pace = (now - last) / max(1, done - before)  # kept results pass at another rate
             say(f", {pace * max(0, total - done):.0f} s left" if total else "")
             last, before = now, done
 
@@ -206,8 +203,8 @@ def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., No
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
     """Write a stage's headlines as metrics.json, and all its numbers as numbers.csv beside it.
 
-    Both are sorted, with DIGITS digits; a number without a value is left out: None and NaN say that
-    it does not exist for this clip (no truth, no fish long enough).
+    Both are sorted, with DIGITS digits. None and NaN are left out: such a number does not exist for
+    this clip (no truth, no fish long enough).
     """
     # Not at the top: they need the right Python.
     from finloop.io.atomic import whole_file
@@ -221,7 +218,7 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
         elif isinstance(value, Real) and math.isfinite(value):
             values[name] = significant(float(value))
         elif not (value is None or isinstance(value, Real)):
-            raise TypeError(f"metric {name}: a number is wanted, got {value!r}")
+            raise TypeError(f"metric {name} must be a number, got {value!r}")
     save_numbers(path.parent, values)
     shown = [headline.name for headline in HEADLINES.get(path.parent.name, [])]
     with whole_file(path) as part:

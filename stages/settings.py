@@ -1,4 +1,4 @@
-"""Parameters at the door of a stage: params.yaml is read, checked and becomes dataclasses.
+"""Read params.yaml, check it, and make it dataclasses, at the entry of a stage.
 
 params.yaml is composed from conf/ by `make params` or `dvc exp run`; a plain `dvc repro` composes
 nothing. So params.yaml is stamped with a digest of conf/, and refused where conf/ was edited since.
@@ -17,8 +17,8 @@ from finloop.io.parameters import parameters, read_parameters
 
 PARAMS = Path("params.yaml")
 CONF = Path("conf")
-LOCAL = CONF / "local/default.yaml"  # one's own film and settings; git ignores it
-STAMP = "conf_sha256"  # the key in params.yaml that says which conf/ it was composed from, and
+LOCAL = CONF / "local/default.yaml"  # the user's film and settings; git ignores it
+STAMP = "conf_sha256"  # the key in params.yaml with the digest of its conf/, and
 FILES = (
     "film_stamp",
     "tracks_stamp",
@@ -29,7 +29,7 @@ STAMPS = (STAMP, *FILES)
 
 
 def load(word: str) -> Any:
-    """The parameters of a stage word from params.yaml, as its settings.
+    """Return the parameters of a stage word from params.yaml, as its settings.
 
     FinloopError if a parameter is refused (all are listed, by dotted name), or if conf/ was edited
     after params.yaml was composed.
@@ -38,7 +38,7 @@ def load(word: str) -> Any:
 
 
 def read() -> dict[str, Any]:
-    """params.yaml, composed from the present conf/; FinloopError where it is not."""
+    """Return params.yaml; raise FinloopError where it is not composed from the present conf/."""
     values = read_parameters(PARAMS)
     _refuse_stale(values)
     return values
@@ -52,14 +52,14 @@ def _refuse_stale(values: Mapping[str, Any]) -> None:
     if stamps[0] != stamps[1]:
         raise FinloopError(
             f"{CONF}/ is not what {PARAMS} was composed from",
-            f"a {PARAMS} composed from the present {CONF}/, so that no old value is used unseen",
-            "make params, then dvc repro; or dvc exp run, which composes by itself (a temporary "
+            f"a {PARAMS} composed from the present {CONF}/, so that no old value is used",
+            "make params, then dvc repro; or dvc exp run, which composes params.yaml (a temporary "
             "experiment sees only files that git tracks: git add new ones)",
         )
 
 
 def stamp(conf: Path) -> str:
-    """A digest of the values in conf/, and after a `-` one of conf/local/ where that is in use.
+    """Return a digest of the values in conf/, then `-` and one of conf/local/ if that is in use.
 
     Experiments are left out: a new one changes no value.
     """
@@ -71,7 +71,6 @@ def stamp(conf: Path) -> str:
 
 
 def _digest(files: Mapping[str, Path]) -> str:
-    """Of names and contents, whatever the line ends."""
     digest = hashlib.sha256()
     for name, path in sorted(files.items()):
         text = path.read_bytes().replace(b"\r\n", b"\n")
@@ -80,7 +79,7 @@ def _digest(files: Mapping[str, Path]) -> str:
 
 
 def all_problems(values: Mapping[str, Any]) -> list[str]:
-    """Everything that is wrong in a whole params.yaml, by dotted name."""
+    """Return everything that is wrong in a whole params.yaml, by dotted name."""
     problems = [f"{word}: unknown" for word in values if word not in (*GROUPS, *STAMPS)]
     for word in GROUPS:
         problems += check(word, variants(word), values.get(word, {}))[1]
@@ -88,7 +87,7 @@ def all_problems(values: Mapping[str, Any]) -> list[str]:
 
 
 def overrides(values: Mapping[str, Any]) -> list[str]:
-    """The Hydra overrides, as `clip=carp`, with which conf/ composes to `values`.
+    """Return the Hydra overrides, as `clip=carp`, with which conf/ composes to `values`.
 
     Groups come in the order of `values`, a variant before the keys that differ from it.
     """
@@ -110,7 +109,7 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
 
 
 def _literal(value: Any) -> str:
-    """A value as Hydra's overrides write it: as JSON, but keys without quotes."""
+    """Return a value in the syntax of Hydra's overrides: JSON, but keys without quotes."""
     if isinstance(value, Mapping):
         return "{" + ",".join(f"{key}:{_literal(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Stage `sprites`: a few frames of the film become sprites in all orientations, and an atlas."""
+"""Stage `sprites`: make sprites in all orientations from a few frames, and an atlas."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -29,7 +29,7 @@ TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
 def say(choices: dict[str, Choice], still: bool) -> None:
-    """Name on stderr the substitutes for what the film does not show."""
+    """Report on stderr the substitutes for what the film does not show."""
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
             print(
@@ -41,11 +41,11 @@ def say(choices: dict[str, Choice], still: bool) -> None:
         if choices[word].mirrored:
             print(f"sprites: no turn to the {word}; mirrored the {opposite} one", file=sys.stderr)
     if not still:
-        print("sprites: no glide with a still tail; the straightest instead", file=sys.stderr)
+        print("sprites: no glide with a still tail; the straightest frame", file=sys.stderr)
 
 
 def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
-    """Write atlas-0.png, atlas-0.json … from sprites.arrow in `folder`; how many pages."""
+    """Write atlas-0.png, atlas-0.json … from sprites.arrow in `folder`; return how many pages."""
     with open_cutouts(folder / "sprites.arrow") as store:
         pages, count = atlas.pages(sprites, store.index, page_px), orientations_of(sprites)
         for number, page in enumerate(pages):

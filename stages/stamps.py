@@ -1,10 +1,11 @@
-"""Stamps of films, tracks and paths that the parameters name, so that DVC sees when they change.
+"""Stamps of the films, tracks and paths that parameters name, so that DVC sees them change.
 
-A path in params.yaml stays the same when the film at it is replaced, or its folder gets one more.
+A path in params.yaml stays the same when the film there is replaced, or its folder gets one more.
 So params.yaml holds a stamp of the files: a digest of their names, sizes and times. Composing sets
 it; `python -m stages.stamps` (`make repro`) renews it.
 
-DVC and Hydra import this whenever they compose: what reads films is loaded where one is named.
+DVC and Hydra import this whenever they compose, so modules that read films are loaded only for a
+named film.
 """
 
 import hashlib
@@ -21,7 +22,7 @@ from stages.settings import FILES, PARAMS, read
 
 
 def film_stamp(clip: Mapping[str, Any]) -> str | None:
-    """The stamp of the films of `clip`; None where they are no files, or are missing."""
+    """Return the stamp of the films of `clip`; None where they are no files, or are missing."""
     try:
         return digest(_films(clip))
     except (FinloopError, OSError):
@@ -29,7 +30,7 @@ def film_stamp(clip: Mapping[str, Any]) -> str | None:
 
 
 def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | None:
-    """The stamp of the tracks, by `extract`, of those films; None where they are missing."""
+    """Return the stamp of the tracks, by `extract`, of those films; None where they are missing."""
     path = extract.get("tracks_path")
     if not path:
         return None
@@ -44,7 +45,7 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
 
 
 def path_stamp(matching: Mapping[str, Any]) -> str | None:
-    """The stamp of the files with the paths, by `matching`; None where there are none."""
+    """Return the stamp of the files with the paths, by `matching`; None where there are none."""
     paths = matching.get("path")
     several = [paths] if isinstance(paths, str) else paths or []
     files = [Path(path).expanduser() for path in several if path]
@@ -52,9 +53,9 @@ def path_stamp(matching: Mapping[str, Any]) -> str | None:
 
 
 def retarget_stamp(retarget: Mapping[str, Any]) -> str | None:
-    """The stamp of the tracks whose motion is swum, by `retarget`; None where they are missing.
+    """Return the stamp of the tracks to retarget, by `retarget`; None where they are missing.
 
-    The stamp of another film is that of the files that are read of it.
+    For another film it is the stamp of the files that are read from it.
     """
     path = retarget.get("tracks")
     if not path:
@@ -77,7 +78,6 @@ def _stamp(paths: list[Path]) -> str | None:
 
 
 def _films(clip: Mapping[str, Any]) -> list[Path]:
-    """The files that `clip` names."""
     paths = clip.get("path")
     if not paths:
         return []
@@ -89,7 +89,7 @@ def _films(clip: Mapping[str, Any]) -> list[Path]:
 
 
 def digest(paths: Iterable[Path]) -> str | None:
-    """A digest of the names, sizes and times of files, or of folders' files; None without files."""
+    """Return a digest of the names, sizes and times of files, or of folders' files, or None."""
     files = list(paths)
     if not files:
         return None
@@ -100,7 +100,7 @@ def digest(paths: Iterable[Path]) -> str | None:
 
 
 def main() -> None:
-    """Renew the stamps in params.yaml where they are of other files."""
+    """Renew the stamps in params.yaml if the files have changed."""
     values = read()
     clip, extract = values.get("clip", {}), values.get("extract", {})
     stamps = (

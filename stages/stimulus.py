@@ -1,6 +1,6 @@
-"""A stimulus for animals: `python -m stages.stimulus show protocol.yaml` (docs/stimulus.md).
+"""Show a stimulus to animals: `python -m stages.stimulus show protocol.yaml` (docs/stimulus.md).
 
-No stage of the pipeline, but a program on what the stages have made.
+It is a program that reads the stages' results, not a stage.
 """
 
 from stages.run import run  # isort: skip  (before numpy)
@@ -55,7 +55,7 @@ PORT, OUT = 8760, Path("sessions")
 
 
 def main() -> None:
-    """Do what is asked for."""
+    """Run the requested command."""
     asked = _parser().parse_args()
     asked.does(asked)
 
@@ -86,7 +86,7 @@ def show(asked: argparse.Namespace) -> None:
 
 
 def dry(asked: argparse.Namespace) -> None:
-    """Run a protocol without a display, as fast as it goes."""
+    """Run a protocol without a display, as fast as possible."""
     plan = load_protocol(asked.protocol)
     print(listing(plan, trials(plan)))
     with open_scene(plan) as made:
@@ -98,26 +98,26 @@ def dry(asked: argparse.Namespace) -> None:
 
 
 def list_trials(asked: argparse.Namespace) -> None:
-    """Say what a protocol will show."""
+    """Print the trials of a protocol."""
     plan = load_protocol(asked.protocol)
     print(listing(plan, trials(plan)))
 
 
 def replay(asked: argparse.Namespace) -> None:
-    """Show a session again, or check that it can be."""
+    """Show a session again, or check that this is possible."""
     record = open_record(asked.session)
     plan = protocol_of(record.header["protocol"], Path(record.header["folder"]))
     with open_scene(plan) as made:
         if others := made.others(record.header):
             raise FinloopError(
                 f"{asked.session} was made from another {', '.join(others)}",
-                "the stages' results and parameters (animate, matching) that it was made from",
+                "the stages' results and parameters (animate, matching) of that session",
                 "run the pipeline on that film with the parameters in the session's file",
             )
         if asked.check:
-            told = plan_again(record, made.scene, plan)
-            print(f"replay: {told.ticks} ticks planned again, {told.different} differ")
-            if told.different:
+            check = plan_again(record, made.scene, plan)
+            print(f"replay: {check.ticks} ticks planned again, {check.different} differ")
+            if check.different:
                 sys.exit(1)
         if asked.check and not asked.draw:
             return
@@ -147,7 +147,7 @@ def _replay(asked: argparse.Namespace, room: Replay) -> None:
 
 
 def page(asked: argparse.Namespace) -> None:
-    """Make a page that plays a protocol by itself, if its motions are known beforehand."""
+    """Make a page that plays a protocol without a server, if its motions are known in advance."""
     plan = load_protocol(asked.protocol)
     with open_scene(plan) as made:
         motion = whole_motion(made.scene, plan, trials(plan))
@@ -160,12 +160,12 @@ def page(asked: argparse.Namespace) -> None:
 
 
 def recover(asked: argparse.Namespace) -> None:
-    """Make a session's file from the journal that was left."""
+    """Make a session's file from the journal of an interrupted session."""
     _finish(asked.journal, asked.journal.with_suffix(".parquet"), recovered=True)
 
 
 def calibrate(asked: argparse.Namespace) -> None:
-    """Calibrate a display, until it is stored."""
+    """Calibrate a display, until the calibration is stored."""
     known = known_display(asked.display, False)
     with bind_socket(asked.port, asked.listen) as listens, open_scene() as made:
         feed = made.feed(
@@ -187,7 +187,6 @@ def calibrate(asked: argparse.Namespace) -> None:
 def _session(
     asked: argparse.Namespace, plan: Protocol, made: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
-    """A session with its log, which becomes a file when it ends, however it ends."""
     order = trials(plan)
     stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
     name = re.sub(r"[^\w-]+", "-", plan.name).strip("-") or "session"
@@ -218,18 +217,17 @@ def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
     save_journal(journal, path, SESSION)
     save_bytes(path.with_suffix(".md"), summary(open_record(path), recovered).encode())
     journal.unlink()
-    print(f"stimulus: the session is in {path}, in words in {path.with_suffix('.md')}")
+    print(f"stimulus: the session is in {path}, its description in {path.with_suffix('.md')}")
 
 
 def _track_messages(
     asked: argparse.Namespace, made: FilmedScene, plan: Protocol
 ) -> list[tuple[float, str]]:
-    """Return what a recorded track reports, as a tracker would, and when."""
     if asked.animal is None:
         return []
     if plan.animals is None:
         raise FinloopError(
-            f"--animal {asked.animal}, and {asked.protocol} has no live animals",
+            f"--animal {asked.animal} is given, and {asked.protocol} has no live animals",
             "a protocol with `animals`",
             "add animals: {unit: px} to it, or leave --animal out",
         )
@@ -243,7 +241,6 @@ def _inputs(
     asked: argparse.Namespace, door: Door, hear: Callable[[Any, str], None],
     ways: list[tuple[float, str]],
 ) -> Callable[[Session], list[Coroutine[Any, Any, None]]]:  # fmt: skip
-    """Tasks that bring what trackers say, by UDP, by OSC, or from a recorded track."""
 
     async def listen(opens: Any, port: int) -> None:
         transport = await opens(
@@ -325,20 +322,20 @@ def _parser() -> argparse.ArgumentParser:
         animal = one.add_argument_group("a recorded track as the live animal")
         animal.add_argument("--animal", help="track:8 of the film, or a file; see docs/paths.md")
         animal.add_argument("--loss", type=_up_to(0.99), default=0.0, help="share of messages lost")
-        animal.add_argument("--jitter", type=_up_to(60.0), default=0.0, help="of their arrival, s")
-        animal.add_argument("--gap", type=_up_to(60.0), default=0.0, help="s without any, all 10 s")
+        animal.add_argument("--jitter", type=_up_to(60.0), default=0.0, help="of arrival times, s")
+        animal.add_argument("--gap", type=_up_to(60.0), default=0.0, help="s of silence every 10 s")
     for one in (shows, calibrates):
         one.add_argument("--display", default="display", help="its name; default display")
-        one.add_argument("--listen", default=HOST, help="this machine's address for others")
+        one.add_argument("--listen", default=HOST, help="address of this machine for others")
     for one in (shows, calibrates, again):
         one.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free")
         one.add_argument("--no-open", dest="open", action="store_false", help="open no browser")
     shows.add_argument("--udp", type=int, help="port for trackers")
     shows.add_argument("--osc", type=int, help="port for trackers")
-    shows.add_argument("--digest", action="store_true", help="of every frame's pixels; slow")
+    shows.add_argument("--digest", action="store_true", help="log every frame's digest; slow")
     again.add_argument("--check", action="store_true", help="plan again and compare; no display")
-    again.add_argument("--draw", action="store_true", help="with --check: then draw as well")
-    again.add_argument("--quick", action="store_true", help="as fast as it is drawn")
+    again.add_argument("--draw", action="store_true", help="after --check, draw as well")
+    again.add_argument("--quick", action="store_true", help="draw as fast as possible")
     return parser
 
 

@@ -38,7 +38,7 @@ _PLANNED_BY = ("animate", "matching")
 
 @dataclass(frozen=True)
 class FilmedScene:
-    """A scene and its pictures, made from a film; film: a digest of that."""
+    """A scene and its pictures, made from a film; film: a digest of the film."""
 
     scene: TrialContext
     pictures: PagePictures
@@ -46,7 +46,7 @@ class FilmedScene:
     film: str
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """What display pages are sent."""
+        """Return the data that display pages receive."""
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
@@ -55,7 +55,7 @@ class FilmedScene:
         return Feed(self.tank, more | facts, self.pictures)
 
     def header(self, plan: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
-        """What a session's file says of what it was made from."""
+        """Return the origin of a session for its file."""
         software = {"python": python_version(), "system": platform()}
         return {
             "format": FORMAT, "finloop": finloop.__version__,
@@ -69,7 +69,7 @@ class FilmedScene:
         }  # fmt: skip
 
     def others(self, header: dict[str, Any]) -> list[str]:
-        """What is not as it was in a session with this header: its film, or parameters."""
+        """Return what differs from a session with this header: its film, or parameters."""
         film = ["film"] if self.film != header["film"] else []
         then = header["animate"]
         return film + [
@@ -81,7 +81,6 @@ class FilmedScene:
 
 
 def _parameters(*words: str) -> dict[str, Any]:
-    """Return the parameters of some groups as JSON has them."""
     values: dict[str, Any] = {}
     for word in words:
         values |= json.loads(json.dumps(asdict(load(word))))
@@ -89,7 +88,7 @@ def _parameters(*words: str) -> dict[str, Any]:
 
 
 def looks_of(plan: Protocol) -> list[dict[str, Any]]:
-    """The looks of a protocol as the page has them."""
+    """Return the looks of a protocol in the page's format."""
     return [look.message for look in plan.looks]
 
 
@@ -98,7 +97,7 @@ def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
     """Yield everything that a session needs; plan: None where no fish is to swim.
 
     FinloopError if the stages have not run, or a file is missing or damaged; if the film has no
-    such mode, or the protocol wants company and nothing was learnt of it.
+    such mode, or the protocol has rules of a school and the film shows none.
     """
     fish_mm = None if plan is None else plan.display.fish_mm
     with Project() as project:
@@ -118,7 +117,6 @@ def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
 
 
 def _digest(data: Path) -> str:
-    """Return a digest of what the stages have made of the film."""
     digest = hashlib.sha256()
     for name in _MADE_FROM:
         path = data / name
@@ -129,29 +127,29 @@ def _digest(data: Path) -> str:
 
 
 def display_file(name: str) -> Path:
-    """The file of a display's calibration. FinloopError if the name is none for a file."""
+    """Return the file of a display's calibration; raise FinloopError if the name is unusable."""
     if not name.replace("-", "").replace("_", "").isalnum():
         raise FinloopError(
-            f"a display is named {name!r}",
-            "letters, digits, - and _",
+            f"a display has the name {name!r}",
+            "a name of letters, digits, - and _",
             "take another name (--display)",
         )
     return DISPLAYS / f"{name}.json"
 
 
 def known_display(name: str, demanded: bool) -> DisplayCalibration | None:
-    """A display's calibration; None where it has none and none is demanded.
+    """Return a display's calibration; None where there is none and none is required.
 
-    FinloopError where one is demanded, or it is broken.
+    FinloopError where one is required, or it is broken.
     """
     path = display_file(name)
     if path.exists():
         return load_display(path)
     if demanded:
         raise FinloopError(
-            f"the display {name} is not calibrated ({path} is not there)",
-            "a display whose size and levels are known: the protocol demands one",
-            f"calibrate it: python -m stages.stimulus calibrate --display {name}; or say "
+            f"the display {name} is not calibrated ({path} is missing)",
+            "a display of known size and levels, which the protocol requires",
+            f"calibrate it: python -m stages.stimulus calibrate --display {name}; or write "
             "display: {calibrated: false} in the protocol",
         )
     return None

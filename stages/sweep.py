@@ -1,9 +1,9 @@
 """Run a sweep: `python -m stages.sweep learning_rate [key=value …]`, or `make sweep experiment=…`.
 
-Every run is a `dvc exp run` on the present commit, from what params.yaml says now. The runs are
-made in copies of the workspace that share its cache, one copy a processor: the workspace stays as
-it is, and a stage that was run before with the same parameters is not run again. An experiment that
-is there already, with the same code and parameters, is taken as it is.
+Every run is a `dvc exp run` on the present commit, with the present params.yaml. The runs are made
+in copies of the workspace that share its cache, one copy per processor. The workspace does not
+change, and a stage with a cached result is not run again. An existing experiment with the same code
+and parameters is reused.
 """
 
 from stages.run import THREADS, progress, run  # isort: skip  (before numpy)
@@ -23,8 +23,8 @@ from stages.compare import OUT, compare, experiments, git, head
 from stages.compose import compose_params, experiment
 from stages.settings import LOCAL, PARAMS, overrides, read
 
-# The command `dvc`, in a process that does not outlive this one. It is short, and makes many small
-# objects, of dvc.lock for one: looking for garbage among them is a sixth of its time.
+# The command `dvc`, in a process that ends with this one. It is short and makes many small objects,
+# of which garbage collection would take a sixth of its time.
 DVC = """
 import gc, sys
 gc.disable()
@@ -38,7 +38,7 @@ LAST_LINES = 12  # of the output of a failed run
 
 
 def copy(root: Path, folder: Path, cache: str) -> None:
-    """Clone the repository `root`, with uncommitted changes, into `folder`; the cache is shared."""
+    """Clone the repository `root`, with uncommitted changes, into `folder`; share the cache."""
     git("clone", "--quiet", "--shared", str(root), str(folder), at=root)
     listed = git("ls-files", "-z", "--modified", "--others", "--exclude-standard", at=root)
     ignored = [LOCAL.as_posix()] if (root / LOCAL).is_file() else []
@@ -48,14 +48,14 @@ def copy(root: Path, folder: Path, cache: str) -> None:
             shutil.copy2(root / name, folder / name)
         else:
             (folder / name).unlink(missing_ok=True)
-    # With the machine code in __pycache__: compiling it again takes half a minute.
+    # With the machine code in __pycache__, which takes half a minute to compile.
     shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
     settings = f"[cache]\n    dir = {cache}\n"
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
 
 
 def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
-    """Whether a DVC command succeeds in a folder, and what it prints."""
+    """Return whether a DVC command succeeds in a folder, and its output."""
     process = subprocess.run(
         [sys.executable, "-c", DVC, *arguments],
         cwd=at,
@@ -69,21 +69,21 @@ def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
 
 
 def is_same(commit: str, params: str) -> bool:
-    """Whether an experiment was made from these parameters by the present code."""
+    """Return whether an experiment was made from these parameters by the present code."""
     excludes = [f":(exclude){name}" for name in RESULTS]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
     return not changed.returncode and git("show", f"{commit}:{PARAMS}") == params
 
 
 def keep(name: str, folder: Path) -> None:
-    """Bring the experiment of a copy into this repository, over one of the same name."""
+    """Copy the experiment of a clone into this repository; replace one of the same name."""
     refs = git("for-each-ref", "--format=%(refname)", "refs/exps", at=folder).split()
     (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
     git("fetch", "--quiet", "--no-write-fetch-head", str(folder), f"+{ref}:{ref}")
 
 
 def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> str:
-    """Make one run in a copy and keep it; the end of its output if it failed."""
+    """Make one run in a copy and keep it; return the end of its output if it failed."""
     values = [word for change in changes for word in ("-S", change)]
     succeeds, text = dvc("exp", "run", "--name", name, *values, *stages, at=folder)
     if succeeds:
@@ -93,7 +93,7 @@ def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> s
 
 
 def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str, str]:
-    """Make the runs, given by their overrides; why those failed that did, by name."""
+    """Make the runs, given by their overrides; return why runs failed, by name."""
     root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
     there = experiments()
     for name, changes in runs.items():
@@ -124,7 +124,7 @@ def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str,
             advance()
             return not why
 
-        # The first alone if a stage that all need is still to run: it is not to run twice.
+        # The first alone if a stage that all need has not run, so that it runs once.
         while "up to date" not in status and todo and not make_next(folders[0]):
             pass
         in_parallel(make_next, folders, todo)
@@ -132,7 +132,7 @@ def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str,
 
 
 def in_parallel(make_next: Callable[[Path], bool], folders: list[Path], todo: list[str]) -> None:
-    """Make what is left to do, in every folder one after the other."""
+    """Make the remaining runs, in every folder one after the other."""
 
     def make_all(folder: Path) -> None:
         with suppress(IndexError):  # nothing is left
@@ -143,11 +143,11 @@ def in_parallel(make_next: Callable[[Path], bool], folders: list[Path], todo: li
         try:
             list(threads.map(make_all, folders))
         finally:
-            todo.clear()  # an interrupted sweep begins no more
+            todo.clear()  # an interrupted sweep starts no further runs
 
 
 def main() -> None:
-    """Run it; print the table and write the page."""
+    """Run the sweep; print the table and write the page."""
     parser = argparse.ArgumentParser(prog="make sweep experiment=", description=__doc__)
     parser.add_argument("experiment", help="a name in conf/experiment/")
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every run")
@@ -156,7 +156,7 @@ def main() -> None:
     plan = experiment(arguments.experiment)
     every = [f"+experiment={arguments.experiment}", *overrides(read()), *arguments.overrides]
     runs = {name: every + changes for name, changes in plan.runs(arguments.experiment).items()}
-    head()  # a commit is there for the experiments to stand on
+    head()  # raises if there is no commit for the experiments
     failures = sweep(runs, plan.stages, max(1, arguments.jobs))
     finished = [name for name in runs if name not in failures]
     if finished:
@@ -168,7 +168,7 @@ def main() -> None:
         raise FinloopError(
             f"{len(failures)} of {len(runs)} runs failed: {', '.join(failures)}",
             "values that the film allows",
-            f"see above; conf/experiment/{arguments.experiment}.yaml holds the values",
+            f"see above; the values are in conf/experiment/{arguments.experiment}.yaml",
         )
 
 

@@ -1,4 +1,4 @@
-"""Stage `tank`: an edit list in three dimensions: film, pictures, glTF scene, page."""
+"""Stage `tank`: show an edit list in three dimensions: film, pictures, glTF scene, page."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -36,32 +36,34 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
 def swum_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
-    """Return the fish of the edit list, for the seconds that are filmed, and the ticks' times."""
+    """Return the fish of the edit list for the filmed seconds, and the ticks' times."""
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
     each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
     time = each[0]["time_s"].to_numpy(float)
     columns = ["head_x_px", "head_y_px", "heading_deg"]
     film = film_bodies(tracks, project.features[columns])
     table = pd.DataFrame() if sprites is None else sprites
-    swum = [poses(one, film, table, bodies) for one in each]
+    fish_poses = [poses(one, film, table, bodies) for one in each]
     typical = typical_width(film.half_width, film.backbone)
-    length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in swum])))
+    length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in fish_poses])))
     depth = p.water_depth_bl * length
-    places = [np.c_[pose.centre, heights(time, depth, fish)] for fish, pose in enumerate(swum)]
+    places = [
+        np.c_[pose.centre, heights(time, depth, fish)] for fish, pose in enumerate(fish_poses)
+    ]
     centres = tracks[["x_px", "y_px"]].to_numpy(float)
     skins = Skins(film, typical, centres, project.cutouts.__getitem__)
-    pairs = zip(swum, places, strict=True)
+    pairs = zip(fish_poses, places, strict=True)
     return [FishSurface(pose, place, skins, typical, length) for pose, place in pairs], time
 
 
 def swimming(fish: FishSurface) -> Swum:
-    """What a glTF scene takes of a fish."""
+    """Return the data of a fish for a glTF scene."""
     heading = fish.poses.heading
     return Swum(shapes(fish.points(), heading), fish.place, heading)
 
 
 def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
-    """One picture of rows of pictures, reduced in size."""
+    """Join rows of pictures into one picture, reduced in size."""
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
     return np.vstack([
@@ -100,16 +102,16 @@ def main() -> None:
                 for tick in range(ticks):
                     film.write(picture(p.camera, tick))
                     advance()
-        swum = [swimming(one) for one in fish]
-        glb = tank_glb(room, background, first.typical_skin(), swum, rate)
+        bodies = [swimming(one) for one in fish]
+        glb = tank_glb(room, background, first.typical_skin(), bodies, rate)
         save_bytes(folder / "tank.glb", glb)
         way = [upright((place - room.middle) / room.length) for place in first.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
     save_picture(REPORT / "contact_sheet.png", sheet(rows))
-    error_px = max(one.shape.error_px for one in swum)
+    error_px = max(one.shape.error_px for one in bodies)
     numbers = {
         "frames": ticks, "duration_s": ticks / rate,
-        "gltf_shapes": max(len(one.shape.modes) for one in swum), "gltf_error_px": error_px,
+        "gltf_shapes": max(len(one.shape.modes) for one in bodies), "gltf_error_px": error_px,
         "gltf_error_pct_of_length": 100 * error_px / first.length_px,
     }  # fmt: skip
     save_metrics(REPORT / "metrics.json", numbers)

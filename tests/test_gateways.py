@@ -519,7 +519,7 @@ def test_stage_says_which_threshold_would_give_some(work, world, capsys, monkeyp
         free = (
             world.ways(direction, distance_threshold=1e6, least=14)["distance"].min() / world.step
         )
-        line = next(line for line in said.splitlines() if f"no way {word} the film" in line)
+        line = next(line for line in said.splitlines() if f"no gateway {word} the film" in line)
         told = float(line.split("gateways.distance_threshold=")[1].split()[0])
         assert free <= told <= free + 0.1
         assert len(world.ways(direction, distance_threshold=told, least=14))
@@ -530,7 +530,7 @@ def test_stage_says_that_no_track_is_long_enough(work, capsys, monkeypatch):
     prepare(work, *TINY_CARP)
     monkeypatch.setattr(GatewaysSettings, "least", 100)
     stages.gateways.main()
-    assert "no way into the film; no track lasts 100 Δ" in capsys.readouterr().err
+    assert "no gateway into the film; no track lasts 100 Δ" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,7 @@ def test_headlines_are_few_and_in_words():
 
 
 def test_a_metric_is_a_number(tmp_path):
-    with pytest.raises(TypeError, match="metric note: a number is wanted, got 'x'"):
+    with pytest.raises(TypeError, match="metric note must be a number, got 'x'"):
         door.save_metrics(tmp_path / "metrics.json", {"note": "x"})  # type: ignore[dict-item]
 
 

@@ -253,7 +253,7 @@ def test_two_films_of_one_name_and_the_tank_are_told(tmp_path, monkeypatch, caps
     said = capsys.readouterr().err
     for name, path in zip(("film", "film-2", "film-3"), films, strict=True):
         assert f"{name} is {path}" in said
-    assert "in the tank of film-2" in said
+    assert "uses the tank of film-2" in said
 
 
 def test_a_film_that_is_still_recorded_is_refused_as_such(tmp_path, monkeypatch):

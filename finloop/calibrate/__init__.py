@@ -1,9 +1,9 @@
-"""The zones of a film's own fish: what they turn by, where their neighbours are.
+"""The zones of a film's own fish: how its fish turn in response to their neighbours.
 
-The zones of `finloop.social` are fitted to one half of the film in time: the direction of a fish
-some time later, given where the others are now (`fit`). Fish that are points swim by them, each
-step one of the film's own (`points`). How far they are from the film's other half is said beside
-how far that is from the first.
+The zones of `finloop.social` are fitted to the first half of the film: the direction of a fish some
+time later, given the present places of the others (`fit`). Simulated point fish swim by them, each
+step one of the film's own (`points`). Their distance from the second half of the film is reported
+beside the distance between the two halves.
 """
 
 import lazy_loader

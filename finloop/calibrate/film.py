@@ -1,4 +1,4 @@
-"""A film's company: who is where in every frame, and where each fish is a while later."""
+"""The fish of a film: their places in every frame, and where each fish is some time later."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,18 +14,18 @@ from finloop.social.neighbours import Neighbours, relative_neighbours, vectors
 from finloop.social.steps import last_rows
 from finloop.social.walls import Walls
 
-_PART = 4  # of the longest track, at most, is the while after which a fish is looked at again
-LEAST = 50  # rows with company in each half; fewer teach nothing
+_PART = 4  # the horizon is at most 1 / _PART of the longest track
+LEAST = 50  # rows with other fish that each half must have for a fit
 
 
 @dataclass(frozen=True)
 class FilmShoal:
-    """A film's fish. Vectors are complex, in body lengths, as `finloop.social.neighbours` has them.
+    """A film's fish. Vectors are complex, in body lengths, as in `finloop.social.neighbours`.
 
-    place, heading (n,): of the rows of the feature table; frame (n,); later, before (n,): the row
-    of the same track `horizon` frames later and before, −1 where there is none; slot (n,): its
-    number in its frame; index (n,): of its frame among those seen; places, headings (frames, m): of
-    each of these, NaN of who is absent; table: of `shoal_table`.
+    place, heading, frame (n,): of the rows of the feature table; later (n,): the row of the same
+    track `horizon` frames later, −1 where there is none; slot (n,): the number of a row in its
+    frame; index (n,): the number of its frame among all frames with fish; places, headings (frames,
+    m): of each frame, NaN for absent fish; table: from `shoal_table`.
     """
 
     place: Complex
@@ -42,38 +42,41 @@ class FilmShoal:
 
     @property
     def visible_counts(self) -> Ints:
-        """Return how many fish (frames,) each frame shows."""
+        """The number of fish (frames,) in each frame."""
         return np.asarray(np.isfinite(self.headings).sum(axis=1))
 
     @property
     def fish(self) -> int:
-        """How many are seen at once, in the median of the frames."""
+        """The number of fish in a frame, in the median."""
         return int(np.median(self.visible_counts))
 
     @property
     def first_half(self) -> Mask:
-        """Which rows (n,) are of the first half of the film, in time."""
+        """Which rows (n,) are in the first half of the film, in time."""
         return self.frame < middle(self.frame)
 
     def half(self, first: bool) -> pd.DataFrame:
-        """The measures of one half."""
+        """Return the measures of one half."""
         return self.table[self.first_half == first]
 
     def lessons(self, first: bool, most: int) -> Ints:
-        """Rows of one half with company and a later row in it, evenly spread, `most` at most."""
+        """Return rows of one half with other fish and a later row in that half, evenly spread.
+
+        most: the most rows to return.
+        """
         half = self.first_half == first
-        company = self.visible_counts[self.index] > 1
-        return _spread(np.flatnonzero(half & company & (self.later >= 0) & half[self.later]), most)
+        several = self.visible_counts[self.index] > 1
+        return _spread(np.flatnonzero(half & several & (self.later >= 0) & half[self.later]), most)
 
     def whole_steps(self, most: int) -> Ints:
-        """Rows of the first half, or else of the film, that have one before and a later one."""
+        """Return rows with an earlier and a later one, of the first half or else of the film."""
         whole = (self.later >= 0) & (last_rows(self.later) >= 0)
         first = np.flatnonzero(whole & self.first_half & self.first_half[self.later])
         return _spread(first if len(first) else np.flatnonzero(whole), most)
 
     @property
     def teaches(self) -> bool:
-        """Whether both halves show enough company to learn from, and the film a whole step."""
+        """Whether both halves show enough fish together, and the film a whole step."""
         halves = [len(self.lessons(first, LEAST)) for first in (True, False)]
         return min(halves) == LEAST and len(self.whole_steps(1)) > 0
 
@@ -86,21 +89,21 @@ class FilmShoal:
         return relative_neighbours(self.place[rows, None], self.heading[rows, None], others)
 
     def moves(self, rows: Ints) -> Complex:
-        """Displacements (n,) from some rows to those a while later, in the frame of the body."""
+        """Return displacements (n,) from some rows to later ones, in the frame of the body."""
         way = self.place[self.later[rows]] - self.place[rows]
         return way * self.heading[rows].conj()
 
     def directions(self, rows: Ints) -> Complex:
-        """Headings (n,) a while after some rows, in the frame of the body then."""
+        """Return headings (n,) of the later rows of some rows, in the earlier frame of the body."""
         return self.heading[self.later[rows]] * self.heading[rows].conj()
 
 
 def film_shoal(
     features: pd.DataFrame, arena: Mask, delta: int, horizon: float | Literal["auto"]
 ) -> FilmShoal:
-    """The company of a feature table. delta: Δ in frames; horizon: in Δ, auto: measured.
+    """Return the fish of a feature table; delta: Δ in frames; horizon: in Δ, auto: measured.
 
-    FinloopError if a horizon in Δ is longer than the tracks: no row has one before and a later one.
+    FinloopError if a horizon in Δ is longer than the tracks: no row has an earlier and a later one.
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
@@ -117,8 +120,7 @@ def film_shoal(
         longest = longest_track(track)
         raise FinloopError(
             f"horizon={horizon:g} is {ticks} frames, and the film's longest track has {longest}",
-            "a horizon that the longest track holds twice, at most "
-            f"{max(0, longest - 1) // 2 / delta:.3g}",
+            f"a horizon of at most {max(0, longest - 1) // 2 / delta:.3g}, half the longest track",
             "take a shorter one, auto, or a film with longer tracks",
         )
     return FilmShoal(
@@ -128,7 +130,7 @@ def film_shoal(
 
 
 def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
-    """After how many frames headings (n,) are half forgotten; at least Δ, if the tracks allow it.
+    """Return the frames after which headings (n,) are half forgotten; at least Δ if tracks allow.
 
     No longer than a quarter of the longest track, or half of it where that is less than Δ.
     """
@@ -139,12 +141,12 @@ def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
 
 
 def longest_track(track: Ints) -> int:
-    """How many rows the longest track has, of the track of each row (n,)."""
+    """Return the number of rows of the longest track, from the track of each row (n,)."""
     return int(np.unique(track, return_counts=True)[1].max())
 
 
 def _later(frame: Ints, track: Ints, ticks: int) -> Ints:
-    """The row (n,) of the same track so many frames later, −1 where there is none."""
+    """Return the row (n,) of the same track so many frames later, −1 where there is none."""
     later = np.full(len(frame), -1)
     if ticks < len(frame):
         same = (track[ticks:] == track[:-ticks]) & (frame[ticks:] == frame[:-ticks] + ticks)
@@ -153,5 +155,4 @@ def _later(frame: Ints, track: Ints, ticks: int) -> Ints:
 
 
 def _spread(rows: Ints, most: int) -> Ints:
-    """So many of some rows at most, evenly spread."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]

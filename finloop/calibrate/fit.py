@@ -1,18 +1,18 @@
 """Zones fitted to a film: a regression of directions.
 
-Of a fish whose own direction is 1 in the frame of its body, the unit vector of its heading H later
-is, in the mean,
+In the frame of the body, a fish's own direction is 1. The expected unit vector of its heading after
+the horizon H is
 
     E[d] = a + Σ b_z D_z + c W,
 
 where D_z are the pulls of the zones (`zone_means`) and W points away from the nearest wall.
 Coefficients are real, so that the film's mirror image gives the same ones. The weights of the zones
-are b_z / a, as the fish's own direction has weight 1. W is there so that fish which avoid a wall,
-beyond which there is nobody, do not count as attracted by the others; it is no part of the rule.
+are b_z / a, as the fish's own direction has weight 1. W keeps fish that avoid a wall, beyond which
+there are no fish, from counting as attracted by the others; it is no part of the rule.
 
-Radii and blind angle are those, of a list, that foretell best what they were not fitted to: one
-part in time of the half is foretold with the coefficients of its other part. So zones that fit by
-chance are seldom taken. Weights are not negative: what would be is left out.
+Radii and blind angle come from a list and are those that best predict held-out data: one part in
+time of the half is predicted with the coefficients of its other part. So zones that fit by chance
+are seldom taken. A zone whose weight would be negative is left out.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,17 +29,17 @@ from finloop.calibrate.settings import CalibrateSettings
 from finloop.social.neighbours import Neighbours
 from finloop.social.zones import COUZIN, Zones, weighted_sum, zone_means
 
-_EQUAL = 1e-12  # of the squares that are left; zones that are no better are not larger
+_EQUAL = 1e-12  # share of the residual: of equally good zones the smaller ones are taken
 _ZONES = (1, 2, 3)  # columns of a regression
-_LEAST_OWN = 0.05  # of the own direction is left after H, at least: weights are shares of it
+_LEAST_OWN = 0.05  # least weight of the own direction after H: weights are divided by it
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """The zones of a film, and how well they foretell its other half.
+    """The zones of a film, and how well they predict its other half.
 
-    own: a of the regression; explained, explained_held_out: share of the directions' squares about
-    a film without company that the zones take away, in both halves.
+    own: a of the regression; explained, explained_held_out: share of the squares, beyond a fit
+    without zones, that the zones explain, in both halves.
     """
 
     zones: Zones
@@ -49,7 +49,7 @@ class Fitted:
 
 
 def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
-    """Fit the zones that predict best the directions of the first half of a film."""
+    """Fit the zones that best predict the directions of the first half of a film."""
     rows, others = (film.lessons(first, p.rows) for first in (True, False))
     seen, wall, after = film.visible_neighbours(rows), wall_pull(film, rows), film.directions(rows)
     weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
@@ -75,14 +75,14 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
 
 
 def wall_pull(film: FilmShoal, rows: Ints) -> Complex:
-    """W: away from the nearest wall, in the frame of the body, the more the nearer it is."""
+    """Return W: away from the nearest wall, in the frame of the body, larger nearer to the wall."""
     return film.walls.near(film.place[rows], film.heading[rows])
 
 
 class Rings:
-    """What `zone_means` says of any zones whose radii are of a list, quickly.
+    """`zone_means` for many combinations of listed radii, computed quickly.
 
-    Sums over the neighbours of each ring between two radii, so that a zone is a difference of
+    It sums over the neighbours of each ring between two radii, so that a zone is a difference of
     cumulated sums.
     """
 
@@ -95,7 +95,7 @@ class Rings:
         self._bearing = _sums(seen.bearing, within & sees[..., None])
 
     def means(self, radii: tuple[float, float, float]) -> Complex:
-        """`zone_means` (n, 3)."""
+        """Return `zone_means` (n, 3) for these radii."""
         inner, middle, outer = (self._radii[radius] for radius in radii)
         free = self._near[1][:, inner] == 0
         return np.stack(
@@ -122,7 +122,7 @@ def _ratio(total: Complex, count: Ints) -> Complex:
 
 
 class Sums(NamedTuple):
-    """What rows (n,) add up to for a regression of directions.
+    """Sums over rows (n,) for a regression of directions.
 
     gram (5, 5), right (5,): products of the columns with each other and with the directions;
     square: of the directions. The columns are the own direction, the pulls of the zones, and W.
@@ -133,13 +133,13 @@ class Sums(NamedTuple):
     square: float
 
     def residual(self, solution: Floats) -> float:
-        """Return the sum of squares that is left by coefficients (5,) of the columns."""
+        """Return the sum of squares that coefficients (5,) of the columns leave."""
         return self.square + float(solution @ (self.gram @ solution - 2 * self.right))
 
 
 def sum_rows(columns: Complex, after: Complex) -> Sums:
     """Return the sums over rows: columns (n, 5), directions after (n,)."""
-    # Not `@`, whose threads take longer to meet than these few numbers take to add up.
+    # Not `@`: its threads cost more time than these few numbers.
     gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
     right = np.einsum("ni,n->i", columns.conj(), after).real
     return Sums(gram, right, float((np.abs(after) ** 2).sum()))
@@ -148,12 +148,11 @@ def sum_rows(columns: Complex, after: Complex) -> Sums:
 def solve(sums: Sums, weights: Sequence[float | None]) -> Floats:
     """Return the coefficients (5,) of the columns; those of zones are 0 or more.
 
-    weights: of the zones with a fixed weight, whose column is part of the first one; None of the
-    others.
+    weights: fixed weights of zones, whose columns are part of the first one; None for fitted zones.
     """
     free = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
     solution = np.zeros(5)
-    while True:  # of the zones, each is left out once at most
+    while True:  # each zone is left out at most once
         terms = [0, *free, 4]
         some = scipy.linalg.lstsq(sums.gram[np.ix_(terms, terms)], sums.right[terms])[0]
         worst = int(np.argmin(some[1:-1])) if free else 0
@@ -177,9 +176,9 @@ def _weight_vector(weights: Sequence[float | None]) -> Floats:
 def regression(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
 ) -> tuple[Floats, float]:
-    """Coefficients a, b_z (3), c, and the sum of squares that is left.
+    """Return coefficients a, b_z (3), c, and the sum of squares that they leave.
 
-    weights: of the zones with a fixed weight, b_z = weight × a; None of the others.
+    weights: fixed weights of zones, b_z = weight × a; None for fitted zones.
     """
     sums = sum_rows(_columns(pulls, wall, weights), after)
     solution = solve(sums, weights)
@@ -198,7 +197,6 @@ def cross_validate(
 
 
 def _residual(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> float:
-    """Return the sum of squares that coefficients leave."""
     return float(
         (np.abs(after - lot[0] - weighted_sum(pulls, lot[1:4]) - lot[4] * wall) ** 2).sum()
     )
@@ -207,9 +205,9 @@ def _residual(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> flo
 def share_explained(
     film: FilmShoal, rows: Ints, zones: Zones, with_zones: Floats, alone: Floats
 ) -> float:
-    """Return the share of the squares of some rows left without the zones that they explain.
+    """Return the share of the squares left without zones that the zones explain.
 
-    with_zones, alone: coefficients of `regression`, of all zones and of none.
+    with_zones, alone: coefficients of `regression`, with all zones and with none.
     """
     after, wall = film.directions(rows), wall_pull(film, rows)
     pulls = zone_means(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
@@ -218,9 +216,9 @@ def share_explained(
 
 
 def _radii(p: CalibrateSettings) -> Iterator[tuple[float, float, float]]:
-    """Radii of three zones, the smallest first; numbers of the parameters are as they are.
+    """Yield radii of three zones, the smallest first; numbers of the parameters stay fixed.
 
-    Where such a number leaves no radius of the list for another zone, that has the same number.
+    Where a fixed radius leaves none of the list for another zone, both have the same radius.
     """
     numbers = [float(value) for value in p.zone_radii if value != "auto"]
     every = sorted({*p.radii, *numbers})
@@ -233,7 +231,7 @@ def _radii(p: CalibrateSettings) -> Iterator[tuple[float, float, float]]:
 def _zones(
     radii: tuple[float, float, float], blind: float, weights: Reals, fixed: Sequence[float | None]
 ) -> Zones:
-    """Zones with weights; the outermost that were fitted and have no weight are left out."""
+    """Return zones with weights, without the outermost fitted zones that have no weight."""
     inner, middle, outer = radii
     own = [
         float(weight) if held is None else held for weight, held in zip(weights, fixed, strict=True)
@@ -246,7 +244,7 @@ def _zones(
 
 
 def without_company(p: CalibrateSettings) -> Zones:
-    """The zones where a film has no company to learn from: of the parameters, else the paper's."""
+    """Return the zones for a film with too few fish together: the parameters', else the paper's."""
     weights = p.repulsion_weight, p.alignment_weight, p.attraction_weight
     names = [one.name for one in fields(Zones)]
     given = zip(names, (*p.zone_radii, p.blind_angle_deg, *weights), strict=True)

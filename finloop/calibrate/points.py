@@ -1,7 +1,7 @@
-"""Own steps of a film's fish, and fish that are points and swim by them and by the zones.
+"""Own steps of a film's fish, and simulated point fish that swim by them and by the zones.
 
-Speeds, turns and their chance are the film's, and so is what fish do beside a wall; the zones say
-what the others change in that. A step that leaves the tank is not taken.
+Speeds, turns and chance come from the film, and so does the behaviour near a wall. The zones add
+the response to other fish. A step that leaves the tank is not taken.
 """
 
 import numpy as np
@@ -16,13 +16,13 @@ from finloop.social.steps import SocialSteps, add_pull_to_moves, add_pull_to_tur
 from finloop.social.walls import Walls
 from finloop.social.zones import Zones, pull
 
-_BURN_IN = 0.1  # of the steps: where the fish begin is forgotten
+_BURN_IN = 0.1  # share of the steps until the first places are forgotten
 
 
 def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
-    """The own steps from some rows that have one before and a later one.
+    """Return the own steps from some rows that have an earlier and a later one.
 
-    A pull of 1 changes displacement and direction by as much as the fish's own direction has.
+    A pull of 1 changes displacement and direction as much as the fish's own direction does.
     """
     pulls, own = pull(film.visible_neighbours(rows), zones), film.heading[rows]
     move, turn = film.moves(rows), film.directions(rows)
@@ -35,7 +35,7 @@ def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
 
 
 def _own_part(vectors: Complex, pulls: Complex) -> float:
-    """a ≥ 0 of vectors (n,) that are a (1 + pull) in the mean, by least squares; 0 of none."""
+    """Return a ≥ 0 with vectors (n,) ≈ a (1 + pull), by least squares; 0 for no vectors."""
     by = 1 + pulls
     squares = float((np.abs(by) ** 2).sum())
     return max(0.0, float((vectors * by.conj()).real.sum()) / squares) if squares > 0 else 0.0
@@ -48,7 +48,10 @@ def swum_points(
     p: CalibrateSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """The measures (`SHOAL`) of as many fish as a film shows, that swim `p.steps` steps."""
+    """Simulate as many point fish as the film shows for `p.steps` steps; return their measures.
+
+    The table has the columns of `SHOAL`.
+    """
     fish, count = film.fish, p.steps
     place = film.place[rng.choice(len(film.place), fish, replace=len(film.place) < fish)]
     heading, last = np.exp(2j * np.pi * rng.random(fish)), np.zeros(fish, complex)
@@ -71,9 +74,9 @@ def swum_points(
 
 
 def _choose_move(walls: Walls, place: Complex, ways: Complex) -> tuple[Complex, Ints]:
-    """Return where fish (m,) go by the first of ways (k, m) inside the tank, and its number.
+    """Return where fish (m,) go by the first of moves (k, m) inside the tank, and its number.
 
-    Who has none stays.
+    A fish without such a move stays.
     """
     inside = walls.inside(place + ways)
     which = inside.argmax(axis=0)

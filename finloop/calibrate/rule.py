@@ -1,4 +1,4 @@
-"""The rule of a film's fish: zones, fitted where the film shows company, and own steps."""
+"""The rule of a film's fish: zones, fitted where the film shows fish together, and own steps."""
 
 from finloop.calibrate.film import LEAST, FilmShoal
 from finloop.calibrate.fit import Fitted, fit_zones, without_company
@@ -8,7 +8,7 @@ from finloop.social.rule import Shoaling
 
 
 def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted | None]:
-    """The rule, and the fit of its zones; None where the film shows too little company for one."""
+    """Return the rule and the fit of its zones; None where the film shows too few fish together."""
     fit = fit_zones(film, p) if film.teaches else None
     zones = fit.zones if fit else without_company(p)
     steps = own_steps(film, film.whole_steps(p.rows), zones)
@@ -16,15 +16,15 @@ def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted |
 
 
 def shortage(film: FilmShoal) -> str:
-    """What a film lacks for a fit; "" where it lacks nothing."""
+    """Return what a film lacks for a fit; "" where it lacks nothing."""
     if film.teaches:
         return ""
     first, second = (len(film.lessons(half, len(film.frame))) for half in (True, False))
     lack = (
-        f"the halves of the film show {first} and {second} times a fish in company and again "
-        f"{film.horizon} frames later; {LEAST} each are wanted to learn company from, so the zones "
-        "are those of Couzin et al. (2002), or of the parameters"
+        f"the halves of the film show a fish with others, and again {film.horizon} frames later, "
+        f"{first} and {second} times; a fit takes {LEAST} each, so the zones are those of Couzin "
+        "et al. (2002), or of the parameters"
     )
     if len(film.whole_steps(1)):
         return lack
-    return f"{lack}; no track has three frames on end, so that no fish can swim by them"
+    return f"{lack}; no track has three consecutive frames, so no fish can swim by them"

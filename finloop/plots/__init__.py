@@ -1,5 +1,5 @@
-"""Figures of both papers and sheets of pictures, a module a stage: they draw, and compute nothing.
+"""Figures of both papers and sheets of pictures, one module per stage; they compute nothing.
 
-Only the stages `plots-…` import them (`gait` and `morph` draw their own), so that a changed colour
-computes nothing anew.
+Only the stages `plots-…` import them (`gait` and `morph` draw their own). So a changed colour makes
+no stage compute again.
 """

@@ -16,7 +16,7 @@ _FILM = "0.35"
 
 
 def kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure:
-    """Distributions of every mode beside the film's; states in per cent of the time.
+    """Draw speeds and turn rates of every mode beside the film's, and the time in each state.
 
     table: `measures.KINEMATICS`; numbers: `<mode>_<state>_pct`.
     """

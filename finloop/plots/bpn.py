@@ -1,4 +1,4 @@
-"""Pictures of the motion model: Fig. 15 of the fish paper, and its predictions beside the truth."""
+"""Pictures of the motion model: Fig. 15 of the fish paper, and predicted beside true states."""
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from finloop.plots.features import TYPES
 
 
 def figure15(curve: pd.DataFrame) -> Figure:
-    """Fig. 15 of the fish paper: error per epoch, of the rows learnt from and of those held out."""
+    """Draw Fig. 15 of the fish paper: error per epoch, on training rows and on held-out rows."""
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     panels = figure.subplots(1, 2)
     words = ("motion area: RMS error (0–1 scale)", "swimming type: wrong (%)")
@@ -21,7 +21,7 @@ def figure15(curve: pd.DataFrame) -> Figure:
             label = "learnt from" if side == "train" else "held out"
             axes.plot(curve["epoch"], curve[f"{side}_{name}"], color=colour, lw=1.3, label=label)
         taught = curve.loc[curve["epoch"] > 0, [f"train_{name}", f"held_out_{name}"]]
-        top = 2 * float(taught.iloc[-1].max()) or 1.0  # epoch 0 may lie far above
+        top = 2 * float(taught.iloc[-1].max()) or 1.0  # epoch 0 may be far above
         axes.set(xlabel="epoch", ylabel=word, ylim=(0, max(top, 1.05 * float(taught.max().max()))))
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
@@ -29,7 +29,7 @@ def figure15(curve: pd.DataFrame) -> Figure:
 
 
 def held_out_figure(predicted: Floats, true: Floats) -> Figure:
-    """Predicted against true states (n, 2) of held-out rows: areas, and which type for which."""
+    """Draw predicted against true states (n, 2) of held-out rows: areas, and a table of types."""
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     kinds = type_class(true[:, 1])

@@ -1,8 +1,8 @@
 """Figs. 3 and 4 of the fish paper: side branches of a thinned fish, their numbers, what is kept.
 
-Plain background subtraction takes every pixel above the noise for fish. Thinned, open fins become
-side branches. finloop thins the silhouette instead, which leaves out what is pale, and weights the
-steps of a path by the width of the fish. The picture shows both.
+Plain background subtraction counts every pixel above the noise as fish. Thinned, open fins become
+side branches. finloop thins the silhouette instead, without pale pixels, and weights the steps of a
+path by the width of the fish. The picture shows both.
 """
 
 from collections.abc import Iterable, Sequence
@@ -25,10 +25,10 @@ _HALO = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def choose_fish(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
-    """The one or two fish to draw, and how many fish have side branches, in words.
+    """Return the one or two fish to draw, and a sentence on how many fish have side branches.
 
-    The first has the most side branches, the longest where several have as many. Of the others, the
-    second is the one for which the two rules differ most, if they differ for any.
+    The first has the most side branches; of equals, the longest ones. The second is the one of the
+    others for which the two rules differ most, if they differ for any.
     """
     count = branched = differing = alone = 0
     most: list[ThinnedFish] = []
@@ -55,9 +55,9 @@ def _branch_order(fish: ThinnedFish) -> tuple[int, int]:
 
 
 def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
-    """Figs. 3, 4: each fish, thinned, numbered and pruned; `words` stand above."""
+    """Draw Figs. 3 and 4: each fish, thinned, numbered and pruned; `words` stand above."""
     if not fish:
-        return message("Figs. 3, 4: no isolated fish in the frames that were looked at.")
+        return message("Figs. 3, 4: no isolated fish in the examined frames.")
     fish = [lie_down(one) for one in fish]
     heights = [2 * 6 * one.film.shape[0] / one.film.shape[1] + 1.1 for one in fish]
     figure = Figure(figsize=(12.5, sum(heights) + 0.5), layout="constrained")
@@ -73,12 +73,12 @@ def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
 
 
 def lie_down(fish: ThinnedFish) -> ThinnedFish:
-    """The same fish, turned by a right angle where the picture is higher than wide."""
+    """Return the same fish, turned by a right angle where the picture is higher than wide."""
     height, width = fish.whole.shape
     if height <= width:
         return fish
 
-    def turn(xy: Any) -> Any:  # (m, 2) of whole numbers or not, and the same again
+    def turn(xy: Any) -> Any:  # (m, 2), integer or float
         return np.column_stack([xy[:, 1], width - 1 - xy[:, 0]])
 
     return fish._replace(
@@ -95,7 +95,6 @@ def lie_down(fish: ThinnedFish) -> ThinnedFish:
 
 
 def _draw(part: SubFigure, fish: ThinnedFish) -> Axes:
-    """Four pictures of one fish: film, all branches, numbers, what is kept; the last of them."""
     panels = part.subplots(2, 2).ravel()
     titles = (
         f"3 (a) {fish.label}: every pixel above the noise, and the silhouette (dashed)",
@@ -129,7 +128,6 @@ def _draw(part: SubFigure, fish: ThinnedFish) -> Axes:
 
 
 def _pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0) -> None:
-    """Fill pixels (n, 2) x, y."""
     picture = np.zeros((*(int(max(lim)) + 1 for lim in (axes.get_ylim(), axes.get_xlim())), 4))
     picture[xy[:, 1], xy[:, 0]] = np.array(to_rgba(colour) if isinstance(colour, str) else colour)
     picture[..., 3] *= alpha
@@ -137,7 +135,6 @@ def _pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0) -> N
 
 
 def _number(axes: Axes, fish: ThinnedFish) -> None:
-    """Colour the branches by their numbers, and write those at the start, joints and ends."""
     last = fish.branches[0].numbers[-1]
     for path, numbers in fish.branches:
         _pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))
@@ -158,7 +155,7 @@ def _number(axes: Axes, fish: ThinnedFish) -> None:
 
 
 def _free_place(blocked: Floats, x: int, y: int, wide: float) -> tuple[float, float]:
-    """The centre of a label for a pixel, where it hides least; blocks what it covers."""
+    """Return the centre of a pixel's label where it hides least, and block what it covers."""
     best, place, box = np.inf, (float(x), float(y)), np.s_[0:0, 0:0]
     height, width = blocked.shape
     for far in (3.0, 4.0, 5.0, 6.5, 8.0):

@@ -1,4 +1,4 @@
-"""Picture of `calibrate`: how near, aligned and where fish are, in the film and by the zones."""
+"""Picture of `calibrate`: distances and alignment of fish, in the film and by the zones."""
 
 from collections.abc import Mapping
 
@@ -21,7 +21,7 @@ _BINS = 30
 
 
 def distributions(shoals: Mapping[str, pd.DataFrame]) -> Figure:
-    """The distribution of every measure, a line a shoal; tables of `SHOAL` by their names."""
+    """Draw the distribution of every measure, one line per group; tables of `SHOAL` by name."""
     figure = Figure(figsize=(12, 6.4), layout="constrained")
     grid = figure.subplots(2, 3)
     for axes, name in zip(grid.flat, MEASURES, strict=False):

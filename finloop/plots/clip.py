@@ -17,7 +17,7 @@ _QUANTILE = 0.999  # quantile of the difference that is drawn black
 def film_check(
     frame: Picture, difference: NDArray[np.float32], table: pd.DataFrame, rate_hz: float, title: str
 ) -> Picture:
-    """A frame (h, w) or (h, w, 3), its difference (h, w) from the tank; `clip.check.CHECK`."""
+    """Draw a frame, its difference (h, w) from the still tank, and curves of `clip.check.CHECK`."""
     height, width = difference.shape
     figure = Figure((12, 6 * height / width + 5.5), dpi=110, layout="constrained")
     canvas = FigureCanvasAgg(figure)
@@ -48,7 +48,7 @@ def film_check(
 
 
 def _curve(axes: Axes, time_s: pd.Series, values: pd.Series, **style: Any) -> None:
-    """A line, broken where nothing was measured; at least as high as to show that it is flat."""
+    """Draw a line with gaps where nothing was measured; its axis shows a flat line as flat."""
     axes.plot(time_s, values, lw=0.8, **style)
     low, high = axes.get_ylim()
     least = {"brightness": 0.1, "change": 4.0}.get(style["label"], 1.0)

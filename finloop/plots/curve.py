@@ -24,7 +24,6 @@ def _draw(ax: Axes, points: Array, closed: bool, colour: str = INK, width: float
 
 
 def _bare(ax: Axes, box: Array) -> None:
-    """No frame; all of `box` (…, 2) in view, y down, a margin round it."""
     low, high = box.reshape(-1, 2).min(axis=0), box.reshape(-1, 2).max(axis=0)
     margin = 0.06 * float((high - low).max())
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin))
@@ -33,19 +32,20 @@ def _bare(ax: Axes, box: Array) -> None:
 
 
 def _height(box: Array, width: float) -> float:
-    """Inches of axes so wide that show `box`."""
     wide, high = np.ptp(box.reshape(-1, 2), axis=0) + 1e-9
     return min(3.0, max(0.7, width * float(high / wide))) + 0.3
 
 
 def _name(ax: Axes, text: str) -> None:
-    """Of a row, upright on its left."""
     at = ax.transAxes
     ax.text(-0.08, 0.5, text, transform=at, rotation=90, va="center", ha="right", fontsize=9)
 
 
 def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
-    """Fig. 2: the curve (n points) from 1/2^k of its samples, a row per (wavelet, its title)."""
+    """Draw Fig. 2: the curve (n points) from n / 2^k of its samples, one row per wavelet.
+
+    wavelets: pairs of wavelet and title.
+    """
     n = len(curve.points)
     figure = Figure(figsize=(2.1 * len(LEVELS), 2.9 * len(wavelets)), layout="constrained")
     rows = figure.subplots(len(wavelets), len(LEVELS), squeeze=False)
@@ -60,7 +60,7 @@ def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
 
 
 def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
-    """Fig. 3: sizes of the entries of K in the wavelet basis, dark = large; lines part scales."""
+    """Draw Fig. 3: sizes of the entries of K in the wavelet basis; lines separate scales."""
     size = np.abs(matrix.toarray())
     n = len(size)
     top = float(size.max())
@@ -83,7 +83,7 @@ def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
 def figure6(
     frames: Array, times: Array, rest: Array, title: str, closed: bool = True, columns: int = 6
 ) -> Figure:
-    """Fig. 6: curves (t, n, 2), left to right and top to bottom; the rest shape in grey."""
+    """Draw Fig. 6: curves (t, n, 2), left to right and top to bottom; the rest shape in grey."""
     rows = -(-len(frames) // columns)
     box = np.concatenate([frames, rest[None]])
     height = rows * _height(box, 1.7) + 0.4
@@ -102,7 +102,7 @@ def figure6(
 def figure7(
     shapes: Sequence[tuple[int, Array]], times: Array, title: str, closed: bool = True
 ) -> Figure:
-    """Fig. 7: rows of (number of control points, curves (t, n, 2)) over the same times."""
+    """Draw Fig. 7: rows of (number of control points, curves (t, n, 2)) over the same times."""
     box = np.concatenate([frames for _, frames in shapes])
     height = len(shapes) * _height(box, 1.5) + 0.5
     figure = Figure(figsize=(1.5 * len(times) + 0.6, height), layout="constrained")

@@ -10,7 +10,7 @@ BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
 def picture_rows(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
-    """At most `most` rows of the feature table: the longest tracks, in the table's order."""
+    """Return at most `most` rows of the feature table: the longest tracks, in the table's order."""
     track = features["track_id"]
     longest = track.groupby(track).transform("size").to_numpy()
     return np.sort(np.lexsort((np.arange(len(track)), track, -longest))[:most])
@@ -22,14 +22,14 @@ def figure9(
     track: NDArray[np.integer],
     unit: float,
 ) -> Figure:
-    """Fig. 9: (a) Eq. 5 for all pairs, (b) Eq. 6; `distance`, `compared` (n, n), `track` (n,).
+    """Draw Fig. 9: (a) Eq. 5 for all pairs, (b) Eq. 6 for compared pairs.
 
-    `unit`: the median natural step.
+    distance, compared: (n, n); track: (n,); unit: the median natural step.
     """
     figure = Figure(figsize=(13, 6.8), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     shades = colormaps["gray"].with_extremes(bad=BLANK)
-    # Few pairs are far: without them the shades tell more.
+    # Few pairs are far: without them, shades differ more.
     top = float(np.quantile(distance, 0.99)) / unit
     steps = distance / unit
     skipped = 100 * (1 - compared.mean())

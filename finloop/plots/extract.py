@@ -1,4 +1,4 @@
-"""A picture of the silhouettes in some frames, by which the settings can be judged."""
+"""A picture of the silhouettes in some frames, to judge the settings of `extract`."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.plots.parts import convert_to_colour, in_rows, write
 
-_COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)
+_COLOURS = {  # RGB; colour-blind people distinguish them, too (Okabe-Ito)
     "fish": (0, 158, 115),
     "at border": (230, 159, 0),
     "too large": (213, 94, 0),
@@ -30,7 +30,7 @@ def detections_picture(
     arena: Picture,
     settings: ExtractSettings,
 ) -> NDArray[np.uint8]:
-    """Frames side by side (2 in a row), each silhouette's outline in the colour of its verdict."""
+    """Draw frames, two per row, with each silhouette's outline in the colour of its verdict."""
     panels = []
     for frame, label in zip(frames, labels, strict=True):
         panel, scale = convert_to_colour(frame), frame.shape[1] / 900

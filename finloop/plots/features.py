@@ -20,8 +20,8 @@ from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import direction_deg, orientations_of
 from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank, write
 
-_WAYS = 200  # tracks whose ways are drawn; more hide one another
-TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
+_WAYS = 200  # tracks drawn, at most; more hide one another
+TYPES = {  # Okabe-Ito colours, which colour-blind people distinguish, too
     STRAIGHT: (WORDS[STRAIGHT], "#0072B2"),
     LEFT: (WORDS[LEFT], "#D55E00"),
     RIGHT: (WORDS[RIGHT], "#009E73"),
@@ -29,7 +29,7 @@ TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
 
 
 def figure7(features: pd.DataFrame) -> Figure:
-    """Fig. 7 of the fish paper for the longest track: (a) motion area, (b) swimming type."""
+    """Draw Fig. 7 of the fish paper for the longest track: (a) motion area, (b) swimming type."""
     track = longest_track(features)
     figure = Figure(figsize=(10, 4.5), layout="constrained")
     area, kind = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -49,7 +49,7 @@ def figure7(features: pd.DataFrame) -> Figure:
 
 
 def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
-    """Ways of tracks over the empty tank, with their beginnings and a heading now and then.
+    """Draw the paths of tracks over the empty tank, with their beginnings and some headings.
 
     At most `_WAYS` tracks are drawn, spread over the film.
     """
@@ -69,7 +69,7 @@ def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
 
 
 def rose(features: pd.DataFrame) -> Figure:
-    """How often each orientation occurs, by swimming type."""
+    """Draw how often each orientation occurs, by swimming type."""
     count = orientations_of(features)
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
@@ -88,7 +88,7 @@ def rose(features: pd.DataFrame) -> Figure:
 
 
 class Specimen(NamedTuple):
-    """One fish for the contact sheet: its row, its backbone (n, 2) px head first, film around."""
+    """One fish for the contact sheet: its row, its backbone (n, 2) px head first, and its film."""
 
     row: pd.Series
     backbone: NDArray[np.floating]
@@ -104,7 +104,7 @@ def specimens(
     cutouts: Cutouts,
     background: np.ndarray,
 ) -> Iterator[Specimen]:
-    """Rows of the feature table, and of `tracks` beside it, with their cut-outs over the tank."""
+    """Yield rows of the feature table, and of `tracks`, with their cut-outs over the tank."""
     lines = lists_to_points(tracks, "backbone")
     lines = np.where(tail_first(lines, table)[:, None, None], lines[:, ::-1], lines)
     for number in numbers.tolist():
@@ -113,10 +113,10 @@ def specimens(
 
 
 def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
-    """Row numbers for a contact sheet, worst first.
+    """Return row numbers for a contact sheet, worst first.
 
-    Half of them have the least confidence in head and tail, at most a few of one track; the others
-    are spread over the range of motion areas.
+    Half of them have the least confidence in head and tail, at most a few per track. The others are
+    spread over the range of motion areas.
     """
     order = features["head_confidence"].to_numpy().argsort(kind="stable")
     rank = features["track_id"].iloc[order].groupby(features["track_id"].iloc[order]).cumcount()
@@ -127,7 +127,7 @@ def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
 
 
 def contact_sheet(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
-    """Fish with backbone, control points, B-spline and heading drawn over the film."""
+    """Draw fish with backbone, control points, B-spline and heading over the film."""
     rows = in_rows([_tile(specimen, size) for specimen in specimens], columns)
     return np.vstack([_key(rows[0].shape[1]), *rows])
 
@@ -145,7 +145,7 @@ def _tile(specimen: Specimen, size: int) -> Picture:
     tile[top : top + big.shape[0], left : left + big.shape[1]] = big
 
     def place(points: NDArray[np.floating]) -> NDArray[np.int32]:
-        """From px of the picture to sixteenths of a pixel of the tile, for cv2's shift=4."""
+        """Convert px of the picture to sixteenths of a pixel of the tile, for cv2's shift=4."""
         inside = points - [specimen.x0_px, specimen.y0_px] + 0.5
         return np.round(16 * (inside * scale - 0.5 + [left, top])).astype(np.int32)
 

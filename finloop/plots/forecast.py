@@ -1,4 +1,4 @@
-"""Pictures of the forecast: how it learnt, its spread, and a fish that swims freely."""
+"""Pictures of the forecast: its learning, its spread, and a fish that swims freely."""
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ _SPAN_S = 1.0  # of the autocorrelations
 
 
 def learning_figure(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
-    """Errors per epoch; and how often the truth has which rank among its forecasts."""
+    """Draw errors per epoch, and how often the truth has which rank among its forecasts."""
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     errors, ranks = figure.subplots(1, 2)
     for side, colour, label in (
@@ -36,15 +36,15 @@ def learning_figure(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
         ranks.plot((bins[1:] + bins[:-1]) / 2, share, "o-", ms=3, label=name.removesuffix("_rank"))
     ranks.axhline(1, color=_FILM, lw=0.9)
     ranks.set(
-        xlabel="share of the foretold next states below the true one",
-        ylabel="how often, of what is expected", ylim=(0, 2.5), title="held-out rows (line: true)",
+        xlabel="share of the predicted next states below the true one",
+        ylabel="frequency / expected frequency", ylim=(0, 2.5), title="held-out rows (line: true)",
     )  # fmt: skip
     ranks.legend(frameon=False)
     return figure
 
 
 def free_figure(film: FilmStates, free: pd.DataFrame) -> Figure:
-    """A fish that swims freely beside the film: distributions above, autocorrelations below."""
+    """Draw a freely swimming fish beside the film: distributions above, autocorrelations below."""
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     panels = figure.subplots(2, 3)
     rows = film.rows[film.rows < film.count] + 1

@@ -1,4 +1,4 @@
-"""Figs. 8–14 of the curve paper, of any contours: a dog's limbs, a fish's outline."""
+"""Figs. 8–14 of the curve paper for any contours: a dog's limbs, a fish's outline."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -31,7 +31,10 @@ def figures(
     subcycles: Mapping[tuple[str, int], Subcycle],
     pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
 ) -> Iterator[tuple[str, Figure]]:
-    """Names and figures 8 to 14; `pictures` of the film and their phases, if they may be shown."""
+    """Yield the names and figures 8 to 14.
+
+    pictures: of the film with their phases, if they may be shown.
+    """
     yield "fig8", figure8(*pictures) if pictures else figure8_contours(film)
     yield "fig9", figure9(gait, keys, film)
     yield "fig10", figure10(film, keys, gait.split)
@@ -42,7 +45,7 @@ def figures(
 
 
 def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int = 6) -> Figure:
-    """Fig. 8: pictures of a film that form a gait cycle, left to right and top to bottom."""
+    """Draw Fig. 8: pictures of one gait cycle, left to right and top to bottom."""
     high, wide = pictures[0].shape[:2]
     rows = -(-len(pictures) // columns)
     figure, ax = _canvas(columns * 2.0, rows * (2.0 * high / wide + 0.2), "")
@@ -55,7 +58,7 @@ def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int 
 
 
 def figure8_contours(film: GaitContours, columns: int = 6, most: int = 18) -> Figure:
-    """Fig. 8 without the film's pictures: its contours over the first cycle that it shows."""
+    """Draw Fig. 8 from contours instead of pictures, over the film's first cycle."""
     first = np.flatnonzero(film.phase < film.phase[0] + 1)
     frames = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
     poses = _poses({name: points[frames] for name, points in film.contours.items()})
@@ -65,9 +68,9 @@ def figure8_contours(film: GaitContours, columns: int = 6, most: int = 18) -> Fi
 
 
 def figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
-    """Fig. 9: (a) the cycle, • a limb on the ground, ○ one lifted; (b) the four key frames.
+    """Draw Fig. 9: (a) the cycle, • a limb on the ground, ○ one lifted; (b) the four key frames.
 
-    Where no limbs stand on the ground: how far the contour reaches to either side.
+    Without limbs on the ground, (a) shows how far the contour reaches to either side.
     """
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[1, 1.1])
@@ -120,9 +123,9 @@ def _reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
 
 
 def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
-    """Fig. 10: contours of all frames in subcycle A: key 1 dashed, key 2 solid, others dotted.
+    """Draw Fig. 10: contours of subcycle A: key 1 dashed, key 2 solid, other frames dotted.
 
-    Frames of subcycle C are among them, brought over by the symmetry.
+    Frames of subcycle C are included, mapped by the symmetry.
     """
     inside = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     late = (np.mod(film.phase, 1) >= 0.5)[inside, None, None]
@@ -149,10 +152,9 @@ def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
 
 
 def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
-    """Fig. 11: where each frame is between its keys, 'o' in A and 'x' in B, and the parabolas.
+    """Draw Fig. 11: each frame's f(τ) between its keys, 'o' in A and 'x' in B, and the parabolas.
 
-    A frame's f is the share of the way between the keys that it still has before it, by least
-    squares over its contour.
+    f is the remaining share of the change from key to key, by least squares over the contour.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
@@ -184,7 +186,7 @@ def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
 
 
 def figure12(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
-    """Fig. 12: the synthesized cycle, subcycles A to D in rows."""
+    """Draw Fig. 12: the synthesized cycle, subcycles A to D in rows."""
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(columns) / columns
     phases = np.concatenate([a + tau * (b - a) for a, b in pairwise(edges)])
@@ -194,7 +196,7 @@ def figure12(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Fi
 
 
 def figure13(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6, rows: int = 2) -> Figure:
-    """Fig. 13: subcycle A alone, with more frames."""
+    """Draw Fig. 13: subcycle A alone, with more frames."""
     phases = np.linspace(0, gait.split, rows * columns)
     poses = _rows(_poses(_frames(gait, keys, film, phases)), columns)
     titles = [f"phase {phase:.3f}" for phase in phases]
@@ -202,7 +204,7 @@ def figure13(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6, rows:
 
 
 def figure14(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
-    """Fig. 14: frames of a cycle at 4, 16 and 64 control points a contour."""
+    """Draw Fig. 14: frames of a cycle at 4, 16 and 64 control points a contour."""
     phases = np.arange(columns) / columns
     rows = [_poses(_frames(gait, keys, film, phases, control)) for control in CONTROL]
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * columns)
@@ -218,7 +220,6 @@ def _frames(
 
 
 def _poses(frames: Mapping[str, Points]) -> list[Pose]:
-    """Contours (frames, n, 2) by name, frame by frame."""
     return [dict(zip(frames, pose, strict=True)) for pose in zip(*frames.values(), strict=True)]
 
 
@@ -229,7 +230,6 @@ def _rows(poses: Sequence[Pose], columns: int) -> list[Sequence[Pose]]:
 def _sheet(
     rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str], title: str
 ) -> Figure:
-    """Poses in rows, all on one scale; `names` of the rows on their left."""
     wide, high = _cell(rows)
     columns = max(map(len, rows))
     inches = 1.7 * columns + 0.4
@@ -239,7 +239,6 @@ def _sheet(
 
 
 def _cell(rows: Sequence[Sequence[Pose]]) -> Points:
-    """Width and height of what a pose takes up, with room for its title."""
     box = _box([pose for row in rows for pose in row])
     wide, high = _high(box) - _low(box)
     return np.array([1.08 * wide, 1.04 * high + 0.13 * wide])
@@ -248,7 +247,7 @@ def _cell(rows: Sequence[Sequence[Pose]]) -> Points:
 def _cells(
     ax: Axes, rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str] = ()
 ) -> None:
-    """Poses side by side in one plot: a plot for each would take ten times as long."""
+    """Draw poses side by side in one plot: a plot for each would take ten times as long."""
     box = _box([pose for row in rows for pose in row])
     low, (wide, high) = _low(box), _cell(rows)
     left = iter(titles)
@@ -271,7 +270,6 @@ def _cells(
 
 
 def _canvas(wide: float, high: float, title: str) -> tuple[Figure, Axes]:
-    """A figure, inches, all of which is one bare plot with y down."""
     figure = Figure(figsize=(wide, high))
     ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / high))
     ax.set_title(title, fontsize=10)

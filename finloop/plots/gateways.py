@@ -25,9 +25,10 @@ _HEADLINES = {
 
 
 class GatewayPictures(NamedTuple):
-    """A gateway as a viewer meets it: premultiplied pictures (TILE, TILE, c), 0 … 1.
+    """A gateway on screen: premultiplied pictures (TILE, TILE, c), 0 … 1.
 
-    before: on screen; natural: what would come next; instead: what does; above, below: words.
+    before: the last picture; natural: its natural successor; instead: the one that is shown; above,
+    below: titles.
     """
 
     before: Stack
@@ -38,14 +39,14 @@ class GatewayPictures(NamedTuple):
 
 
 def spread(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
-    """The best, the median and the worst gateways, and some between: `count` by distance."""
+    """Return `count` gateways by distance: the best, the median, the worst, and some between."""
     order = gateways.sort_values("distance", kind="stable")
     numbers = np.linspace(0, len(order) - 1, min(count, len(order)))
     return order.iloc[numbers.round().astype(int)]
 
 
 def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[GatewayPictures]:
-    """The pictures of gateways, in the pose in which they were compared."""
+    """Yield the pictures of gateways, in the pose in which they were compared."""
 
     @lru_cache(1)  # in the pose BODY there is but one
     def of_sprites(number: int) -> tuple[Stack, Stack]:
@@ -69,7 +70,7 @@ def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Gatew
 
 
 def contact_sheet(pairs: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
-    """The pairs of each direction, under a line that says what is shown."""
+    """Draw the gateways of each direction below a line that explains the columns."""
     bands = []
     for direction, some in pairs.items():
         bands += [_strip(_HEADLINES[direction], columns), *in_rows([*map(_tiles, some)], columns)]

@@ -10,7 +10,7 @@ _SURE = "viridis"
 
 
 def timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Figure:
-    """A row for each animal, a bar for each track; the colour of a join is its probability.
+    """Draw one row per animal and one bar per track; a join's colour is its probability.
 
     table: schema IDENTITIES; features: track_id and frame of every row.
     """

@@ -1,4 +1,4 @@
-"""Fig. 13 of the fish paper: a loop that is none, for it travels against the fish's heading."""
+"""Fig. 13 of the fish paper: an improper loop, along which the fish travels against its heading."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ Rows = NDArray[np.integer]
 
 
 class ImproperLoop(NamedTuple):
-    """A pair of rows a < b that is alike, and how the fish travels where it is improper.
+    """A pair of similar rows a < b, and how the fish travels where the loop is improper.
 
     place : 0 between the ends, 1 at a, 2 at b. travel_deg, heading_deg : there, anticlockwise.
     filtered : mean distance along the diagonal.
@@ -44,12 +44,13 @@ class ImproperLoop(NamedTuple):
 def most_improper(
     candidates: pd.DataFrame, features: pd.DataFrame, most_deg: float
 ) -> ImproperLoop | None:
-    """The improper pair that shows best what is wrong; None: no pair is improper.
+    """Return the improper pair that shows the fault most clearly; None: no pair is improper.
 
-    One that travels against its heading between its ends, if there is one, else at an end. Of these
-    the one that travels farthest from its heading; a way of less than a body length counts less.
+    Pairs that are improper between their ends come before those that are improper at an end. Of
+    these it is the pair whose travel differs most from the heading; a path below one body length
+    counts less.
 
-    candidates : as `loops.search.candidates` gives them, made with the angle `most_deg`.
+    candidates : from `loops.search.candidates`, with the angle `most_deg`.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:
@@ -74,7 +75,7 @@ def most_improper(
 
 
 def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
-    """The rows over which the loop travels: from a to b, or from Δ/2 before an end to Δ/2 after."""
+    """Return the rows of the loop's path: from a to b, or Δ/2 to both sides of an end."""
     if loop.place == 0:
         return np.arange(loop.a, loop.b + 1)
     end, delta = (loop.a, loop.b)[loop.place - 1], delta_of(features)
@@ -85,9 +86,9 @@ def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
 
 
 def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, words: str) -> Figure:
-    """Fig. 13: the fish where the loop begins and ends, its heading, and where the loop travels.
+    """Draw Fig. 13: the fish at both ends of the loop, its heading, and the loop's travel.
 
-    Below, the two pictures that are alike; `words` stand above.
+    Below are the two similar pictures; `words` stand above.
     """
     features = reel.features
     figure = Figure(figsize=(12.5, 8.0), layout="constrained")
@@ -115,13 +116,11 @@ def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, wor
 
 
 def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
-    """Return the rows that show the fish: both ends of the loop, or only the improper one."""
     ends = {"a": loop.a, "b": loop.b}
     return ends if loop.place == 0 else dict([list(ends.items())[loop.place - 1]])
 
 
 def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Picture) -> None:
-    """The fish's way, its heading at the ends shown, and where the loop travels."""
     rows = rows_on_way(loop, features)
     part = features.iloc[rows]
     place = part[["x_px", "y_px"]].to_numpy(float)
@@ -172,6 +171,6 @@ def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Pict
 
 
 def _direction(angle_deg: float) -> Floats:
-    """The unit vector x, y of an angle, anticlockwise; y is down."""
+    """Return the unit vector x, y of an angle, anticlockwise; y is down."""
     angle = np.radians(angle_deg)
     return np.array([np.cos(angle), -np.sin(angle)])

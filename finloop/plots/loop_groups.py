@@ -19,10 +19,10 @@ from finloop.plots.loops import arc_points, sample
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
 _IN_TURN = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
-_ARCS, _PER_GROUP = 160, 8  # loops that can be told apart in one picture, and of one group
+_ARCS, _PER_GROUP = 160, 8  # loops that a viewer can distinguish in one picture and one group
 _ROWS = 9  # groups with a row of their own
 _NAMED = 8  # dead ends
-_NARROW = 0.02  # of the film; a group that lies over less of it has no number at its bar
+_NARROW = 0.02  # of the film; a group over less of it has no number at its bar
 
 Rows = NDArray[np.integer]
 
@@ -35,7 +35,7 @@ class RowRange(NamedTuple):
 
 
 def stretches(inside: Mask, track_id: Rows) -> list[RowRange]:
-    """The stretches of rows that are `inside` (n,); each lies in one track."""
+    """Return the stretches of rows that are `inside` (n,); each lies in one track."""
     number = np.where(inside, track_id, -1)
     edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
     edges = np.unique(np.r_[edges, len(number)])
@@ -43,7 +43,7 @@ def stretches(inside: Mask, track_id: Rows) -> list[RowRange]:
 
 
 def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
-    """The rows (n,) of the film over which some loops lie: between their ends, or at both ends."""
+    """Return the rows (n,) of the film below some loops: between their ends, or at both ends."""
     change = np.zeros(len(track_id) + 1, np.int64)
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     within = track_id[a] == track_id[b]
@@ -56,10 +56,10 @@ def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
 def over_time(
     loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, rate_hz: float
 ) -> Figure:
-    """Fig. 12: groups of loops along the film, tracks one after another, and its dead ends.
+    """Draw Fig. 12: groups of loops along the film, track after track, and its dead ends.
 
-    Above, loops within a track alone, as in the paper; then a row for each group of all loops; then
-    from where the film can be played for ever.
+    At the top are loops within a track alone, as in the paper. Below are a row for each group of
+    all loops, and the film that can be played for ever.
     """
     track_id = features["track_id"].to_numpy()
     size = loops["group"].value_counts().sort_index()
@@ -79,7 +79,6 @@ def over_time(
 
 
 def _draw_within(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
-    """Some loops within tracks as arcs, each group in another colour than its neighbours."""
     some = loops[loops["length_s"].notna()]
     axes.set(yticks=[], ylim=(-0.28, 1.05))
     if some.empty:
@@ -115,7 +114,6 @@ def _draw_within(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
 
 
 def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
-    """A row for each group of loops: the film below it, and lines between tracks."""
     size = loops["group"].value_counts().sort_index()
     across = loops["length_s"].isna()
     names = []
@@ -143,12 +141,10 @@ def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float
 
 
 def _count(number: int, noun: str) -> str:
-    """A number of things in words: 1 loop, 2 loops."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_hz: float) -> None:
-    """From where the film can be played for ever; the longest stretches from where it ends."""
     track_id, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
     rows = len(track_id)
     endless, largest = goes_on(graph, track_id), in_component(graph, rows)

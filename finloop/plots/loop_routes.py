@@ -1,4 +1,4 @@
-"""Fig. 10 of the fish paper: four loops of the film, and three ways from G to F."""
+"""Fig. 10 of the fish paper: four loops of the film, and three routes from G to F."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -20,18 +20,18 @@ from finloop.plots.loops import SIZE_PX, arc_points, fish_rows, on_light, sample
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # Okabe-Ito, of L1 … L4
 _HALO = [withStroke(linewidth=3, foreground="white")]
 _TRACKS = 40  # those with the most loops
-_PER_TRACK = 24  # loops of a track that are combined; all combinations of four are looked at
-_ENOUGH = 40  # ways from G to F; the three of the figure are among the shortest
+_PER_TRACK = 24  # loops of a track, of which all combinations of four are examined
+_ENOUGH = 40  # routes from G to F; the three of the figure are among the shortest
 _G, _F = 6, 5  # in time order
 
 Rows = NDArray[np.integer]
 
 
 class ThreeWays(NamedTuple):
-    """Four loops of one track, in time order of their first ends, and three ways from G to F.
+    """Four loops of one track, ordered by their first ends, and three routes from G to F.
 
-    loops : rows of the table of loops. ends : (8,) rows of the feature table, A … H. cases : each
-    from end to end, as `routes` gives them.
+    loops : rows of the table of loops. ends : (8,) rows of the feature table, A … H. cases : from
+    end to end, as in `routes`.
     """
 
     loops: pd.DataFrame
@@ -40,12 +40,13 @@ class ThreeWays(NamedTuple):
 
 
 def find_three_ways(loops: pd.DataFrame, track_id: Rows) -> ThreeWays | None:
-    """The four loops that lie as in the paper's Fig. 10a and are the easiest to tell apart.
+    """Return the four loops that lie as in the paper's Fig. 10a and are easiest to distinguish.
 
-    They are of one track. H, G and F, the last of their eight ends in time, have loops with earlier
-    ends: from G the film can jump at once to before F, or play on to H and jump from there. The
-    fourth loop lies between there and F, so that it can be taken on the way. Of all such loops,
-    those whose ends are farthest from each other in time. None: no track has four such loops.
+    They belong to one track. H, G and F, the last of their eight ends in time, have loops with
+    earlier ends: from G the film can jump at once to before F, or play on to H and jump from there.
+    The fourth loop lies between there and F, so that the route can include it. Of all such loops,
+    these have the ends that are farthest from each other in time. None: no track has four such
+    loops.
     """
     within = loops[loops["length_s"].notna()]
     track = track_id[within["a"].to_numpy()]
@@ -67,7 +68,7 @@ def find_three_ways(loops: pd.DataFrame, track_id: Rows) -> ThreeWays | None:
 
 
 def _spread(pairs: Ints) -> Floats:
-    """The least time between two ends of four loops (n, 4, 2), as a share of all their time.
+    """Return the least time between two ends of four loops (n, 4, 2), as a share of all their time.
 
     0 where the loops do not lie as in the paper.
     """
@@ -86,10 +87,10 @@ def _spread(pairs: Ints) -> Floats:
 
 
 def choose_cases(ways: Sequence[list[Leg]]) -> list[list[Leg]]:
-    """The three ways of Fig. 10b, out of many from one end to another, the shortest first.
+    """Return the three routes of Fig. 10b, out of many from one end to another, shortest first.
 
-    Case 1 plays on and then jumps once, case 2 jumps at once, case 3 is case 1 with one loop more
-    on the way: it takes a second jump back in time.
+    Case 1 plays on and then jumps once, case 2 jumps at once, case 3 is case 1 with one more loop
+    on the route: it makes a second jump back in time.
     """
     once = [way for way in ways if len(jumps_of(way)) == 1]
     first = next(way for way in once if way[0][2] == PLAY)
@@ -105,20 +106,20 @@ def choose_cases(ways: Sequence[list[Leg]]) -> list[list[Leg]]:
 
 
 def jumps_of(way: Sequence[Leg]) -> list[Leg]:
-    """The jumps of a way."""
+    """Return the jumps of a route."""
     return [leg for leg in way if leg[2] == JUMP]
 
 
 def spell(way: Sequence[Leg], ends: Rows) -> str:
-    """A way as the paper writes it, GHCDEF: the letter of each end it comes to."""
+    """Return a route as the paper writes it, GHCDEF: the letter of each end that it reaches."""
     rows = [way[0][0], *(to for _, to, _ in way)]
     return "".join(LETTERS[int(np.searchsorted(ends, row))] for row in rows)
 
 
 def figure10(three: ThreeWays, reel: Reel, pose: str, step: float) -> Figure:
-    """Fig. 10: (a) four loops in time, the fish at their ends; (b) three ways from G to F.
+    """Draw Fig. 10: (a) four loops in time, the fish at their ends; (b) three routes from G to F.
 
-    `step` : the median natural step, in the unit of the loops' distance.
+    step : the median natural step, in the unit of the loops' distance.
     """
     figure = Figure(figsize=(12.5, 9.8), layout="constrained")
     heights = 3.2, 1.1, 5.6
@@ -145,7 +146,6 @@ def figure10(three: ThreeWays, reel: Reel, pose: str, step: float) -> Figure:
 
 
 def _colour_of_ends(three: ThreeWays) -> list[str]:
-    """The colour of the loop that each end belongs to."""
     colours = dict.fromkeys(three.ends.tolist(), "")
     for colour, loop in zip(_COLOURS, three.loops.itertuples(), strict=True):
         colours[loop.a] = colours[loop.b] = colour
@@ -153,7 +153,6 @@ def _colour_of_ends(three: ThreeWays) -> list[str]:
 
 
 def _draw_loops(axes: Axes, three: ThreeWays, frame: Rows) -> None:
-    """Fig. 10a: the loops as arcs over the film, with their names and the letters of their ends."""
     a, b = frame[three.loops["a"]], frame[three.loops["b"]]
     arcs = arc_points(a.astype(float), b.astype(float))
     for number, (arc, colour) in enumerate(zip(arcs, _COLOURS, strict=True), start=1):
@@ -170,7 +169,6 @@ def _draw_loops(axes: Axes, three: ThreeWays, frame: Rows) -> None:
 
 
 def _draw_fish(part: SubFigure, three: ThreeWays, reel: Reel, pose: str, frame: Rows) -> None:
-    """The fish at each end, in the colour of its loop: two of a colour are alike."""
     pictures = reel.frames(three.ends.astype(np.intp), SIZE_PX, pose)
     band = fish_rows(pictures)
     part.suptitle(
@@ -189,7 +187,6 @@ def _draw_fish(part: SubFigure, three: ThreeWays, reel: Reel, pose: str, frame: 
 
 
 def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
-    """Play as solid lines from left to right, each jump as a dotted one to the line below."""
     level = 0
     for a, b, how in merge_legs(way):
         if how == PLAY:
@@ -216,7 +213,6 @@ def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
 
 
 def _describe(number: int, way: Sequence[Leg], three: ThreeWays, step: float) -> str:
-    """The name, the spelling and the costs of a way."""
     jumps = jumps_of(way)
     frames = sum(b - a for a, b, how in way if how == PLAY)
     distance = {

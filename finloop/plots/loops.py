@@ -26,7 +26,7 @@ Rows = NDArray[np.integer]
 
 
 def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
-    """At most `most` rows of a table, evenly from the first, the best loop, to the last."""
+    """Return at most `most` rows of a table, evenly from the first (the best loop) to the last."""
     count = min(len(loops), most)
     return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
 
@@ -38,9 +38,9 @@ def _describe_count(count: int, all_of_them: int) -> str:
 def arc_points(
     a: NDArray[np.floating], b: NDArray[np.floating], longest: float | None = None
 ) -> NDArray[np.float64]:
-    """Half ellipses (n, points, 2) from a to b; as high as the square root of their width.
+    """Return half ellipses (n, points, 2) from a to b; height = √(width / longest).
 
-    One as wide as `longest`, the widest of them by default, is 1 high.
+    longest: by default the widest of them.
     """
     angle = np.linspace(0, np.pi, 40)
     middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
@@ -51,7 +51,7 @@ def arc_points(
 def over_tank(
     loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, background: parts.Picture
 ) -> Figure:
-    """Loop ends over the empty tank, and where loops within a track take the fish (Fig. 11a)."""
+    """Draw loop ends over the empty tank, and the paths of loops within a track (Fig. 11a)."""
     figure, axes = parts.over_tank(background, 0.45, below=0.6)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     frames = graph.frames
@@ -84,7 +84,7 @@ def over_tank(
 
 
 def table_picture(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
-    """Fig. 11: the way of the track with its loop ends A, B …, and the table of quadrants."""
+    """Draw Fig. 11: the path of the track with its loop ends A, B …, and the table of quadrants."""
     figure = Figure(figsize=(14, 7), layout="constrained")
     way, cells = figure.subplots(1, 2)
     track = features["track_id"].to_numpy()
@@ -114,7 +114,6 @@ def table_picture(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Fi
 def _letters(
     axes: Axes, x: NDArray[np.floating], y: NDArray[np.floating], heading_deg: NDArray[np.floating]
 ) -> None:
-    """Names beside places, in turn to the left and to the right of the fish."""
     side = np.where(np.arange(len(x)) % 2, -90, 90)
     angle = np.radians(heading_deg + side)
     for letter, *numbers in zip(LETTERS, x, y, angle, strict=False):
@@ -130,7 +129,7 @@ SIZE_PX = 128  # of the pictures of a loop
 
 
 class Example(NamedTuple):
-    """A loop for the sheet: three pictures (h, w, c) 0 … 1, premultiplied, and what it costs."""
+    """A loop for the sheet: three pictures (h, w, c) 0 … 1, premultiplied, and its costs."""
 
     before: NDArray[np.float32]
     natural: NDArray[np.float32]
@@ -139,7 +138,7 @@ class Example(NamedTuple):
 
 
 def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Example]:
-    """Pictures of some loops: the frame before a, a itself, and b instead."""
+    """Yield the pictures of some loops: the frame before a, a itself, and b instead."""
     track, frame = (reel.features[name].to_numpy() for name in ("track_id", "frame"))
     for loop in loops.itertuples():
         before = loop.a - 1 if loop.a and track[loop.a - 1] == track[loop.a] else loop.a
@@ -154,7 +153,7 @@ def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Examp
 
 
 def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
-    """Indices of the first `count` loops whose ends are farther than `rows` from earlier ones."""
+    """Return the first `count` loops whose ends are farther than `rows` from earlier ones."""
     places: list[int] = []
     near = np.empty(0, int)
     ends = loops[["a", "b"]].to_numpy()
@@ -168,7 +167,7 @@ def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
 
 
 def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
-    """Fig. 8 for some loops: the frame shown last, the film's next, the loop's; what differs."""
+    """Draw Fig. 8 for some loops: the last frame, the film's next, the loop's, their difference."""
     lines = max(len(best), len(worst))
     band = fish_rows(np.stack([shown for one in (*best, *worst) for shown in one[:3]]))
     high = (band.stop - band.start) / len(best[0].before)
@@ -190,18 +189,17 @@ def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
 
 
 def _tiles(example: Example) -> list[NDArray[np.floating]]:
-    """Three pictures over light grey, and three times what differs between the last two."""
     over = [on_light(picture) for picture in (example.before, example.natural, example.instead)]
     return [*over, np.clip(0.5 + 1.5 * (over[2] - over[1]), 0, 1)]
 
 
 def on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
-    """A premultiplied picture (h, w, c), 0 … 1, over light grey, (h, w, 3)."""
+    """Return a premultiplied picture (h, w, c), 0 … 1, over light grey, (h, w, 3)."""
     over = picture[..., :-1] + (1 - picture[..., -1:]) * 0.8
     return np.clip(np.broadcast_to(over, (*over.shape[:-1], 3)), 0, 1)
 
 
 def fish_rows(pictures: NDArray[np.float32]) -> slice:
-    """The rows of pixels in which any of some pictures (k, h, w, c) shows fish."""
+    """Return the rows of pixels in which any of some pictures (k, h, w, c) shows fish."""
     rows = np.flatnonzero(np.any(pictures[..., -1] > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)

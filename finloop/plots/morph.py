@@ -1,4 +1,4 @@
-"""Sheets of morphs: frames of a drawing side by side, a row a method (Figs. 4, 5)."""
+"""Sheets of morphs: frames of a drawing side by side, one row per method (Figs. 4, 5)."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ _BAR = 22  # px above a row, for its name
 
 
 def sheet(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
-    """Rows of (name, morph), each at `columns` even times from 0 to 1; `size` px a frame."""
+    """Draw rows of (name, morph), each at `columns` even times from 0 to 1; `size` px a frame."""
     return np.vstack([_row(name, morph, columns, size) for name, morph in morphs.items()])
 
 

@@ -1,4 +1,4 @@
-"""Parts of several figures: the tank below, headings, tiles in rows, words on a picture."""
+"""Parts of several figures: the tank below, headings, tiles in rows, text on a picture."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,10 @@ _GROUND = 205  # grey level that a cut-out lies on
 
 
 def over_tank(background: Picture, alpha: float, below: float = 0.0) -> tuple[Figure, Axes]:
-    """A figure of the empty tank in px of the film, paled by `alpha`; `below`: inches for a key."""
+    """Return a figure of the empty tank in px of the film, paled by `alpha`.
+
+    below: inches for a key.
+    """
     height, width = background.shape[:2]
     figure = Figure(figsize=(10, 10 * height / width + below), layout="constrained")
     axes = figure.subplots()
@@ -27,7 +30,7 @@ def over_tank(background: Picture, alpha: float, below: float = 0.0) -> tuple[Fi
 
 
 def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
-    """The heading_deg of some rows at their x_px, y_px."""
+    """Draw the heading_deg of some rows as arrows at x_px, y_px."""
     angle = np.radians(rows["heading_deg"])
     axes.quiver(
         rows["x_px"], rows["y_px"], np.cos(angle), np.sin(angle), angles="uv", scale=45,
@@ -36,14 +39,14 @@ def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
 
 
 def in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
-    """Tiles of one size (h, w, 3) side by side; the last row is filled up with white ones."""
+    """Join tiles of one size (h, w, 3) in rows; white tiles fill the last row."""
     white = [np.full_like(tile, 255) for tile in tiles[:1]] * (-len(tiles) % columns)
     every = [*tiles, *white]
     return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]
 
 
 def one_below_another(pictures: Sequence[Picture]) -> Picture:
-    """Pictures (h, w, 3) of any sizes at the width of the first, in a column."""
+    """Join pictures (h, w, 3) of any sizes in a column, at the width of the first."""
     width = pictures[0].shape[1]
     scaled = [
         cv2.resize(
@@ -62,7 +65,7 @@ def convert_to_colour(picture: Picture) -> Picture:
 
 
 def on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
-    """Premultiplied colours (h, w, 1 or 3), 0 … 255, of alpha (h, w, 1), 0 … 1, over grey."""
+    """Return premultiplied colours (h, w, 1 or 3), 0 … 255, over grey; alpha (h, w, 1), 0 … 1."""
     whole = np.broadcast_to(colour + _GROUND * (1 - alpha), (*alpha.shape[:2], 3))
     return np.ascontiguousarray(np.clip(np.rint(whole), 0, 255).astype(np.uint8))
 
@@ -75,7 +78,7 @@ def write(
 
 
 def message(text: str) -> Figure:
-    """Words in the place of a picture."""
+    """Return a figure with a text instead of a picture."""
     figure = Figure(figsize=(8, 2))
     figure.text(0.02, 0.5, text, va="center", fontsize=9, wrap=True)
     return figure

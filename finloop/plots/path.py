@@ -1,4 +1,4 @@
-"""A figure of a path: the goal, the way of each mode, and the error along it."""
+"""A figure of a path: the requested path, the path of each mode, and the error along it."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -11,31 +11,31 @@ from finloop.plots.animate import COLOURS
 _GOAL = "0.2"
 
 
-def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
-    """Left the tank with both ways, a ring where the path was left; right the errors over time.
+def path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
+    """Draw the tank with all paths and rings where a fish left its path; right, errors over time.
 
-    swum: columns of `path_measures.SWUM`; left: of `LEFT`; background (h, w): the empty tank.
+    paths: columns of `path_measures.SWUM`; left: of `LEFT`; background (h, w): the empty tank.
     """
     height, width = background.shape[:2]
-    modes = dict(iter(swum.groupby("mode", sort=False)))
-    timed = bool(swum["late"].notna().any())
+    modes = dict(iter(paths.groupby("mode", sort=False)))
+    timed = bool(paths["late"].notna().any())
     figure = Figure(figsize=(15, max(5.0, 7.5 * height / width)), layout="constrained")
     grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
-    goal = _goal_path(swum)
+    goal = _goal_path(paths)
     tank.plot(goal["asked_x_px"], goal["asked_y_px"], color=_GOAL, lw=3.5, alpha=0.5,
-              label=f"asked of fish {swum['fish'].iloc[0] + 1}")  # fmt: skip
+              label=f"requested of fish {paths['fish'].iloc[0] + 1}")  # fmt: skip
     shared = None
     for row, (colour, (mode, way)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
-        tank.plot(way["x_px"], way["y_px"], color=colour, lw=1, label=f"swum: {mode}")
+        tank.plot(way["x_px"], way["y_px"], color=colour, lw=1, label=f"path: {mode}")
         places = left[left["mode"] == mode]
         tank.plot(places["asked_x_px"], places["asked_y_px"], "o", ms=11, mfc="none", mec=colour)
         axes = shared = figure.add_subplot(grid[row, 1], sharex=shared, sharey=shared)
         axes.plot(way["time_s"], way["across"], color=colour, lw=1, label="beside the path")
         if timed:
             axes.plot(way["time_s"], way["late"], color=colour, lw=1, ls=":",
-                      label="from the place asked for then")  # fmt: skip
+                      label="from the requested place")  # fmt: skip
         for place in places.itertuples():
             axes.axvspan(place.from_s, place.to_s, color=colour, alpha=0.15)
         beside = rms(way["across"].to_numpy())
@@ -49,7 +49,6 @@ def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     return figure
 
 
-def _goal_path(swum: pd.DataFrame) -> pd.DataFrame:
-    """The places of the goal path, of the mode that has come farthest, in their order."""
-    farthest = swum.loc[swum["along_px"].idxmax(), "mode"]
-    return swum[swum["mode"] == farthest]
+def _goal_path(paths: pd.DataFrame) -> pd.DataFrame:
+    farthest = paths.loc[paths["along_px"].idxmax(), "mode"]
+    return paths[paths["mode"] == farthest]

@@ -1,4 +1,4 @@
-"""Picture of `pose`: what the first principal shapes look like on an animal of the film."""
+"""Picture of `pose`: the first principal shapes, drawn on an animal of the film."""
 
 import numpy as np
 
@@ -12,9 +12,9 @@ SHAPES, TIMES = 4, (-2, -1, 0, 1, 2)
 
 
 def sheet(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
-    """A row for each shape: the mean posture and `TIMES` standard deviations to both sides.
+    """Draw a row for each shape: the mean posture and `TIMES` standard deviations to both sides.
 
-    The animal is that of the row whose posture is nearest to the mean.
+    The animal is the row whose posture is nearest to the mean.
     """
     shapes = poses.shapes
     row = int((poses.codes**2).sum(1).argmin())

@@ -20,9 +20,9 @@ _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 
 
 def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
-    """ROC curves, and the area for all channels and for each alone.
+    """Draw ROC curves, and the area for all channels and for each alone.
 
-    table: rows of `compare.table`; roc: columns compared, false_alarms, hits.
+    table: from `compare.table`; roc: columns compared, false_alarms, hits.
     """
     names = list(dict.fromkeys(table["compared"]))
     modes = [name for name in names if name not in _GREY]
@@ -49,7 +49,7 @@ def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
             yerr=[own["auc"] - own["low"], own["high"] - own["auc"]],
             error_kw={"ecolor": "0.2", "lw": 0.8},
         )  # fmt: skip
-    curves.set(xlabel="film windows taken for animation", ylabel="animation windows told",
+    curves.set(xlabel="film windows taken for animation", ylabel="animation windows recognised",
                xlim=(0, 1), ylim=(0, 1), aspect="equal")  # fmt: skip
     if names:
         curves.legend(frameon=False, loc="lower right", fontsize=7, title="area (95 % interval)",
@@ -65,9 +65,9 @@ def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
 def sheet(
     curves: pd.DataFrame, titles: Sequence[str], strips: Sequence[Mapping[str, Picture]]
 ) -> Figure:
-    """The falsest windows beside the film windows most like them: pictures and channels.
+    """Draw the falsest windows beside the most similar film windows: pictures and channels.
 
-    curves: columns of `CURVES`; titles, strips: of each example, a strip (h, w, 3) a side.
+    curves: columns of `CURVES`; titles, strips: of each example, a strip (h, w, 3) per side.
     """
     if not titles:
         figure = Figure(figsize=(8, 1.5))

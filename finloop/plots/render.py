@@ -22,11 +22,12 @@ _HALO = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
-    """Figs. 16, 17: the way over the empty tank, coloured by what is shown, and the goals.
+    """Draw Figs. 16, 17: the path over the empty tank, coloured by what is shown, and the goals.
 
-    Where all ticks show the same, the state has the colour. Once the goals are done fish wander;
-    that part is a thin grey line. Beside each goal stands when it was reached. Crosses: the fish is
-    on the spot as no way stays in the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
+    If all ticks show the same, the colour is that of the state. After the last goal the fish
+    wanders; that part is a thin grey line. Each goal has the time at which it was reached. Crosses:
+    the fish is on the spot, because every route leaves the tank (§4.2). Diamonds: gateways (A, B of
+    Fig. 17).
     """
     figure, axes = over_tank(background, 0.45, below=0.5)
     names, colours = parts(edit)
@@ -80,7 +81,7 @@ SWITCHES, BEFORE, AFTER = 12, 3, 5  # rows on their sheet; ticks before each, an
 
 
 class Tile(NamedTuple):
-    """One tick for the contact sheet: what is drawn around the fish, and what the row says."""
+    """One tick for the contact sheet: the film around the fish, and the values of the row."""
 
     film: Picture  # (h, w) or (h, w, 3)
     tick: int
@@ -90,7 +91,7 @@ class Tile(NamedTuple):
 
 
 def liveliest(edit: pd.DataFrame, count: int) -> int:
-    """The first of `count` consecutive ticks in which the heading changes most."""
+    """Return the first of the `count` consecutive ticks in which the heading changes most."""
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     total = np.cumsum(np.r_[0.0, change])
@@ -99,9 +100,9 @@ def liveliest(edit: pd.DataFrame, count: int) -> int:
 
 
 def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
-    """Ticks at which something else begins: another part of the film, or another sequence.
+    """Return ticks at which another part of the film, or another sequence, begins.
 
-    At most `most`, spread over the animation, those between sprite and frame first. `tracks`:
+    At most `most`, spread over the animation, switches between sprite and frame first. tracks:
     track_id and frame of every cut-out.
     """
     kind = edit["kind"].to_numpy()
@@ -123,7 +124,7 @@ def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
 
 
 def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
-    """The ticks on each sheet: consecutive ones, and those around each switch."""
+    """Return the ticks on each sheet: consecutive ones, and those around each switch."""
     start, ticks = liveliest(edit, TICKS), len(edit)
     switched = [
         tick for switch in switches(edit, tracks, SWITCHES) for tick in around(switch, ticks)
@@ -132,7 +133,7 @@ def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]
 
 
 def around(tick: int, ticks: int) -> range:
-    """The ticks drawn of a switch."""
+    """Return the ticks to draw around a switch."""
     first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
     return range(first, min(first + BEFORE + AFTER, ticks))
 
@@ -140,7 +141,7 @@ def around(tick: int, ticks: int) -> range:
 def tiles(
     edit: pd.DataFrame, ticks: Sequence[int], rows: Iterable[Placed], painter: Painter, half_px: int
 ) -> list[Tile]:
-    """A tile for each of some ticks of an edit list; `rows`: what to draw in each of these."""
+    """Yield a tile for some ticks of an edit list; rows: the rows to draw in each tick."""
     names, colours = parts(edit)
     out = []
     for tick, row in zip(ticks, rows, strict=True):
@@ -151,7 +152,7 @@ def tiles(
 
 
 def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
-    """The square of a frame around a place; beyond the picture its edge goes on."""
+    """Return the square of a frame around a place; beyond the picture its edge continues."""
     x, y = round(x_px), round(y_px)
     columns = np.clip(np.arange(x - half_px, x + half_px + 1), 0, frame.shape[1] - 1)
     rows = np.clip(np.arange(y - half_px, y + half_px + 1), 0, frame.shape[0] - 1)
@@ -159,7 +160,7 @@ def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
 
 
 def contact_sheet(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
-    """Consecutive ticks side by side, the bar above each in the colour of its state."""
+    """Draw consecutive ticks side by side, each below a bar in the colour of its state."""
     white = np.full((size + 20, size + 2, 3), 255, np.uint8)
     return np.vstack(in_rows([_tile(tile, size) for tile in tiles] or [white], columns))
 

@@ -1,4 +1,4 @@
-"""Picture of `retarget`: lines as asked for and backbones as drawn, at some moments."""
+"""Picture of `retarget`: requested lines and drawn backbones at some moments."""
 
 from collections.abc import Iterable, Sequence
 
@@ -18,7 +18,7 @@ MOMENTS = 11  # spread over the track; one more, the last, is the worst
 
 
 def moments(asked: pd.DataFrame) -> list[int]:
-    """Ticks of `retarget.ASKED`, spread over all; then the one that is farthest off."""
+    """Return ticks of `retarget.ASKED`, spread over all; the last has the largest error."""
     some = np.linspace(0, len(asked) - 1, min(MOMENTS, len(asked))).astype(int).tolist()
     far = asked["apart"].to_numpy(float)
     return [*some, int(np.nanargmax(far))] if np.isfinite(far).any() else some
@@ -32,7 +32,7 @@ def sheet(
     size_px: int,
     tile_px: int = 300,
 ) -> Picture:
-    """A tile a tick: the fish as drawn, the asked points wide and blue, its backbone thin and red.
+    """Draw one tile per tick: the fish, requested points (wide, blue), its backbone (thin, red).
 
     asked: columns of `retarget.ASKED`; fish: of these ticks; size_px: of the tank across a tile.
     """
@@ -59,7 +59,6 @@ def sheet(
 
 
 def _line(tile: Picture, points: Points, colour: Colour, wide: int) -> None:
-    """Draw a line through points (k, 2), or a dot."""
     at = np.round(16 * points).astype(np.int32)
     if len(at) == 1:
         cv2.circle(tile, tuple(at[0].tolist()), 16 * wide, colour, -1, cv2.LINE_AA, 4)

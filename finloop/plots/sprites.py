@@ -1,4 +1,4 @@
-"""Contact sheet of the sprites: what they show, and where their pivots are."""
+"""Contact sheet of the sprites and their pivots."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,7 +20,7 @@ def contact_sheet(
     columns: int = 12,
     size: int = 150,
 ) -> Picture:
-    """Every step of each sequence in orientation 1, then all orientations of the strongest bend.
+    """Draw every step of each sequence in orientation 1, and the strongest bend in all.
 
     pictures(sprite, orientation): as stored. A cross marks the pivot.
     """
@@ -55,7 +55,6 @@ def _reach(cutout: Cutout, row: Any) -> int:
 
 
 def _tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
-    """A picture enlarged on grey, its mass centre in the middle of a tile."""
     scale = size / (2 * reach)
     matrix = np.array(
         [

@@ -22,10 +22,10 @@ _NEAR = np.ones((3, 3), np.uint8)
 
 
 class SkeletonBranch(NamedTuple):
-    """A branch of a skeleton: its pixels, and their numbers.
+    """A branch of a skeleton: its pixels and their numbers.
 
-    path : (m, 2) x, y px, from the joint at which it leaves an earlier branch to its end.
-    numbers : (m,), rising by 1; the first is the joint's.
+    path : (m, 2) x, y px, from the joint with an earlier branch to its end. numbers : (m,), rising
+    by 1; the first is the joint's.
     """
 
     path: Ints
@@ -33,13 +33,13 @@ class SkeletonBranch(NamedTuple):
 
 
 class ThinnedFish(NamedTuple):
-    """One fish, of which every pixel above the noise was thinned; places are px of `film`.
+    """One fish, thinned with every pixel above the noise; places are px of `film`.
 
     label : film and frame. film : (h, w) or (h, w, 3). body, whole, skeleton : (h, w), the
-    silhouette, every pixel above the noise, and that thinned. branches : by the paper's rule, the
+    silhouette, every pixel above the noise, and these thinned. branches : by the paper's rule, the
     kept one first. kept : (m, 2) x, y, the path with the greatest length × width. backbone : (n, 2)
-    x, y as finloop uses it; None if the silhouette has none. body_ends : of the silhouette, thinned
-    by itself as finloop does it; 2 without side branches.
+    x, y as in finloop; None if the silhouette has none. body_ends : of the silhouette thinned
+    alone, as in finloop; 2 without side branches.
     """
 
     label: str
@@ -71,16 +71,16 @@ class ThinnedFish(NamedTuple):
 
 
 def _count_beyond(path: Ints, other: Ints) -> int:
-    """The number of points of a path (m, 2) that no point of another (k, 2) touches."""
+    """Return the number of points of a path (m, 2) that no point of another (k, 2) touches."""
     far = np.abs(path[:, None] - other).max(-1).min(1)
     return int((far > 1).sum())
 
 
 def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
-    """Fig. 4: the number (h, w) of each pixel of a skeleton (h, w), counted from `start` (x, y).
+    """Return the number (h, w) of each pixel of a skeleton (h, w), counted from `start` (Fig. 4).
 
-    The start has 0. Each pixel has one more than its lowest neighbour, so that at a joint all
-    branches go on with the same number. −1: not connected, or no skeleton.
+    The start has 0. Each pixel has one more than its lowest neighbour, so at a joint all branches
+    continue with the same number. −1: not connected, or no skeleton.
     """
     number = np.full(skeleton.shape, -1, np.int64)
     ring = np.zeros(skeleton.shape, np.uint8)
@@ -94,18 +94,18 @@ def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
 
 
 def find_ends(skeleton: Mask) -> list[tuple[int, int]]:
-    """The ends (x, y) of a skeleton: pixels with one neighbour at most."""
+    """Return the ends (x, y) of a skeleton: pixels with at most one neighbour."""
     pixels = skeleton.astype(np.uint8)
     neighbours = cv2.filter2D(pixels, -1, _NEAR, borderType=cv2.BORDER_CONSTANT) - pixels
     return [(int(x), int(y)) for y, x in np.argwhere(skeleton & (neighbours <= 1))]
 
 
 def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
-    """The branches of a skeleton (h, w) by the paper's rule (§2.2.1), greatest number first.
+    """Return the branches of a skeleton (h, w) by the paper's rule (§2.2.1), greatest number first.
 
     The numbering starts at an end from which the greatest number is reached. The first branch, to
-    the greatest number, is the paper's backbone. Every other end has a branch, from where it leaves
-    one with a greater number.
+    the greatest number, is the paper's backbone. Every other end has a branch, which starts at its
+    joint with a branch of a greater number.
     """
     some = tuple(int(k) for k in np.argwhere(skeleton)[0][::-1])
     first = number_pixels(skeleton, (some[0], some[1]))
@@ -129,7 +129,7 @@ def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
 
 
 def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
-    """The neighbour of a pixel that has one less; beside it rather than diagonal."""
+    """Return the neighbour whose number is one less; beside the pixel rather than diagonal."""
     steps = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
     height, width = number.shape
     for dx, dy in steps:
@@ -158,8 +158,7 @@ def thin_fish(
 def _thin(
     silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float
 ) -> ThinnedFish:
-    """Thin one silhouette together with the pale pixels about it."""
-    pale = silhouette.fins or silhouette  # the box of the pale pixels holds that of the silhouette
+    pale = silhouette.fins or silhouette  # the box of the pale pixels contains the silhouette's
     left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
     size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
     body = _paste(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
@@ -195,7 +194,6 @@ def _thin(
 
 
 def _paste(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
-    """A mask in a larger one of some size (h, w), its first pixel at x, y."""
     into = np.zeros(size, bool)
     into[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
     return into

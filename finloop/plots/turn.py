@@ -1,4 +1,4 @@
-"""Fig. 5 of the fish paper: a turn in frames t0, t0 + k, t0 + 2k, and what is measured in them."""
+"""Fig. 5 of the fish paper: a turn in frames t0, t0 + k, t0 + 2k, and its measures."""
 
 from collections.abc import Sequence
 
@@ -24,11 +24,11 @@ _WINDOW = 1.6  # body lengths, the side of a picture
 
 
 def strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
-    """Rows (3,) of the feature table at t0, t0 + k, t0 + 2k of the film's strongest clear turn.
+    """Return rows (3,) of the film's strongest clear turn, at t0, t0 + k, t0 + 2k.
 
-    k is Δ, or the least multiple of it, up to `_MOST`, for which there is a clear turn: it begins
-    with straight swimming, goes one way over both k, and bends the fish most in the middle. The
-    strongest one changes the heading most. None: the film has no clear turn.
+    k is Δ, or the least multiple of it, up to `_MOST`, with a clear turn: it begins with straight
+    swimming, goes one way over both k, and bends the fish most in the middle. The strongest one
+    changes the heading most. None: the film has no clear turn.
     """
     delta = delta_of(features)
     for k in delta * np.arange(1, _MOST + 1 if delta else 1):
@@ -39,7 +39,7 @@ def strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
 
 
 def _clear_turns(features: pd.DataFrame, k: int, delta: int) -> Floats:
-    """The change of heading (rows − 2k,) in degrees over 2k from each row on; 0: no clear turn."""
+    """Return the change of heading (rows − 2k,) in degrees over 2k from each row; 0: none."""
     first = np.arange(max(len(features) - 2 * k, 0))
     middle, last = first + k, first + 2 * k
     track, kind, area = (
@@ -61,7 +61,10 @@ def _clear_turns(features: pd.DataFrame, k: int, delta: int) -> Floats:
 
 
 def turned_deg(features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta: int) -> Floats:
-    """The sum (n,) of the included angles over Δ from some rows (n,) to k, a multiple, later."""
+    """Return the sum (n,) of the included angles over Δ from some rows (n,) to k later.
+
+    k: a multiple of Δ.
+    """
     angle = features["included_angle_deg"].to_numpy(float)
     return np.asarray(angle[rows[:, None] + np.arange(0, k, delta)].sum(axis=1))
 
@@ -69,7 +72,7 @@ def turned_deg(features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta:
 def figure5(
     features: pd.DataFrame, rows: NDArray[np.intp], fish: Sequence[Specimen], background: Picture
 ) -> Figure:
-    """Fig. 5: the fish at `rows` (3,), what is measured in it, and the turn over time."""
+    """Draw Fig. 5: the fish at `rows` (3,), its measures, and the turn over time."""
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
     upper, lower = parts
@@ -102,7 +105,6 @@ def figure5(
 
 
 def _describe(row: pd.Series, letter: str, last: str, turned: float | None) -> str:
-    """The words above the lower picture of a frame."""
     words = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
     words += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
     if turned is None:
@@ -113,12 +115,10 @@ def _describe(row: pd.Series, letter: str, last: str, turned: float | None) -> s
 def picture_around(
     specimen: Specimen, background: Picture, side: int
 ) -> tuple[Picture, NDArray[np.intp]]:
-    """The fish as cut out, in its place over the empty tank; a square about it.
+    """Return the cut-out fish at its place over the empty tank, in a square around it.
 
-    Returns
-    -------
-    picture : (side, side) or (side, side, 3); beyond the film the tank's edge goes on. corner :
-    (2,) x, y of its first pixel, px of the film.
+    The picture is (side, side) or (side, side, 3); beyond the film the tank's edge continues. Also
+    returns the corner (2,): x, y of its first pixel, px of the film.
     """
     film, (h, w) = background.copy(), specimen.film.shape[:2]
     x0, y0 = specimen.x0_px, specimen.y0_px
@@ -135,7 +135,6 @@ def picture_around(
 def _draw_measures(
     axes: Axes, specimen: Specimen, corner: NDArray[np.intp], turned: float | None
 ) -> None:
-    """Backbone, control points, motion area and heading over a pale picture of the fish."""
     axes.images[0].set_alpha(0.55)
     limits = axes.get_xlim(), axes.get_ylim()
     backbone = specimen.backbone - corner
@@ -162,14 +161,12 @@ def _draw_measures(
 def _draw_heading(
     axes: Axes, start: Floats, heading_deg: float, reach: float, **style: object
 ) -> None:
-    """An arrow from a place (x, y) in a direction in degrees, anticlockwise; y is down."""
     angle = np.radians(heading_deg)
     end = start + reach * np.array([np.cos(angle), -np.sin(angle)])
     draw_arrow(axes, start, end, **style)
 
 
 def _arrow_keys() -> list[Line2D]:
-    """Keys of the two arrows."""
     return [
         Line2D([], [], color=_HEADING, lw=2.5, label="heading"),
         Line2D([], [], color="0.35", lw=1.5, ls=(0, (3, 2)), label="heading k before"),
@@ -177,7 +174,6 @@ def _arrow_keys() -> list[Line2D]:
 
 
 def _draw_course(part: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int) -> None:
-    """Motion area and heading of the track, from k before the turn to k after it."""
     track = features["track_id"].to_numpy()
     near = np.arange(max(rows[0] - k, 0), min(rows[-1] + k + 1, len(features)))
     near = near[track[near] == track[rows[0]]]

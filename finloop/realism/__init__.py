@@ -1,8 +1,8 @@
-"""Can an animation be told from its film? It is measured again, and a classifier is asked.
+"""Test whether a classifier can distinguish an animation from its film.
 
-Drawn and measured as the film was (`instrument`), cut into windows (`windows`), told apart block by
-block (`classifier`, `compare`), with the area under the ROC curve and its interval (`auc`), and the
-most obviously false windows (`examples`).
+The animation is drawn and measured as the film was (`instrument`) and cut into windows (`windows`).
+A classifier distinguishes them block by block (`classifier`, `compare`). Results are the area under
+the ROC curve with its interval (`auc`) and the most obviously false windows (`examples`).
 """
 
 import lazy_loader

@@ -1,17 +1,17 @@
-"""How well scores tell two kinds of windows apart: the ROC curve, its area, and an interval.
+"""How well scores distinguish two kinds of windows: ROC curve, area, and interval.
 
 The area (AUC) is the probability that an animation window has a higher score than a film window
-(ties count one half): 1/2 = cannot tell. Each block has a classifier of its own, and scores of two
+(ties count one half): 1/2 = not at all. Each block has a classifier of its own, and scores of two
 classifiers are not compared: A = Σ_k w_k A_k, where A_k is the area of block k and w_k its share of
 all pairs.
 
 The interval is that of Obuchowski (1997), "Nonparametric analysis of clustered ROC curve data",
-Biometrics 53: DeLong's components, summed by cluster, since windows that overlap or follow each
-other are not independent. It holds the classifiers as given. But each two blocks test each other's
-classifier: what they share by chance counts in both areas, which doubles the variance where the
-truth is 1/2 (for a linear classifier A − 1/2 ∝ Σ_k Σ_(j≠k) d_k d_j, d the chance deviations of
-blocks; drawn processes agree, `test_realism.py`). So the error is √2 that of Obuchowski. The
-interval is taken on the scale of log(A / (1 − A)), so that it stays between 0 and 1 (Pepe 2003,
+Biometrics 53: DeLong's components, summed by cluster, because windows that overlap or follow each
+other are not independent. It takes the classifiers as given. But every two blocks test each other's
+classifier: chance that both share counts in both areas, which doubles the variance where the truth
+is 1/2. (For a linear classifier A − 1/2 ∝ Σ_k Σ_(j≠k) d_k d_j, where d are the chance deviations of
+blocks; simulated processes agree, `test_realism.py`.) So the error is √2 that of Obuchowski. The
+interval is computed on the scale of log(A / (1 − A)), so that it stays between 0 and 1 (Pepe 2003,
 "The Statistical Evaluation of Medical Tests", §5.2).
 """
 
@@ -25,7 +25,7 @@ import scipy
 from finloop.base.arrays import Floats, Ints, Mask
 
 _Z = 1.959964  # normal deviate of a 95 % interval
-_INFLATION = 2.0  # the variance, where each two blocks test each other
+_INFLATION = 2.0  # of the variance, where every two blocks test each other
 
 
 class Auc(NamedTuple):
@@ -49,7 +49,7 @@ class Scores(NamedTuple):
     cluster: Ints
 
     def each(self) -> Iterator["Scores"]:
-        """The blocks in which there are scores of both kinds."""
+        """Yield the scores of each block that has both kinds."""
         for number in np.unique(self.block):
             here = (self.block == number) & np.isfinite(self.score)
             part = Scores(*(column[here] for column in self))
@@ -58,7 +58,7 @@ class Scores(NamedTuple):
 
 
 def auc(scores: Scores) -> Auc:
-    """The area with its interval; at least one block must have both kinds."""
+    """Return the area with its interval; at least one block must have both kinds."""
     values, pairs, parts = [], [], []
     for part in scores.each():
         film, copy = part.score[~part.animation], part.score[part.animation]
@@ -80,7 +80,7 @@ def auc(scores: Scores) -> Auc:
 
 
 def _share_below(a: Floats, b: Floats) -> Floats:
-    """For each of `a` the share of `b` below it; ties count one half."""
+    """Return for each of `a` the share of `b` below it; ties count one half."""
     ordered = np.sort(b)
     both = np.searchsorted(ordered, a, "left") + np.searchsorted(ordered, a, "right")
     return both / (2 * len(b))
@@ -95,10 +95,10 @@ def _interval(value: float, error: float) -> tuple[float, float]:
 
 
 def roc(scores: Scores, points: int = 51) -> pd.DataFrame:
-    """The ROC curve, mean of the blocks' curves; at least one must have both kinds.
+    """Return the ROC curve, the mean of the blocks' curves; one at least must have both kinds.
 
-    Columns false_alarms, share of the film windows taken for animation; hits, share of animation
-    windows told.
+    Columns: false_alarms, the share of film windows classified as animation; hits, the share of
+    animation windows recognised.
     """
     alarms = np.linspace(0, 1, points)
     curves, pairs = [], []

@@ -1,7 +1,7 @@
 """A classifier of film and animation, trained and tested block by block; its important channels.
 
-Gradient-boosted trees over histograms (scikit-learn; Ke et al. 2017, LightGBM). Both kinds weigh
-the same, however many windows they have.
+Gradient-boosted trees over histograms (scikit-learn; Ke et al. 2017, LightGBM). Both kinds have the
+same weight, whatever their number of windows.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,22 +26,22 @@ class Answers(NamedTuple):
     shuffled: dict[str, Scores]
 
 
-def answers(film: Windows, swum: Windows, p: RealismSettings, channels: tuple[int, ...]) -> Answers:
-    """Return the held-out scores of all windows, by classifiers that see these channels alone.
+def answers(film: Windows, copy: Windows, p: RealismSettings, channels: tuple[int, ...]) -> Answers:
+    """Return the held-out scores of all windows, by classifiers that use these channels alone.
 
     A block whose classifier would have only one kind to learn from gives no scores (NaN).
     """
     import sklearn.ensemble  # noqa: F401  (only a library that is loaded can be limited)
 
-    # Of so little data threads are slower, and in each other's way.
+    # With so little data, threads are slower.
     with threadpool_limits(limits=1):
-        return _answers(film, swum, p, channels)
+        return _answers(film, copy, p, channels)
 
 
 def _answers(
-    film: Windows, swum: Windows, p: RealismSettings, channels: tuple[int, ...]
+    film: Windows, copy: Windows, p: RealismSettings, channels: tuple[int, ...]
 ) -> Answers:
-    both = join_windows([film, swum])
+    both = join_windows([film, copy])
     animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
     score = np.full(len(both), np.nan)
@@ -65,10 +65,10 @@ def _answers(
 
 
 def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.float32]:
-    """Return the number of the bin that each value of x (n, steps, channels) falls into.
+    """Return the number of the bin that contains each value of x (n, steps, channels).
 
-    Between the bins of a step and channel lie the quantiles of the windows `learn` (n,). scikit-
-    learn would do the same, but with weights, which took 22 of the stage's 48 s.
+    The bins of a step and channel are separated by quantiles of the windows `learn` (n,).
+    scikit-learn would do the same, but with weights, which took 22 of the stage's 48 s.
     """
     values = _flat(x)
     edges = np.quantile(values[learn], np.arange(1, bins) / bins, axis=0)

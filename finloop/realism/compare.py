@@ -1,4 +1,4 @@
-"""The comparisons: an animation with its film, one half of the film with the other."""
+"""Comparisons: an animation with its film, and one half of the film with the other."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -27,15 +27,15 @@ from finloop.realism.windows import (
 )
 
 Sides = dict[str, tuple[Windows, Windows]]
-"""Two sets of windows to tell apart, the film's first, by name."""
+"""Pairs of sets of windows by name, the film's set first."""
 
 LEAST = 2
-"""Windows that a block tests and learns from."""
+"""Windows, at least, that a block tests and learns from."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """The film that an animation is compared with, and how both are cut into windows.
+    """The film with which animations are compared, and how both are cut into windows.
 
     film: measured again; frame_s (rows of the film,): when each was filmed; largest: motion area of
     the film's most bent fish.
@@ -50,12 +50,15 @@ class Sample:
 
     @property
     def cut(self) -> Cutting:
-        """Times of the parameters in frames."""
+        """The lengths of the parameters in frames."""
         p = self.p
         return cutting(p.window_deltas, p.stride, p.step, self.delta)
 
     def windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
-        """Windows of film or animation, by blocks of the film's time; part (n,): rows to take."""
+        """Cut film or animation into windows, by blocks of the film's time.
+
+        part (n,): the rows to use.
+        """
         p, gap = self.p, self.p.gap * self.delta / self.rate_hz
         plays = swimming.row >= 0
         time_s = self.frame_s[np.where(plays, swimming.row, 0)]
@@ -78,40 +81,40 @@ class Sample:
         )
 
     def blocks(self, times: int = 1) -> Blocks:
-        """Blocks of time that hold equally much of the film."""
+        """Return blocks of time that hold equally much of the film."""
         return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, times)
 
     def beside(self, animation: Swimming) -> tuple[Windows, Windows]:
-        """Windows of the film and of an animation made from it."""
+        """Return windows of the film and of an animation made from it."""
         blocks = self.blocks()
         return self.windows(self.film, blocks), self.windows(animation, blocks)
 
     def halves(self) -> tuple[Windows, Windows]:
-        """Windows of the first half of the film's time and of the second, in blocks of each.
+        """Return windows of the first and of the second half of the film, in blocks of each.
 
-        By time and not by tracks: each half shows the same fish, as an animation does. Of halves by
-        tracks a classifier learns which fish is which.
+        The halves are halves of time: each shows the same fish, as an animation does. From halves
+        by tracks, a classifier would learn to distinguish the fish.
         """
         blocks = self.blocks(2)
         early = self.frame_s[self.film.row] < blocks.edges[self.p.cross_validation_folds]
         return self.windows(self.film, blocks, early), self.windows(self.film, blocks, ~early)
 
-    def sides(self, swum: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
-        """All comparisons: each mode with the film, the film's halves, and the film again.
+    def sides(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
+        """Return all comparisons: each mode with the film, the film's halves, and the film again.
 
-        swum: of modes; features: of the film as it was filmed.
+        measured: each mode's animation, measured; features: of the film as it was filmed.
         """
         film, blocks = self.film, self.blocks()
         before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
         return {
-            **{mode: self.beside(animation) for mode, animation in swum.items()},
+            **{mode: self.beside(animation) for mode, animation in measured.items()},
             HALVES: self.halves(),
             AGAIN: (self.windows(replace(film, table=before), blocks), self.windows(film, blocks)),
         }
 
 
 def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings) -> Sample:
-    """The film to compare animations with. features: columns of `FEATURES`, all of the film."""
+    """Return the film for comparisons; features: columns of `FEATURES`, of the whole film."""
     frame_s = features["frame"].to_numpy(float) / rate_hz
     return Sample(
         film, frame_s, float(film.table["motion_area"].max()), rate_hz, delta_of(features), p
@@ -122,8 +125,8 @@ def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSet
 class Verdict:
     """How well a classifier distinguishes two sets of windows.
 
-    whole: by all channels; alone: by each; importance: the loss of area where the channel is
-    shuffled among the windows. scores: those of all channels, windows of the first set first.
+    whole: by all channels; alone: by each channel; importance: the loss of area where a channel is
+    shuffled among the windows; scores: by all channels, windows of the first set first.
     """
 
     whole: Auc
@@ -133,9 +136,10 @@ class Verdict:
 
 
 def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True) -> Verdict:
-    """The verdict of classifiers on two sets of windows, by all channels and by each `alone`.
+    """Return how well classifiers distinguish two sets of windows.
 
-    FinloopError if a block has too few windows of either set to test and to learn from.
+    They use all channels together and, if `alone`, each channel by itself. FinloopError if a block
+    has too few windows of either set to test and to learn from.
     """
     refuse(sides, p)
     every = tuple(range(len(CHANNELS)))
@@ -147,15 +151,15 @@ def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = Tr
 
 
 def refuse(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
-    """FinloopError if the windows are too few: each block tests film and learns from both."""
+    """Raise FinloopError if the windows are too few: each block tests film and learns from both."""
     film, beside = sides
     folds = p.cross_validation_folds
     tested, learnt = np.bincount(film.block, minlength=folds), (~film.near).sum(axis=0)
     learnt_beside = (~beside.near).sum(axis=0)
     if min(tested.min(), learnt.min(), learnt_beside.min()) < LEAST or len(beside.x) < folds:
         raise FinloopError(
-            f"windows of the film that blocks test {tested.tolist()} and learn from "
-            f"{learnt.tolist()}, of what it is compared with {learnt_beside.tolist()}",
+            f"the blocks test {tested.tolist()} windows of the film, and learn from "
+            f"{learnt.tolist()} of the film and {learnt_beside.tolist()} of the other side",
             f"at least {LEAST} of each in each of {folds} blocks",
             "a longer film, fewer realism.cross_validation_folds, or a shorter "
             "realism.window_deltas",
@@ -163,8 +167,10 @@ def refuse(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
 
 
 def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
-    """A row for each comparison and channel ("all" first): area, interval, loss of area without
-    the channel."""
+    """Return one row per comparison and channel ("all" first).
+
+    Columns: area, its interval, and the loss of area without the channel.
+    """
     rows = []
     for name, result in verdicts.items():
         for channel, area in {"all": result.whole, **result.alone}.items():
@@ -173,7 +179,7 @@ def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
 
 
 def numbers(verdicts: dict[str, Verdict]) -> dict[str, float]:
-    """The same as flat metrics."""
+    """Return the areas and intervals as flat metrics."""
     flat: dict[str, float] = {}
     for name, result in verdicts.items():
         flat |= {

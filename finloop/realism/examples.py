@@ -1,4 +1,4 @@
-"""The most obviously false windows of an animation, each beside the film window most like it."""
+"""The most obviously false windows of an animation, each beside the most similar film window."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ EXAMPLES = Schema(
     Column("start_deg", "float64", "deg"),
     *EDIT.columns,
 )
-"""Windows as edit lists. compared: the mode; side: of `SIDES`; score: how false the animation
-looks; start_deg: the heading that the window begins with."""
+"""Windows as edit lists. compared: the mode; side: one of `SIDES`; score: how false the animation
+looks; start_deg: the first heading of the window."""
 
 CURVES = Schema(
     Column("example", "int32", "1"),
@@ -38,18 +38,18 @@ CURVES = Schema(
     Column("time_s", "float64", "s"),
     *(Column(name, "float64", "see CHANNELS") for name in CHANNELS),
 )
-"""The channels of the examples, the classifier's input."""
+"""The channels of the examples: the classifier's input."""
 
 Tables = tuple[pd.DataFrame, pd.DataFrame]
-"""Examples and their channels: columns of `EXAMPLES`, and of `CURVES`."""
+"""Examples (columns of `EXAMPLES`) and their channels (columns of `CURVES`)."""
 
 WORDS_PX = 28
-"""Height of the line of words above a film of an example."""
-_AROUND = 1.5  # body lengths that a picture shows beyond the way
+"""Height of the title above an example's film."""
+_AROUND = 1.5  # body lengths that a picture shows beyond the path
 
 
 class WindowPair(NamedTuple):
-    """Numbers of an animation window and of the film window most like it; the former's score."""
+    """The numbers of an animation window and of the most similar film window; its score."""
 
     animation: int
     film: int
@@ -59,10 +59,11 @@ class WindowPair(NamedTuple):
 def worst(
     film: Windows, animation: Windows, score: Floats, count: int, length: int
 ) -> list[WindowPair]:
-    """The animation windows of the highest held-out scores, no two of which touch.
+    """Return the animation windows of the highest held-out scores, no two of which touch.
 
-    score (n,): of the animation windows, NaN where there is none; length: rows of a window. Most
-    alike: by the squared differences of the channels, in standard deviations of the film's.
+    score (n,): of the animation windows, NaN where there is none; count: most pairs; length: rows
+    of a window. Each comes with the most similar film window: the least sum of squared differences
+    of the channels, in the film's standard deviations.
     """
     spread = film.x.std(axis=(0, 1)) + 1e-9
     pairs: list[WindowPair] = []
@@ -80,26 +81,24 @@ def worst(
 
 @dataclass(frozen=True)
 class WindowPool:
-    """All that the most obviously false windows are picked from: of the film and of each mode.
+    """The film and all animations, from which the most obviously false windows are chosen.
 
-    works: edit lists; swum: what was measured of them.
+    works: edit lists; measured: what extraction measured of them.
     """
 
     sample: Sample
     works: Mapping[str, Sequence[Work]]
-    swum: Mapping[str, Swimming]
+    measured: Mapping[str, Swimming]
 
     def _window(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
-        """A window of the film or of a mode as an edit list, with the heading it begins with."""
-        swum = self.swum[name]
+        measured = self.measured[name]
         rows = windows.first[number] + np.arange(self.sample.cut.length + 1)
-        edit = self.works[name][int(swum.part[rows[0]])][0].iloc[swum.tick[rows]]
-        return edit.assign(start_deg=float(swum.table["heading_deg"].iloc[rows[0]]))
+        edit = self.works[name][int(measured.part[rows[0]])][0].iloc[measured.tick[rows]]
+        return edit.assign(start_deg=float(measured.table["heading_deg"].iloc[rows[0]]))
 
     def _mode_examples(
         self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict
     ) -> Iterator[Tables]:
-        """Yield the examples of a mode, without their numbers."""
         film, animation = pair
         cut = self.sample.cut
         score = verdict.scores.score[len(film.x) :]
@@ -115,12 +114,12 @@ class WindowPool:
             )
 
     def tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
-        """The examples of all modes."""
+        """Return the examples of all modes."""
         every = [
             [table.assign(example=number) for table in example]
             for number, example in enumerate(
                 example
-                for mode, verdict in verdicts.items() if mode in self.swum
+                for mode, verdict in verdicts.items() if mode in self.measured
                 for example in self._mode_examples(mode, sides[mode], verdict)
             )
         ]  # fmt: skip
@@ -130,10 +129,7 @@ class WindowPool:
 
 
 class CameraView(NamedTuple):
-    """A camera over the tank: the place and heading that it looks at, and the width that it sees.
-
-    Places and width in px, heading in degrees: it points right in the picture.
-    """
+    """A camera over the tank: its centre and width in px, and the heading that points right."""
 
     x_px: float
     y_px: float
@@ -152,9 +148,9 @@ class CameraView(NamedTuple):
 
 
 def views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
-    """Cameras over the ways of both sides of an example (rows of `EXAMPLES`).
+    """Return a camera for each side of an example (rows of `EXAMPLES`).
 
-    They see equally many body lengths. length_px: of the fish as filmed.
+    Both show the same number of body lengths. length_px: of the fish as filmed.
     """
     sides = example.groupby("side")
     low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
@@ -174,7 +170,7 @@ def views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
 def pictures(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, view: CameraView, size: int
 ) -> Iterator[Picture]:
-    """One side of an example as a camera sees it, tick by tick, (size, size, 3)."""
+    """Yield one side of an example through a camera, tick by tick, (size, size, 3)."""
     numbered = edit.assign(tick=np.arange(len(edit)))
     for fish in place_rows(numbered, gallery):
         painter.show(fish)
@@ -184,7 +180,10 @@ def pictures(
 def strip(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, shape: tuple[int, int]
 ) -> Picture:
-    """One side of an example; the camera follows the fish. shape: number of moments, px of each."""
+    """Draw one side of an example in a row of moments; the camera follows the fish.
+
+    shape: number of moments, and px of each.
+    """
     count, size = shape
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))
@@ -199,7 +198,7 @@ def strip(
 def side_by_side(
     example: pd.DataFrame, gallery: Gallery, tank: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
-    """Animation and film of an example beside each other, tick by tick, words above."""
+    """Yield animation and film of an example beside each other, tick by tick, with titles."""
     painter, camera = Painter(tank), views(example, length_px)
     films = [
         list(pictures(example[example["side"] == side], gallery, painter, camera[side], size))
@@ -216,7 +215,7 @@ def side_by_side(
 
 
 def curves(x: dict[str, NDArray[np.float32]], step_s: float) -> pd.DataFrame:
-    """The channels (steps, 4) of both sides of an example."""
+    """Return the channels (steps, 4) of both sides of an example as a table."""
     parts = [
         pd.DataFrame(channels.astype(float), columns=list(CHANNELS)).assign(
             side=side, time_s=(np.arange(len(channels)) + 0.5) * step_s

@@ -1,10 +1,10 @@
 """Drawn fish measured again by the film's own extraction: the same instrument for both.
 
-An edit list is drawn on the empty tank as `render` draws it, without marks, at the film's size, and
-each frame goes straight into the code of `extract` and `features`. Noise, threshold and typical
-fish are the film's: a clean drawing has no noise to measure them by. Only the part around the fish
-is looked at; elsewhere the frame is the background, where the difference is 0. Frames are
-never coded: an animation differs from its film in how it swims, not in how it was compressed.
+An edit list is drawn on the empty tank as `render` draws it, without marks, at the film's size.
+Each frame goes straight into the code of `extract` and `features`. Noise, threshold and typical
+fish are the film's, because a clean drawing has no noise to measure. Only the region around the
+fish is examined; elsewhere the frame equals the background. Frames are never coded: an animation
+differs from its film in how the fish swims, not in compression.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,7 +28,7 @@ from finloop.features.table import FEATURES, features
 from finloop.render.gallery import Gallery, place_rows
 from finloop.render.painter import Box, Painter, Placed
 
-_RIM = 16  # px around a fish, beyond once its own size on each side
+_RIM = 16  # px around a fish, beside its own size on each side
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Instrument:
     """How the film was measured.
 
     tank: (h, w) or (h, w, 3) uint8, empty; arena: (h, w) uint8, 255 inside; facts: of the film;
-    size: how many times as large as filmed the fish are that it looks at.
+    size: magnification of the measured fish, 1 = as filmed.
     """
 
     tank: Picture
@@ -50,7 +50,7 @@ class Instrument:
     def adapt_to_animation(self, size: float) -> "Instrument":
         """Return the instrument for fish drawn `size` times as large as filmed, in still water.
 
-        It looks at them through a lens, which makes them as large as filmed, and their tank, too.
+        Its lens reduces fish and tank so that the fish are as large as filmed.
         """
         still = replace(self, features=replace(self.features, water_current_bl_s=0.0), size=size)
         if size == 1:
@@ -63,7 +63,7 @@ class Instrument:
         )
 
     def through_lens(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """An edit list as it is looked at."""
+        """Return an edit list at the scale at which the instrument measures."""
         if self.size == 1:
             return edit
         places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
@@ -72,7 +72,7 @@ class Instrument:
 
     @property
     def typical(self) -> Typical:
-        """The film's typical fish; its fins are no part of what is measured."""
+        """The film's typical fish; its fins are not measured."""
         facts = self.facts
         return Typical(
             facts.typical_area_px,
@@ -83,7 +83,7 @@ class Instrument:
         )
 
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
-        """The detections of extraction in each frame: the tank with one fish."""
+        """Yield what extraction detects in each frame: the tank with one fish."""
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
             box = _around(painter.show(animal), self.tank.shape)
@@ -97,9 +97,9 @@ class Instrument:
             yield _in_tank(detector.detect(drawn, scene), box)
 
     def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
-        """The feature table of drawn fish, a tick each; `frame` is the tick.
+        """Return the feature table of drawn fish, one per tick; `frame` is the tick.
 
-        cuts: ticks at which another fish begins. No rows where extraction could follow none.
+        cuts: ticks at which another fish begins. The table is empty where extraction follows none.
         """
         pieces = tracks(self.detections(fish), self.typical, self.extract, cuts)
         fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]
@@ -110,14 +110,13 @@ class Instrument:
 
 
 def _around(fish: Box, shape: tuple[int, ...]) -> Box:
-    """A part of the picture with so much tank around the fish that its median is the tank's."""
+    """Return a region with so much tank around the fish that its median is the tank's."""
     rim = _RIM + max(fish.bottom - fish.top, fish.right - fish.left, 0)
     wide = Box(fish.top - rim, fish.left - rim, fish.bottom + rim, fish.right + rim)
     return wide.within(shape)
 
 
 def _in_tank(part: Detections, box: Box) -> Detections:
-    """The detections in a part of the picture, in coordinates of the whole."""
     x, y = box.left, box.top
     spots = [
         replace(
@@ -148,10 +147,10 @@ def _moved_fish(fish: SegmentedFish, x: int, y: int) -> SegmentedFish:
 
 @dataclass(frozen=True)
 class Swimming:
-    """Fish measured again. table: columns of `FEATURES`, no two tracks of one number.
+    """Fish measured again: columns of `FEATURES`, each track with its own number.
 
-    Of each row (n,): part, the number of the edit list; tick of it; row of the film whose frame is
-    drawn, −1 where it is a sprite; time_s, the own clock, on over all parts.
+    Of each row (n,): part, the number of the edit list; tick, in that list; row, of the film whose
+    frame is drawn, −1 for a sprite; time_s, a clock that runs over all parts.
     """
 
     table: pd.DataFrame
@@ -164,7 +163,7 @@ class Swimming:
 def swimming(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate: float
 ) -> Swimming:
-    """Edit lists and their feature tables, put together."""
+    """Join edit lists and their feature tables."""
     parts, before, tracks_before = [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)
@@ -185,7 +184,7 @@ def measure_list(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
     work: tuple[Instrument, pd.DataFrame, Sequence[int]],
 ) -> pd.DataFrame:
-    """An edit list with its cuts, drawn and measured: for a process of its own."""
+    """Draw an edit list with its cuts and measure it, in a process of its own."""
     instrument, edit, cuts = work
     with open_pictures() as gallery:
         return instrument.measure(place_rows(instrument.through_lens(edit), gallery), cuts)

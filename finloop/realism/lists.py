@@ -1,4 +1,4 @@
-"""The edit lists that are compared: animations that the modes have made, and the film itself."""
+"""The edit lists to compare: the modes' animations, and the film itself."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ Work = tuple[pd.DataFrame, Sequence[int]]
 
 
 def animation_lists(samples: pd.DataFrame) -> list[Work]:
-    """Return the animations of a mode, one of each fish, as edit lists to compare."""
+    """Return the animations of a mode, one per fish, as edit lists to compare."""
     return [(one, ()) for one in by_fish(samples)]
 
 

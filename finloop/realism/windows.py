@@ -4,11 +4,11 @@ A window is a stretch of one fish. Its channels are forward and sideways speed, 
 relative motion area (fish paper §2.2-2.3), in the fish's own frame: they do not show place and
 direction.
 
-A tick that shows a frame of the film is of the film's time, whatever moves it; a tick with a sprite
-is of the animation's own. Both times are divided into blocks. A window is tested in the block that
-most of its ticks are of. The classifier of a block learns from no window with a tick in the block,
-or within a gap of it. So frames that an animation plays are never learnt from as one kind and
-tested as the other. Otherwise a perfect copy of the film would get an AUC near 0.
+A tick that shows a frame of the film belongs to the film's time, in every mode. A tick with a
+sprite belongs to the animation's own time. Both times are divided into blocks. A window is tested
+in the block to which most of its ticks belong. The classifier of a block learns from no window with
+a tick in the block, or within a gap of it. So frames that an animation plays are never learnt from
+as one kind and tested as the other. Otherwise a perfect copy of the film would get an AUC near 0.
 """
 
 from collections.abc import Sequence
@@ -27,16 +27,17 @@ CHANNELS = ("forward", "sideways", "turning", "area")
 """Forward, sideways: body lengths/s; turning: °/s, + = left; area: of the film's largest."""
 
 HALVES, AGAIN = "halves", "again"
-"""Comparisons that need no animation: one half of the film with the other; the film as it was
-filmed with the film drawn and measured again."""
+"""Comparisons that need no animation: one half of the film with the other; the film as filmed with
+the film drawn and measured again."""
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows (n,). x (n, steps, 4): the channels; first (n,): the row that each begins with.
+    """Windows (n,) of swimming.
 
-    block (n,): where each is tested; near (n, blocks): whose classifiers must not learn from it;
-    cluster (n,): see `auc`.
+    x (n, steps, 4): the channels; first (n,): the row with which each begins; block (n,): where
+    each is tested; near (n, blocks): which classifiers must not learn from it; cluster (n,): see
+    `auc`.
     """
 
     x: NDArray[np.float32]
@@ -50,7 +51,7 @@ class Windows:
 
 
 class Blocks(NamedTuple):
-    """Stretches of time. edges (m + 1,): s; number (m,): the block that each stretch is of."""
+    """Stretches of time with edges (m + 1,) in s; number (m,): the block of each stretch."""
 
     edges: Floats
     number: Ints
@@ -61,7 +62,7 @@ class Blocks(NamedTuple):
         return self.number[np.clip(place, 0, len(self.number) - 1)]
 
     def near(self, time_s: Floats, gap_s: float) -> Mask:
-        """Whether a time is in a block, or less than a gap from it, (n, blocks)."""
+        """Return whether each time is in a block, or less than a gap from it, (n, blocks)."""
         near = np.zeros((len(time_s), int(self.number.max()) + 1), bool)
         for number, low, high in zip(self.number, self.edges, self.edges[1:], strict=False):
             near[:, number] |= (time_s > low - gap_s) & (time_s < high + gap_s)
@@ -69,14 +70,17 @@ class Blocks(NamedTuple):
 
 
 def equal_blocks(time_s: Floats, blocks: int, times: int = 1) -> Blocks:
-    """Blocks of time with equally many of the given times; `times` over, one after the other."""
+    """Divide time into blocks with equally many of the given times.
+
+    times: how often the sequence of blocks repeats.
+    """
     edges = np.quantile(time_s, np.linspace(0, 1, times * blocks + 1))
     edges[[0, -1]] = -np.inf, np.inf
     return Blocks(edges, np.tile(np.arange(blocks), times))
 
 
 class Cutting(NamedTuple):
-    """How windows are cut, in frames: their length, stride, and the frames of a step."""
+    """How windows are cut, in frames: their length, their stride, and the length of a step."""
 
     length: int
     stride: int
@@ -84,15 +88,15 @@ class Cutting(NamedTuple):
 
 
 def cutting(window: float, stride: float, step: float, delta: int) -> Cutting:
-    """Times, given in Δ, in frames of a film; a window is a whole number of steps."""
+    """Convert times in Δ to frames of a film; a window is a whole number of steps."""
     step = max(1, round(step * delta))
     return Cutting(step * max(1, round(window * delta / step)), max(1, round(stride * delta)), step)
 
 
 def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
-    """The channels (ticks − 1, 4) of one track of a feature table, from each tick to the next.
+    """Return the channels (ticks − 1, 4) of one track, from each tick to the next.
 
-    largest: motion area of the film's most bent fish.
+    track: rows of a feature table; largest: motion area of the film's most bent fish.
     """
     length = float(track["body_length_px"].median())
     travel = np.diff(through_water(track), axis=0) * (rate_hz / length)
@@ -106,9 +110,9 @@ def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
 
 
 class Ticks(NamedTuple):
-    """What belongs to each row (n,) of a table of swimming.
+    """Block, neighbouring blocks and cluster of each row (n,) of a table of swimming.
 
-    block: the block that it is of; near (n, blocks): blocks that it is in or near; cluster.
+    near (n, blocks): which blocks contain the row or lie near it.
     """
 
     block: Ints
@@ -119,7 +123,7 @@ class Ticks(NamedTuple):
 def windows(
     table: pd.DataFrame, ticks: Ticks, cut: Cutting, rate_hz: float, largest: float
 ) -> Windows:
-    """All windows of a table of swimming: columns of `FEATURES`, its rows track by track."""
+    """Cut a table of swimming (columns of `FEATURES`, track by track) into windows."""
     x, first = [], []
     start = 0
     for _, track in table.groupby("track_id", sort=False):

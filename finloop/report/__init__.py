@@ -1,4 +1,4 @@
-"""One page of all results, and experiments side by side (no section of the papers).
+"""Build one page of all results, and compare experiments (no section of the papers).
 
 The page (`page`), its pictures (`figures`) and tables (`tables`), the comparison of experiments
 (`compare`).

@@ -1,4 +1,4 @@
-"""Experiments side by side on one self-contained page: what differs, and which are best."""
+"""Compare experiments on one self-contained page: what differs, and which are best."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,10 @@ from finloop.report.tables import Table, number
 
 
 class ReportMetric(NamedTuple):
-    """A goal of experiments: the metric `<stage>.<number>`, its words, whether more is better."""
+    """A goal of experiments: metric `<stage>.<number>`, its name on the page, and its direction.
+
+    `more` is true where more is better.
+    """
 
     key: str
     words: str
@@ -29,8 +32,8 @@ OBJECTIVES = (
     ReportMetric("animate.hybrid_trials_goals_reached_pct", "goals reached (%)", more=True),
     ReportMetric("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
 )
-"""Smooth, steerable, varied: a long exact repeat is a lack of variety."""
-_PANELS = 3  # beside one another
+"""Smooth, steerable, varied: a long exact repeat means little variety."""
+_PANELS = 3  # per row
 _INK, _BEST, _OTHER = "#16232b", "#0b7285", "#9aa8af"
 _LAYOUT: dict[str, Any] = {
     "paper_bgcolor": "white",
@@ -42,9 +45,9 @@ _LAYOUT: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Comparison:
-    """A row an experiment: the parameters that differ, then measures; `best` (rows,) is a mask.
+    """Parameters that differ and measures, one row per experiment.
 
-    `objectives` are those of OBJECTIVES that were measured.
+    `objectives` are the OBJECTIVES that were measured; `best` (rows,) marks the Pareto front.
     """
 
     parameters: pd.DataFrame
@@ -54,10 +57,10 @@ class Comparison:
 
 
 def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The Pareto front of rows (n, k), as a mask; less is better in every column.
+    """Return the Pareto front of costs (n, k) as a mask (n,); less is better in every column.
 
-    A row is dominated by one that is nowhere greater and somewhere less. Equal rows do not dominate
-    each other; a row with NaN is never on the front.
+    A row is dominated if another row is nowhere greater and somewhere less. Equal rows do not
+    dominate each other. A row with NaN is never on the front.
     """
     complete = np.logical_not(np.isnan(costs).any(axis=1))
     a, b = costs[:, None], costs[None, :]  # (n, 1, k), (1, n, k)
@@ -68,7 +71,7 @@ def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
 def comparison(
     parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
 ) -> Comparison:
-    """The comparison of experiments; both tables have a row for each and columns `a.b`."""
+    """Compare experiments; both tables have one row per experiment and columns `a.b`."""
     differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
     available = numbers.columns[numbers.notna().any()]
     objectives = [objective for objective in OBJECTIVES if objective.key in available]
@@ -97,20 +100,20 @@ def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
 
 
 def _is_word(value: object) -> bool:
-    """Whether a value has no place on an axis of numbers: text, true or false, not there (NaN)."""
+    """Whether a value has no place on an axis of numbers: text, a truth value or NaN."""
     return not isinstance(value, Real) or isinstance(value, bool) or value != value
 
 
 def words(key: str) -> str:
-    """A name as people read it."""
+    """Return the name of a metric as the page shows it."""
     names = {objective.key: objective.words for objective in OBJECTIVES}
     return names.get(key, key.partition(".")[2].replace("_", " "))
 
 
 def parallel(table: Comparison) -> go.Figure:
-    """A line an experiment across an axis for each parameter and measure; the best are coloured.
+    """Draw one line per experiment across axes of parameters and measures; the best are coloured.
 
-    An experiment that lacks a measure has no line: it would leave the chart at that axis.
+    An experiment that lacks a measure is left out: its line would leave the chart at that axis.
     """
     measures = table.measures.dropna(axis=1, how="all")
     whole = measures.notna().all(axis=1)
@@ -134,7 +137,7 @@ def parallel(table: Comparison) -> go.Figure:
 
 
 def curves(table: Comparison) -> go.Figure | None:
-    """A panel for each measure, over the one parameter that differs; None if more than one does."""
+    """Draw each measure over the only parameter that differs; None if more than one differs."""
     if len(table.parameters.columns) != 1:
         return None
     (parameter,) = table.parameters.columns
@@ -157,11 +160,11 @@ def curves(table: Comparison) -> go.Figure | None:
 
 
 def scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
-    """Two objectives against each other, an experiment a point, the best of all coloured."""
+    """Draw two objectives against each other, one point per experiment."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
         (~table.best, "others", _OTHER, "circle"),
-        (table.best, "best: none is better in all", _BEST, "diamond"),
+        (table.best, "best: on the Pareto front", _BEST, "diamond"),
     ):
         if not mask.any():
             continue
@@ -187,7 +190,7 @@ def _side(objective: ReportMetric, less: str, more: str) -> str:
 
 
 def as_table(table: Comparison) -> Table:
-    """All of it in a table."""
+    """Return the whole comparison as a table."""
     columns = ["experiment", *table.parameters, *map(words, table.measures), "best"]
     rows = [
         [
@@ -202,10 +205,10 @@ def as_table(table: Comparison) -> Table:
 
 
 def html(table: Comparison, title: str, why: str) -> str:
-    """The page; its code for charts is in it."""
-    charts = [("Parameters and measures, a line an experiment that has all", parallel(table))]
+    """Return the page as HTML, with the code of its charts inside."""
+    charts = [("Parameters and measures, one line per complete experiment", parallel(table))]
     if each := curves(table):
-        charts.insert(0, ("What the parameter moves, a panel a measure", each))
+        charts.insert(0, ("Effect of the parameter, one panel per measure", each))
     charts += [
         (f"{y.words.capitalize()} against {x.words}", scatter(table, x, y))
         for x in table.objectives[:1]

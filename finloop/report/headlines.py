@@ -1,6 +1,6 @@
-"""The numbers of each stage to see first: at most twelve, each with its meaning and what is good.
+"""The headline numbers of each stage: at most twelve, each with its meaning and direction.
 
-`reports/<stage>/metrics.json` has these, and `dvc metrics show` prints them; all numbers of a stage
+`reports/<stage>/metrics.json` has these, and `dvc metrics show` prints them. All numbers of a stage
 are in `reports/<stage>/numbers.csv`.
 """
 
@@ -12,7 +12,7 @@ HIGHER, LOWER, EITHER = "higher is better", "lower is better", ""
 
 
 class Headline(NamedTuple):
-    """A number to see first. good: whether a higher or a lower one is better, if either is."""
+    """A headline number; `good` states whether higher or lower is better, if either is."""
 
     name: str
     meaning: str
@@ -20,7 +20,6 @@ class Headline(NamedTuple):
 
 
 def _modes(ending: str, meaning: str, good: str) -> list[Headline]:
-    """Return a headline for each playing mode."""
     return [
         Headline(f"{mode}_{ending}", f"{facts.title}: {meaning}", good)
         for mode, facts in MODES.items()
@@ -61,7 +60,7 @@ HEADLINES = {
         Headline("tracks", "tracks"),
         Headline("body_length_median_px", "body length, median"),
         Headline("delta_s", "delta: the time over which motion is measured"),
-        Headline("displacement_median_body_lengths", "way over delta, median"),
+        Headline("displacement_median_body_lengths", "displacement over delta, median"),
         Headline("straight_pct", "share of frames in which animals swim straight"),
         Headline("left_pct", "share of frames in which they turn left"),
         Headline("right_pct", "share of frames in which they turn right"),
@@ -210,8 +209,8 @@ HEADLINES = {
     "retarget": [
         Headline("ticks", "frames of the animation"),
         Headline("duration_s", "length of the animation"),
-        Headline("scale", "size of the other animal's way, by the fish's own"),
-        Headline("way_size", "size at which the way fits into the tank"),
+        Headline("scale", "scale of the other animal's path"),
+        Headline("way_size", "size at which the path fits into the tank"),
         Headline("with_postures", "1 where the other animal's postures are known"),
         Headline("outside_ticks", "frames with a part of the backbone outside the tank", LOWER),
         Headline("clamped_pct", "postures beyond what the fish can do", LOWER),
@@ -226,8 +225,8 @@ HEADLINES = {
         Headline("picture_step_p95_grey", "change from picture to picture, 95th percentile"),
         Headline("film_picture_step_median_grey", "the film's own change, median"),
         Headline("film_picture_step_p95_grey", "the film's own change, 95th percentile"),
-        Headline("picture_step_ratio", "change beside the film's own; 1 = as the film"),
-        Headline("picture_steps_above_film_p95_share", "share above the film's 95 %"),
+        Headline("picture_step_ratio", "change relative to the film's own; 1 = equal"),
+        Headline("picture_steps_above_film_p95_share", "share above the film's 95th percentile"),
     ],
     "realism": [
         *_modes("auc", "can it be distinguished from film? 0.5 = no, 1 = always", LOWER),

@@ -28,12 +28,12 @@ class WebP(NamedTuple):
 
 
 def data_uri(kind: str, content: bytes) -> str:
-    """A data URI of the content."""
+    """Return the content as a data URI."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def webp(picture: Picture, most_width: int, quality: int) -> WebP:
-    """A picture (h, w) or (h, w, 3) RGB as WebP, not wider than `most_width` px."""
+    """Return a picture (h, w) or (h, w, 3) RGB as WebP, at most `most_width` px wide."""
     height, width = picture.shape[:2]
     if width > most_width:
         width, height = most_width, max(1, round(height * most_width / width))

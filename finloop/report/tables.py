@@ -1,4 +1,4 @@
-"""Tables of the page: the measures of an animation in words, and numbers as people read them."""
+"""Tables of the page: measures with their names and units, and shortened numbers."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Fi
 
 
 class Measure(NamedTuple):
-    """A row of `reports/animate/measures.csv` in words; `good` is the range of good values."""
+    """A row of `reports/animate/measures.csv` with its name; `good` is the range of good values."""
 
     key: str
     words: str
@@ -26,7 +26,7 @@ MEASURES = (
     Measure("path_error_rms_body_lengths", "off the straight way, RMS", "body lengths"),
     Measure("path_across_rms_body_lengths", "beside the path, RMS", "body lengths", "≤ 0.1"),
     Measure(
-        "path_late_rms_body_lengths", "from the place asked for then", "body lengths", "≤ 0.25"
+        "path_late_rms_body_lengths", "from the requested place, RMS", "body lengths", "≤ 0.25"
     ),
     Measure("path_left_pct", "time for which the path was left", "%", "0"),
     Measure("path_turn_corrected_pct", "corrections, of the film's turns", "%"),
@@ -38,9 +38,9 @@ MEASURES = (
     Measure("shown_mirror_image_pct", "shown: mirror image of film, bent or not", "%"),
     Measure("shown_sprite_pct", "shown: sprites", "%"),
     Measure("shown_prediction_pct", "shown: film in a predicted pose", "%"),
-    Measure("stuck_pct", "on the spot: no way stays in the tank", "%"),
+    Measure("stuck_pct", "on the spot: every route leaves the tank", "%"),
     Measure("switches", "switches between sprites and film", ""),
-    Measure("switches_without_gateway", "of them by no gateway", "", "0"),
+    Measure("switches_without_gateway", "of these, without a gateway", "", "0"),
     Measure("step_ratio_median", "step between drawn pictures, median", "× film", "≤ 1.5"),
     Measure("seam_ratio_median", "seam ratio, median: 1 = as smooth as the film", "", "≤ 1.5"),
     Measure("seam_ratio_p95", "seam ratio, 95th percentile", ""),
@@ -48,7 +48,7 @@ MEASURES = (
     Measure("speed_kinematic_distance_sd", "speed: distance to the film", "SD", "≤ 0.5"),
     Measure("turn_rate_kinematic_distance_sd", "turn rate: distance to the film", "SD", "≤ 0.5"),
     Measure("longest_exact_repeat_s", "longest exact repeat", "s"),
-    Measure("longest_still_s", "longest time that one picture stays", "s"),
+    Measure("longest_still_s", "longest time with one picture", "s"),
     Measure("trials_goals_reached_pct", "random goals: reached", "%", "≥ 95"),
     Measure("trials_time_to_goal_median_s", "random goals: time from goal to goal", "s"),
     Measure("trials_film_pct", "random goals: share of time that film is played", "%"),
@@ -69,7 +69,10 @@ class Table(NamedTuple):
 
 
 def number(value: Any, digits: int = 3) -> str:
-    """A number with `digits` significant digits and commas between thousands; NaN is empty."""
+    """Return a number as text; NaN is empty.
+
+    It has `digits` significant digits and commas between thousands.
+    """
     if value is None or isinstance(value, str):
         return value or ""
     if pd.isna(value):
@@ -83,9 +86,9 @@ def number(value: Any, digits: int = 3) -> str:
 
 
 def measures(table: pd.DataFrame) -> Table:
-    """MEASURES that are in a table like measures.csv: a row a measure, a column a mode."""
+    """Return MEASURES of a table like measures.csv: one row per measure, one column per mode."""
     table = table.set_index("measure")
-    for key in ("speed", "turn_rate"):  # what the film's own halves differ by is the yardstick
+    for key in ("speed", "turn_rate"):  # the difference of the film's halves is the yardstick
         halves, distance = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
         if halves in table.index and distance in table.index:
             table.loc[distance, "film"] = table.loc[halves, "film"]
@@ -111,23 +114,23 @@ def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Tabl
 
 
 def headline_table(numbers: Mapping[str, float], word: str) -> Table:
-    """Return the numbers of a stage to see first, with their meaning and what is good."""
+    """Return the headline numbers of a stage with their meaning and direction."""
     rows = [
-        [one.name.replace("_", " "), number(numbers[one.name], 4), one.meaning, one.good]
-        for one in HEADLINES[word]
-        if one.name in numbers
+        [item.name.replace("_", " "), number(numbers[item.name], 4), item.meaning, item.good]
+        for item in HEADLINES[word]
+        if item.name in numbers
     ]
-    return Table(word, ["number", "value", "what it says", "good"], rows)
+    return Table(word, ["number", "value", "meaning", "good"], rows)
 
 
 def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
-    """The few numbers to see first: value and words, of the metrics of `animate`, `realism`."""
+    """Return the headline numbers of a mode as (value, text), from `animate` and `realism`."""
     choice = (
         ("goals_reached_pct", " %", "of its goals reached"),
-        ("seam_ratio_median", "", "natural steps: how far apart the pictures of a join are"),
-        ("film_pct", " %", "of its time film is played"),
+        ("seam_ratio_median", "", "natural steps: discontinuity of a transition, median"),
+        ("film_pct", " %", "of its time it plays film"),
         ("frames_outside", "", "frames outside the tank"),
-        ("auc", "", "told from film by a classifier (AUC): 0.5 is not at all"),
+        ("auc", "", "distinguishable from film (classifier AUC): 0.5 is not at all"),
     )
     return [
         (number(numbers[f"{mode}_{key}"]) + unit, words)

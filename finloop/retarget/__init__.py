@@ -1,9 +1,9 @@
 """Motion of one animal, looks of another: motion retargeting (Gleicher 1998).
 
-A track that was recorded anywhere is swum by the film's fish. Place, heading and bends are the
-track's, proportions, size, light and skin the film's. For every tick a row of the film is chosen
-that is posed and moves as is asked for, and drawn in the asked posture; the film goes on as long as
-it may.
+The film's fish swims a track that was recorded elsewhere. Place, heading and bends come from the
+track; proportions, size, light and skin come from the film. For every tick finloop chooses a row of
+the film with a similar posture and motion, and draws it in the requested posture. The film plays on
+as long as it can.
 
 M. Gleicher, Retargetting Motion to New Characters, SIGGRAPH 1998.
 """

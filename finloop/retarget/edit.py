@@ -1,4 +1,4 @@
-"""A retargeted track as an edit list: rows of the film, each in the posture that is asked for."""
+"""A retargeted track as an edit list: rows of the film, each in the requested posture."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,9 @@ from finloop.puppet import Pose
 
 @dataclass(frozen=True)
 class RowSequence:
-    """Rows (T,) of the film, whether each is mirrored, and the ticks from 1 on at which the film
-    does not go on as before.
+    """Rows (T,) of the film and whether each is mirrored.
+
+    switch: the ticks from 1 on at which the film does not play on.
     """
 
     row: Ints
@@ -26,18 +27,18 @@ class RowSequence:
 
     @classmethod
     def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
-        """Of `FilmRows`: numbers (T,), what each goes on with (m,), the film's rows."""
+        """Build a sequence from numbers (T,) and `follows` (m,) of `FilmRows`; count: its rows."""
         switch = np.flatnonzero(numbers[1:] != follows[numbers[:-1]]) + 1
         return cls(numbers % count, numbers >= count, switch)
 
     def to_shown(self, heading_deg: Floats, bodies: Bodies) -> PictureSequence:
-        """Convert to what `animate.joins` takes, with headings (T,) on screen."""
+        """Convert to pictures of `finloop.edit.joins`, with headings (T,) on screen."""
         turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
 def film_codes(sources: RowSequence, heading_deg: Floats, how: Joins) -> Floats:
-    """The codes (T, c) of the rows themselves, which go on over jumps as all joins do."""
+    """Return the pose codes (T, c) of the rows themselves, smoothed over jumps as by all joins."""
     own = sources.to_shown(heading_deg, how.bodies)
     codes = how.bodies.codes(
         how.bodies.picture_bodies(own.frame, own.number, own.rot, own.mirrored)
@@ -51,7 +52,10 @@ def film_codes(sources: RowSequence, heading_deg: Floats, how: Joins) -> Floats:
 def edit_list(
     sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, how: Joins, rate_hz: float
 ) -> pd.DataFrame:
-    """Columns of `EDIT`. pose (T): as drawn; codes (T, c): of it; scale (n,): of rows."""
+    """Return the edit list (columns of `EDIT`).
+
+    pose (T): as drawn; codes (T, c): of these poses; scale (n,): of the film's rows.
+    """
     ticks, bodies = len(sources.row), how.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))
     shown = sources.to_shown(heading, bodies)

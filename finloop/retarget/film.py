@@ -1,4 +1,4 @@
-"""A track swum by the film's fish: from its points to the edit list, and numbers about both."""
+"""A track for the film's fish: from its points to the edit list, with numbers about both."""
 
 from typing import NamedTuple
 
@@ -30,7 +30,7 @@ from finloop.retarget.rows import FilmRows, cheapest
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
-_STILL = 0.05  # body lengths in Δ; a point that moves less says no heading
+_STILL = 0.05  # body lengths in Δ; a point that moves less has no heading
 
 ASKED = Schema(
     Column("tick", "int32", "1"),
@@ -40,15 +40,16 @@ ASKED = Schema(
     Column("clamped", "bool", "1"),
     Column("switch", "bool", "1"),
 )
-"""Every tick as asked and as drawn: time in the file, the points of the track in this tank, the
-backbone that is drawn, how far its points are from those asked for, on average; whether the posture
-had to be changed to one that the film shows, and whether another row of the film begins."""
+"""Every tick as requested and as drawn. file_s: time in the file; asked: points of the track in
+this tank; drawn: the backbone; apart: mean distance between both; clamped: the posture was changed
+to one that the film shows; switch: another row of the film begins."""
 
 
 class RetargetData(NamedTuple):
-    """Results of the stages before, of the film that is drawn.
+    """Results of earlier stages, of the film that is drawn.
 
-    arena (h, w): where the fish can be; look: of the stage `jumps`; size: px of compared pictures.
+    arena (h, w): where the fish can be; look: from the stage `jumps`; size: px of compared
+    pictures.
     """
 
     rate_hz: float
@@ -70,7 +71,7 @@ class RetargetData(NamedTuple):
 
 
 class Retargeted(NamedTuple):
-    """An edit list (columns of `EDIT`), what was asked for (of `ASKED`), and numbers."""
+    """An edit list (columns of `EDIT`), the requested motion (columns of `ASKED`), and numbers."""
 
     edit: pd.DataFrame
     asked: pd.DataFrame
@@ -78,7 +79,7 @@ class Retargeted(NamedTuple):
 
 
 class JoinParameters(NamedTuple):
-    """Parameters of `jumps` and `animate`: what rows are compared in, and how they are joined."""
+    """Parameters of `jumps` and `animate`: how rows are compared, and how they are joined."""
 
     weights: Weights
     joins: JoinTimes
@@ -86,7 +87,7 @@ class JoinParameters(NamedTuple):
 
 
 def own_track(film: RetargetData, rows: Ints, name: str) -> Track:
-    """A track of this film, its postures and all."""
+    """Return a track of this film, with its postures."""
     poses, features = film.poses, film.reel.features
     steps = poses.pose[rows].backbone_px()
     size = float(poses.pose.size_px[rows[0]])
@@ -101,7 +102,8 @@ def retarget_track(
 ) -> Retargeted:
     """Retarget a track to the film's fish.
 
-    FinloopError if it is too short, swims tail first, says no size, or does not fit into the tank.
+    FinloopError if the track is too short, swims tail first, has no body length, or does not fit
+    into the tank.
     """
     reel = film.reel
     motion = motion_of(track, film.rate_hz, p)
@@ -135,10 +137,10 @@ def retarget_track(
 
 
 class _Way(NamedTuple):
-    """A track in this tank: points (T, m, 2) px at shares (m,) of the body, and poses (T) at them.
+    """A track in this tank: points (T, m, 2) px at shares (m,) of the body, with their poses (T).
 
-    codes (T, c): of the postures; clamped (T,): which of them were changed. size: of the way,
-    against that at the track's scale.
+    codes (T, c): of the postures; clamped (T,): which of them were changed; size: of the path,
+    relative to its size at the track's scale.
     """
 
     points: Points
@@ -150,18 +152,18 @@ class _Way(NamedTuple):
 
     @property
     def has_postures(self) -> bool:
-        """Return whether the points say how the animal is bent."""
+        """Whether the points determine how the animal is bent."""
         return len(self.at) > 2
 
     def offsets(self, film: RetargetData, p: RetargetSettings) -> tuple[Points, float]:
-        """Offsets (T, 2) px that bring the backbones into the tank, and the size of the way."""
+        """Return offsets (T, 2) px that move the backbones into the tank, and the path's size."""
         bodies = self.pose.backbone_px()
         shift, size = find_placement(bodies, film.arena, film.reel.length_px, p)
         centre = bodies.mean(1)
         return (size - 1) * (centre - centre.mean(0)) + shift, size
 
     def move_by(self, offset: Points, size: float) -> "_Way":
-        """Shift the way by offsets (T, 2) px and multiply its size."""
+        """Shift the path by offsets (T, 2) px and multiply its size."""
         pose, (x, y) = self.pose, offset.T
         return self._replace(
             points=self.points + offset[:, None],
@@ -173,9 +175,9 @@ class _Way(NamedTuple):
 def _scale_track(
     track: Track, motion: RecordedMotion, film: RetargetData, p: RetargetSettings
 ) -> tuple[_Way, float]:
-    """Scale a track to the size of this film's fish; return its way and the scale.
+    """Scale a track to the size of this film's fish; return its path and the scale.
 
-    A track without postures has the mean one.
+    A track without postures gets the mean posture.
     """
     shapes, length_px, at = film.poses.shapes, film.reel.length_px, track.at
     share = body_share(shapes) if len(at) != 2 else chord_share(shapes, at) / np.ptp(at)
@@ -199,10 +201,10 @@ def _scale_track(
 def _choose_rows(
     way: _Way, rows: FilmRows, how: Joins, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _Way]:
-    """Choose the rows that a way is drawn from; return them and the way as it lies in the tank.
+    """Choose the rows for a path; return them and the path at its place in the tank.
 
-    Postures of the film are known once the rows are: their backbones are brought into the tank. A
-    way that has to be smaller for them is slower, and rows are chosen for it again.
+    The film's postures are known only after the rows are; then the backbones are moved into the
+    tank. A path that shrinks for them is slower, so its rows are chosen again.
     """
     if way.has_postures:
         way = way.move_by(*way.offsets(film, p))
@@ -217,7 +219,6 @@ def _choose_rows(
 
 
 def _sources(way: _Way, rows: FilmRows, film: RetargetData, p: RetargetSettings) -> RowSequence:
-    """The rows that follow a way at the least cost."""
     pose = way.pose
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = way.codes if way.has_postures else None
@@ -229,7 +230,7 @@ def _sources(way: _Way, rows: FilmRows, film: RetargetData, p: RetargetSettings)
 def _in_film_postures(
     way: _Way, rows: FilmRows, how: Joins, film: RetargetData, p: RetargetSettings
 ) -> tuple[RowSequence, _Way]:
-    """The rows that follow a way without postures, and the way in theirs."""
+    """Return the rows for a path without postures, and the path in the postures of these rows."""
     sources = _sources(way, rows, film, p)
     heading = np.unwrap(way.pose.heading_rad)
     codes = film_codes(sources, np.degrees(heading), how)
@@ -240,7 +241,10 @@ def _in_film_postures(
 
 
 def _way_rad(place: Points, span: int, still_px: float) -> Floats:
-    """The heading (T,) of a point (T, 2) px: where it goes, or would while it hardly moves."""
+    """Return the heading (T,) of a point (T, 2) px: its direction of travel.
+
+    While the point hardly moves, the heading is interpolated.
+    """
     speed = slope(place, np.arange(len(place)) < len(place) - 1, span)
     moves = np.flatnonzero(np.hypot(*speed.T) > still_px)
     if not len(moves):
@@ -250,7 +254,6 @@ def _way_rad(place: Points, span: int, still_px: float) -> Floats:
 
 
 def _table(motion: RecordedMotion, way: _Way, sources: RowSequence) -> pd.DataFrame:
-    """Columns of `ASKED`."""
     points, pose, at = way.points, way.pose, way.at
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)

@@ -1,6 +1,6 @@
-"""The track whose motion is asked for: of a file, of another film, or of this film itself.
+"""Load the track to retarget: from a file, from another film, or from this film itself.
 
-The door from `retarget` to files.
+Only this module of `retarget` reads files.
 """
 
 from pathlib import Path
@@ -50,18 +50,17 @@ def load_track(film: RetargetData, p: RetargetSettings) -> Track:
 
 
 def film_folder(path: Path) -> Path | None:
-    """The folder data/ of another film at a path, or at its extract/; None: it is none."""
+    """Return the folder data/ of another film from its path or its extract/; None: not a film."""
     folder = path.parent if path.name == "extract" else path
     return folder if (folder / _TRACKS).exists() else None
 
 
 def film_files(folder: Path) -> list[Path]:
-    """The files of another film, whose folder data/ this is, that its track is read from."""
+    """Return the files from which the track of another film is read; folder: its data/."""
     return [folder / name for name in (_SCENE, _TRACKS, _FEATURES, _FACTS)]
 
 
 def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
-    """Load a track of another film, whose folder data/ this is."""
     scene = load_record(folder / _SCENE, SceneFacts, "extract")
     features = load_table(folder / _FEATURES, FEATURES)
     rate = p.tracks_rate_hz or load_facts(folder / _FACTS).frame_rate_hz
@@ -69,8 +68,8 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
     if len(tracks) != len(features):
         raise FinloopError(
             f"{folder} holds {len(tracks)} rows of tracks, and {len(features)} of features",
-            "tables of one film",
-            "make that film's again: `dvc repro features`",
+            "two tables of one film with equally many rows",
+            "make the tables of that film again: `dvc repro features`",
         )
     rows = _rows(features, p)
     line = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
@@ -82,7 +81,6 @@ def _load_film_track(folder: Path, steps: int, p: RetargetSettings) -> Track:
 
 
 def _rows(features: pd.DataFrame, p: RetargetSettings) -> Ints:
-    """The rows of the track that is named, or of the longest."""
     counts = features["track_id"].value_counts().sort_index()
     names = [str(one) for one in counts.index]
     number = choose_animal(p.animal, names, counts.to_numpy())

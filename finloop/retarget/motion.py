@@ -1,4 +1,4 @@
-"""A recorded track at the film's rate: gaps filled, the longest stretch, which way it swims."""
+"""A recorded track at the film's rate: its longest stretch, with gaps filled, head first."""
 
 from typing import NamedTuple
 
@@ -12,14 +12,14 @@ from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
 _LEAST = 4  # ticks
-_BACKWARDS = 0.25  # of the way; an animal that swims head first for less has head and tail swapped
+_BACKWARDS = 0.25  # of the path; below this share head first, head and tail are swapped
 
 
 class RecordedMotion(NamedTuple):
     """A stretch of a track at the film's rate.
 
-    time_s: (T,) of the file; points: (T, m, 2) px; codes: (T, c) of postures of this film, or None;
-    numbers: what was filled and left out.
+    time_s: (T,) in the file; points: (T, m, 2) px; codes: (T, c) of postures of this film, or None;
+    numbers: how much was filled and left out.
     """
 
     time_s: Floats
@@ -29,9 +29,9 @@ class RecordedMotion(NamedTuple):
 
 
 def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMotion:
-    """The longest stretch of a track without a longer gap, by splines at another rate.
+    """Return the longest stretch of a track without a long gap, by splines at another rate.
 
-    FinloopError if it lasts less than some ticks, or the animal swims tail first.
+    FinloopError if it is too short, or the animal swims tail first.
     """
     time = track.frame / track.rate_hz
     asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
@@ -44,10 +44,10 @@ def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMoti
     if ticks < _LEAST or len(longest) < 2:
         raise FinloopError(
             f"the longest stretch of {track.name} without a gap has {len(longest)} frames, "
-            f"{lasts:.2f} s, of {int(asked.sum())} frames that were asked for",
-            f"{_LEAST / rate_hz:.2g} s at least, {_LEAST} frames of this film",
-            "a track with shorter gaps, another animal (retarget.animal), or another part of the "
-            "track (retarget.start_s, end_s)",
+            f"{lasts:.2f} s, of {int(asked.sum())} requested frames",
+            f"at least {_LEAST / rate_hz:.2g} s, {_LEAST} frames of this film",
+            "take a track with shorter gaps, another animal (retarget.animal), or another part of "
+            "the track (retarget.start_s, end_s)",
         )
     at = time[longest[0]] + np.arange(ticks) / rate_hz
     points = CubicSpline(time[longest], track.points[longest])(at)
@@ -62,9 +62,9 @@ def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMoti
     forward = forward_share(points)
     if forward < _BACKWARDS and not p.allow_backwards:
         raise FinloopError(
-            f"{track.name} swims tail first for {1 - forward:.0%} of its way",
+            f"{track.name} swims tail first for {1 - forward:.0%} of its path",
             "points from head to tail; most animals swim head first",
-            "name the points from head to tail (retarget.body_keypoints), or let it swim so: "
+            "name the points from head to tail (retarget.body_keypoints), or allow it: "
             "retarget.allow_backwards=true",
         )
     first, last = track.frame[longest[[0, -1]]]
@@ -81,7 +81,7 @@ def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMoti
 
 
 def forward_share(points: Floats) -> float:
-    """The share of the way that points (T, m, 2), head first, move head first; 1 of one point."""
+    """Return the share of the path that points (T, m, 2) travel head first; 1 for single points."""
     if points.shape[1] < 2:
         return 1.0
     ahead = points[:, 0] - points[:, -1]

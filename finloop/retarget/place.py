@@ -1,4 +1,4 @@
-"""Where a track is swum: its points at this film's scale, moved into the tank."""
+"""The place of a track: its points at this film's scale, moved into the tank."""
 
 import numpy as np
 import scipy
@@ -8,35 +8,35 @@ from finloop.base.errors import FinloopError
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
-_CELLS = 240  # a side, of the map on which places are tried first
+_CELLS = 240  # cells per side of the map on which places are tried first
 _CLEAR = 0.5  # body lengths; a point nearer to the wall costs up to 1
-_ROUNDS = 12  # of halving, to find how much smaller a way has to be
+_ROUNDS = 12  # of halving, to find how much smaller a path has to be
 
 
 def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
-    """Px of the tank per px of the file; length_px: of this film's fish, of what `track` measures.
+    """Return the scale of a track, in px of the tank per px of the file.
 
-    FinloopError if the track says no length.
+    length_px: what `track` measures, on this film's fish. FinloopError if the track has no length.
     """
     if p.scale != "auto":
         return float(p.scale)
     if not track.length_px:
         raise FinloopError(
-            f"one point of {track.name} is given: it says no body length",
-            "head and tail of the animal, or how large its px are in this tank",
-            "name both (retarget.body_keypoints); or set retarget.scale: the body length of "
-            "this film's fish by that of the tracked animal, both in px",
+            f"{track.name} has a single point, and so no body length",
+            "head and tail of the animal, or the scale of its pixels in this tank",
+            "name both (retarget.body_keypoints); or set retarget.scale to the body length of "
+            "this film's fish divided by that of the tracked animal, both in px",
         )
     return length_px / track.length_px
 
 
 def mirror_points(points: Points, width_px: int) -> Points:
-    """Exchange left and right of points (…, 2) in a tank."""
+    """Mirror points (…, 2) px left to right in a tank of this width."""
     return np.stack([width_px - 1 - points[..., 0], points[..., 1]], -1)
 
 
 def outside(points: Points, arena: Mask) -> Mask:
-    """Which points (…, 2) are not in the arena (h, w)."""
+    """Return which points (…, 2) are not in the arena (h, w)."""
     column, row = np.moveaxis(_pixels(points), -1, 0)
     there = (row >= 0) & (row < arena.shape[0]) & (column >= 0) & (column < arena.shape[1])
     inside = arena[np.where(there, row, 0), np.where(there, column, 0)]
@@ -44,16 +44,16 @@ def outside(points: Points, arena: Mask) -> Mask:
 
 
 def _pixels(points: Points) -> Ints:
-    """The pixels (…, 2) that points lie in; a shift by whole px moves them alike."""
+    """Return the pixels (…, 2) that contain points; a shift by whole px moves both alike."""
     return np.floor(points + 0.5).astype(np.int64)
 
 
 def find_placement(
     bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
-    """Return the shift (2,) of a way and the size at which it is drawn.
+    """Return the shift (2,) of a path and the size at which it is drawn.
 
-    bodies (T, k, 2) px: the drawn points of the animal; a smaller way keeps their size.
+    bodies (T, k, 2) px: the drawn points of the animal; a smaller path keeps their size.
     FinloopError if they fit nowhere.
     """
     if p.placement == "given":
@@ -64,19 +64,19 @@ def find_placement(
     if p.placement == "fit":
         there = np.argwhere(arena)[:, ::-1].astype(float)
         raise FinloopError(
-            f"the way is {_size(bodies, length_px)} body lengths large, body and all, the tank "
-            f"{_size(there, length_px)}: nowhere in it the fish stays inside",
-            "a way that fits into the tank",
-            "a part of the track (retarget.start_s, end_s), a smaller way "
+            f"the path with the fish's body is {_size(bodies, length_px)} body lengths large, the "
+            f"tank {_size(there, length_px)}: the path fits nowhere",
+            "a path that fits into the tank",
+            "take a part of the track (retarget.start_s, end_s), a smaller path "
             "(retarget.placement=shrink), or let it leave the tank (retarget.placement=given)",
         )
     small, large = 0.0, 1.0
     best = shift_into(smaller(bodies, small), arena, length_px)
     if best is None:
         raise FinloopError(
-            "the fish does not fit into the tank, however small its way",
+            "the fish does not fit into the tank, even if its path shrinks to a point",
             "a tank larger than the fish",
-            "give the arena its real size (clip.arena), or retarget.placement=given",
+            "give the arena its real size (clip.arena), or set retarget.placement=given",
         )
     for _ in range(_ROUNDS):
         middle = (small + large) / 2
@@ -87,7 +87,7 @@ def find_placement(
 
 
 def smaller(bodies: Points, size: float) -> Points:
-    """Points (T, k, 2) whose middles are nearer to the middle of all, `size` times as far."""
+    """Move points (T, k, 2) so that the distances of their means shrink to `size` times."""
     centre = bodies.mean(1, keepdims=True)
     return bodies + (size - 1) * (centre - centre.mean(0))
 
@@ -98,7 +98,7 @@ def _size(points: Points, length_px: float) -> str:
 
 
 def shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
-    """The shift (2,) in whole px that moves points (T, k, 2) into the arena; None if none does.
+    """Return the shift (2,) in whole px that moves points (T, k, 2) into the arena, or None.
 
     Of the shifts that leave no point outside, the one with the points farthest from the walls is
     taken. Shifts by whole cells of a map of `_CELLS` cells a side come first. Where none of them
@@ -115,10 +115,10 @@ def shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
 
 
 def _shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Floats | None:
-    """As `shift_into`, of pixels (n, 2), by whole cells of `cell` px; wall (h, w): cost of a pixel.
+    """Do what `shift_into` does, for pixels (n, 2), by whole cells of `cell` px.
 
-    All shifts are tried at once, by two correlations: one counts the points outside, the other
-    sums the cost. A cell that is partly outside counts as outside.
+    wall (h, w): cost of a pixel. Two correlations try all shifts at once: one counts the points
+    outside, the other sums the cost. A cell that is partly outside counts as outside.
     """
     inside = _cells(arena.astype(float), cell).min((1, 3)) > 0
     cells = pixels // cell
@@ -142,7 +142,6 @@ def _shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Float
 
 
 def _cells(values: Floats, cell: int) -> Floats:
-    """Values (h, w) in blocks (rows, cell, columns, cell), padded with zeros."""
     height, width = values.shape
     whole = np.pad(values, ((0, -height % cell), (0, -width % cell)))
     return whole.reshape(whole.shape[0] // cell, cell, -1, cell)

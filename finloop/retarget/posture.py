@@ -1,15 +1,15 @@
-"""Asked-for lines as postures of this film: probabilistic principal components, and alignment.
+"""Requested lines as postures of this film: probabilistic principal components, and alignment.
 
-A body keeps its proportions: only the bends of a recorded animal are taken, not the lengths of its
-parts. Bends are some of the components of a posture; with the film's principal shapes as a
-probabilistic model (Tipping and Bishop, Probabilistic Principal Component Analysis, 1999) its codes
-are the most probable ones given these:
+A body keeps its proportions: only the bends of a recorded animal are used, not the lengths of its
+parts. Bends are some of the components of a posture. With the film's principal shapes as a
+probabilistic model (Tipping and Bishop, Probabilistic Principal Component Analysis, 1999), its
+codes are the most probable ones given these bends:
 
     c = argmin |W (b − m − S c)|² / σ² + Σ c² / λ,
 
-with b the bends, m, S, W mean, shapes and weights of theirs, λ the variance of the codes and σ² of
-what the shapes leave. Place and heading are those at which the drawn backbone is nearest to the
-asked line (Kabsch 1976, in the plane).
+with b the bends; m, S, W their mean, shapes and weights; λ the variance of the codes; and σ² the
+variance that the shapes leave. Place and heading bring the drawn backbone nearest to the requested
+line (Kabsch 1976, in the plane).
 """
 
 from typing import NamedTuple
@@ -20,13 +20,13 @@ from finloop.base.arrays import Floats, Mask, Points
 from finloop.puppet import Pose, PoseShapes
 from finloop.puppet.pose import bends, steps
 
-_ROUNDS = 4  # of bends against a heading, and a heading by the posture of these
-_FLOOR = 1e-9  # of the variance, where the shapes leave nothing
-_HEAD = 1 / 3  # of the body, whose chord is the first heading
+_ROUNDS = 4  # of bends relative to a heading, then the heading of the resulting posture
+_FLOOR = 1e-9  # of the total variance: least noise, where the shapes leave none
+_HEAD = 1 / 3  # of the body: its chord is the first heading
 
 
 class Asked(NamedTuple):
-    """Postures (T) as they are drawn: their poses, codes (T, c), and whether they were changed."""
+    """Postures (T) as drawn: their poses, codes (T, c), and whether they were changed."""
 
     pose: Pose
     codes: Floats
@@ -36,9 +36,9 @@ class Asked(NamedTuple):
 def asked_postures(
     points: Points, at: Floats, shapes: PoseShapes, size_px: float, codes: Floats | None = None
 ) -> Asked:
-    """The postures of lines (T, m, 2) px, their points at shares (m,) of the body, m > 2.
+    """Return the postures of lines (T, m, 2) px with points at shares (m,) of the body, m > 2.
 
-    size_px: of the animal to be drawn; codes (T, c): where they are known.
+    size_px: of the animal to draw; codes (T, c): the codes, where known.
     """
     rounds = _ROUNDS if codes is None else 1
     first = _head_rad(points, at)
@@ -53,14 +53,14 @@ def asked_postures(
 
 
 def _head_rad(points: Points, at: Floats) -> Floats:
-    """The direction (T,) of the head: of the chord from a third of the body to the first point."""
+    """Return the direction (T,) of the head: from a third of the body to the first point."""
     third = max(1, int(np.argmin(np.abs(at - _HEAD))))
     way = points[:, 0] - points[:, third]
     return np.arctan2(-way[:, 1], way[:, 0])
 
 
 def _directions(points: Points, head_rad: Floats) -> Floats:
-    """The directions (T, m − 1) of the steps, towards the head, against those of the head (T,)."""
+    """Return directions (T, m − 1) of the steps towards the head, relative to the head's (T,)."""
     way = points[:, :-1] - points[:, 1:]
     angles = np.arctan2(-way[..., 1], way[..., 0]) - head_rad[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
@@ -68,9 +68,10 @@ def _directions(points: Points, head_rad: Floats) -> Floats:
 
 
 def likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
-    """The most probable codes (T, c) of directions (T, m − 1) of steps, against the heading.
+    """Return the most probable codes (T, c) of directions (T, m − 1) of steps.
 
-    at (m,): where along the body the points lie that the steps lead between, on the film's points.
+    Directions are relative to the heading. at (m,): positions along the body of the points between
+    which the steps lead, on the film's points.
     """
     count = bends(shapes.mean).size
     first = round(at[0] * count)
@@ -90,8 +91,8 @@ def align_postures(
 ) -> Pose:
     """Place and turn postures (T, d) so that they are nearest to points (T, m, 2) px.
 
-    at (m,): shares of the body, NaN: its mass centre. heading_rad (T,): where one point alone
-    says no heading.
+    at (m,): shares of the body, NaN: its mass centre. heading_rad (T,): needed where a single point
+    determines no heading.
     """
     none = np.zeros(len(postures))
     bare = Pose(none, none, none, none + size_px, postures)
@@ -105,7 +106,7 @@ def align_postures(
 
 
 def on_body(pose: Pose, at: Floats) -> Points:
-    """The places (T, m, 2) px at shares (m,) of poses' backbones; NaN: the mass centre."""
+    """Return the places (T, m, 2) px at shares (m,) of poses' backbones; NaN: the mass centre."""
     line = pose.backbone_px()
     place = np.nan_to_num(at) * (line.shape[1] - 1)
     low = np.minimum(place.astype(int), line.shape[1] - 2)
@@ -116,12 +117,12 @@ def on_body(pose: Pose, at: Floats) -> Points:
 
 
 def body_share(shapes: PoseShapes) -> float:
-    """How long a backbone is, in sizes of the animal: that of the mean posture."""
+    """Return the length of the mean posture's backbone, in sizes of the animal."""
     return float(steps(shapes.mean).sum())
 
 
 def chord_share(shapes: PoseShapes, at: Floats) -> float:
-    """How far two points at shares (2,) of the body are apart in the mean posture, in sizes."""
+    """Return the distance between two shares (2,) of the mean posture's body, in sizes."""
     none = np.zeros(1)
     ends = on_body(Pose(none, none, none, none + 1, shapes.mean[None]), at)[0]
     return float(np.hypot(*(ends[-1] - ends[0])))

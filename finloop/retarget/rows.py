@@ -1,8 +1,8 @@
 """Which frames of the film a track is drawn from: the cheapest sequence of rows (Viterbi).
 
-A tick costs what its row is farther from what is asked for, in natural steps, for each Δ; going on
-with the film costs nothing, going over to another row `switch` natural steps and what light and
-skin of the two differ.
+Each tick costs the difference between its row and the requested motion, in natural steps, per Δ.
+Playing the film on costs nothing. A transition costs `switch` natural steps, plus the difference in
+light and skin.
 """
 
 from dataclasses import dataclass, replace
@@ -18,17 +18,18 @@ from finloop.jumps.settings import JumpsSettings as Weights
 from finloop.jumps.signature import deviation, film_motion, motion, slope
 from finloop.pose.film import FilmPoses
 
-_BEAM = 4  # times the candidates: the sequences that go on to the next tick
+_BEAM = 4  # times the candidates: the sequences kept for the next tick
 
 
 @dataclass(frozen=True)
 class FilmRows:
-    """What the n rows of a film and, where they may be shown, their mirror images are compared in.
+    """The vectors by which the n rows of a film, and mirror images if allowed, are compared.
 
-    A mirror image has the number of its row and n more. values: (m, d) posture, its change, motion,
-    of a track that says no posture motion alone; seen: (m, q) what is seen at a jump; both in
-    natural steps. follows: (m,) the number that the film goes on with, −1: none. scales: of the
-    parts of `values`; span: rows, of a change.
+    A mirror image has the number of its row plus n.
+
+    values: (m, d) posture, its change, and motion; motion alone for a track without postures. seen:
+    (m, q) what is visible at a jump. Both are in natural steps. follows: (m,) the number that comes
+    next in the film, −1: none. scales: of the parts of `values`; span: rows, of a change.
     """
 
     count: int
@@ -42,7 +43,10 @@ class FilmRows:
     def from_reel(
         cls, reel: Reel, poses: FilmPoses, look: Reals, weights: Weights, bent: bool
     ) -> "FilmRows":
-        """The rows of a film. look: of the stage `jumps`; bent: whether postures are asked for."""
+        """Build the vectors of a film's rows.
+
+        look: from the stage `jumps`; bent: whether the track has postures.
+        """
         n, span = len(reel), max(1, round(delta_of(reel.features) / 4))
         sides = len(look) // n
         pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
@@ -72,16 +76,16 @@ class FilmRows:
         )
 
     def without(self, rows: Ints) -> "FilmRows":
-        """Without some rows of the film, and their mirror images: they are infinitely far.
+        """Exclude some rows of the film, and their mirror images, by an infinite distance.
 
-        FinloopError if these are all.
+        FinloopError if these are all rows.
         """
         gone = np.isin(np.arange(len(self.values)) % self.count, rows)
         if gone.all():
             raise FinloopError(
-                "the film has no frames but those of the track that is asked for",
-                "other frames of the film to draw it from",
-                "retarget.allow_own_frames=true, or a film with more tracks",
+                "the film has no frames except those of the requested track",
+                "other frames of the film from which to draw it",
+                "set retarget.allow_own_frames=true, or take a film with more tracks",
             )
         values = np.where(gone[:, None], np.inf, self.values)
         follows = np.where(np.isin(self.follows, np.flatnonzero(gone)), -1, self.follows)
@@ -90,7 +94,7 @@ class FilmRows:
     def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
         """Return the same numbers (T, d) for the requested motion.
 
-        place (T, 2): body lengths; codes (T, c): of postures, None where none are asked for.
+        place (T, 2): body lengths; codes (T, c): of postures, None where none are requested.
         """
         goes_on = np.arange(len(place)) < len(place) - 1
         parts = [motion(place, np.degrees(heading_rad), goes_on, self.span)]
@@ -101,13 +105,12 @@ class FilmRows:
 
 
 def _flat(parts: list[Floats]) -> Floats:
-    """Parts (sides, n, …) side by side, the mirror images below the film."""
     whole = np.concatenate(parts, axis=-1)
     return whole.reshape(-1, whole.shape[-1])
 
 
 def cheapest(rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int) -> Ints:
-    """The numbers (T,) of rows that follow what is asked for (T, d) at the least cost."""
+    """Return the rows (T,) that follow the requested motion (T, d) at the least cost."""
     there = np.flatnonzero(np.isfinite(rows.values).all(1))
     near = Nearest.from_vectors(rows.values[there].astype(np.float32)).search(
         asked, min(candidates, len(there))
@@ -122,10 +125,10 @@ def cheapest(rows: FilmRows, asked: Floats, candidates: int, switch: float, delt
         if tick:
             shown = np.where(goes >= 0, goes, numbers)
             apart = np.linalg.norm(rows.seen[shown][:, None] - rows.seen[now], axis=-1)
-            price = costs[:, None] + switch + apart
-            price[plays, np.searchsorted(now, goes[plays])] = costs[plays]
-            back = price.argmin(0)
-            far += price[back, np.arange(len(now))]
+            total = costs[:, None] + switch + apart
+            total[plays, np.searchsorted(now, goes[plays])] = costs[plays]
+            back = total.argmin(0)
+            far += total[back, np.arange(len(now))]
         beam = np.sort(np.argsort(far, kind="stable")[: _BEAM * candidates])
         numbers, costs = now[beam], far[beam]
         before.append(back[beam])

@@ -1,4 +1,4 @@
-"""A recorded track: the points of one animal along its body, frame by frame, as a file has them."""
+"""A recorded track: the points of one animal along its body, frame by frame, as in the file."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,18 +15,18 @@ from finloop.features.area import at_places
 from finloop.retarget.settings import RetargetSettings
 
 _CENTRES = ("centre", "center", "centroid", "mass", "wcentroid")
-"""Names of points that are at no place of the body's line."""
-_BESIDE = 0.05  # of the distance from head to tail; farther beside that line are fins, eyes
+"""Names of points that have no fixed place along the body."""
+_BESIDE = 0.05  # of the distance from head to tail; fins and eyes are farther from that line
 _FINE = 4  # samples of a spline for a point of the line
-_ZIGZAG = 1.5  # times as long as from head to tail is a line whose points are in a wrong order
+_ZIGZAG = 1.5  # times the distance from head to tail; a longer line has its points out of order
 
 
 class Track(NamedTuple):
     """Points of one animal along its body, head first.
 
     frame: (t,) rising; points: (t, m, 2) px, NaN where not given; at: (m,) their shares of the body
-    from the head, NaN: the middle of the animal; length_px: of its body, None where one point says
-    none. Of a track of this film: codes (t, c) of its postures, and its rows (t,).
+    from the head, NaN: the middle of the animal; length_px: of its body, None for a single point. A
+    track of this film also has the codes (t, c) of its postures and its rows (t,).
     """
 
     name: str
@@ -40,19 +40,19 @@ class Track(NamedTuple):
 
     @property
     def whole(self) -> Mask:
-        """The frames (t,) in which all points are given."""
+        """The frames (t,) with all points."""
         return np.asarray(np.isfinite(self.points).all((1, 2)))
 
     @property
     def has_postures(self) -> bool:
-        """Return whether the points say how the animal is bent."""
+        """Whether the points determine how the animal is bent."""
         return len(self.at) > 2
 
 
 def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
-    """The track of an animal of a file; steps: of a backbone of this film.
+    """Return the track of one animal of a file; steps: of a backbone of this film.
 
-    FinloopError if there is no such animal, no such point, or nothing is given of them.
+    FinloopError if the file has no such animal or point, or no usable values of them.
     """
     name, frame, points = _animal(poses, p)
     order = body_points(poses.keypoints, points, p)
@@ -70,16 +70,16 @@ def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> T
     there = np.isfinite(line).all((1, 2))
     if not there.any():
         raise FinloopError(
-            f"{name} has no frame in which {', '.join(poses.keypoints[one] for one in order)} are "
-            f"given with a confidence of {p.min_confidence:g} or more",
-            "one frame at least with all of them",
-            "name points that are seen (retarget.body_keypoints), or lower retarget.min_confidence",
+            f"{name} has no frame with {', '.join(poses.keypoints[k] for k in order)} at a "
+            f"confidence of {p.min_confidence:g} or more",
+            "at least one frame with all of them",
+            "name visible points (retarget.body_keypoints), or lower retarget.min_confidence",
         )
     return Track(name, rate_hz, frame, line, at, _length_px(line[there], at))
 
 
 def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
-    """Build a track of whole backbones (t, k, 2) px, head first; steps: of a film's backbone."""
+    """Build a track from whole backbones (t, k, 2) px, head first; steps: of a film's backbone."""
     at = np.arange(steps + 1) / steps
     place = at * (line.shape[1] - 1)
     points = at_places(line, place)
@@ -87,14 +87,14 @@ def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, s
 
 
 def _animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
-    """Name, frames (t,) and points (t, keypoints, 2), NaN where not given, of the animal."""
-    sure = ~(poses.confidence < p.min_confidence)  # NaN: not said
+    """Return name, frames (t,) and points (t, keypoints, 2) of the animal; NaN where not given."""
+    sure = ~(poses.confidence < p.min_confidence)  # NaN: unknown
     points = np.where(sure[..., None], poses.places, np.nan)
     seen = np.asarray(np.isfinite(points).all(2)).any(1)
     if not seen.any():
         raise FinloopError(
             f"no point of the tracks has a confidence of {p.min_confidence:g} or more",
-            "points that the program is sure of",
+            "points with a higher confidence",
             "lower retarget.min_confidence",
         )
     counts = np.bincount(poses.individual[seen], minlength=len(poses.individuals))
@@ -104,31 +104,32 @@ def _animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
 
 
 def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int:
-    """Return the number of the animal of that name; None: of the one that most frames show."""
+    """Return the number of the animal with that name; None: the animal that most frames show."""
     if animal is None:
         return int(np.argmax(counts))
     if animal not in names:
         longest = [names[one] for one in np.argsort(-counts, kind="stable")[:8]]
         raise FinloopError(
             f"the tracks have no animal {animal!r}",
-            f"one of their {len(names)} animals; seen longest: {', '.join(longest)}",
+            f"one of their {len(names)} animals; longest visible: {', '.join(longest)}",
             "correct retarget.animal",
         )
     return list(names).index(animal)
 
 
 def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -> Ints:
-    """The numbers of the keypoints along the body, head first; of one that is not known, one.
+    """Return the numbers of the keypoints along the body, head first.
 
-    By themselves: head, tail, and what lies between them near their line, in the median of all
-    frames: eyes and fins lie beside it.
+    Without `retarget.body_keypoints` these are head, tail, and the points near the line between
+    them, in the median of all frames; eyes and fins lie beside it. Without head or tail it is one
+    point.
     """
     if p.body_keypoints is not None:
         missing = [one for one in p.body_keypoints if one not in keypoints]
         if missing or not p.body_keypoints:
             raise FinloopError(
-                f"the tracks have no keypoint {', '.join(missing) or '(none is named)'}",
-                f"some of {', '.join(keypoints)}",
+                f"the tracks have no keypoint {', '.join(missing) or '(the list is empty)'}",
+                f"keypoints out of {', '.join(keypoints)}",
                 "correct retarget.body_keypoints",
             )
         return np.array([keypoints.index(one) for one in p.body_keypoints])
@@ -158,10 +159,10 @@ def _plain(name: str) -> str:
 
 
 def lines(points: Floats, share: Floats, name: str) -> Floats:
-    """Points (t, m, 2) at shares (m,) of the arc through the k points of every frame (t, k, 2).
+    """Return points (t, m, 2) at shares (m,) of the curve through the k points of each frame.
 
-    The curve is a cubic spline through those that are given, by the length of the chords between
-    them; NaN where an end is missing, or more than all but three.
+    points: (t, k, 2). The curve is a cubic spline through the points that are given, by the length
+    of the chords between them. NaN where an end is missing, or fewer than three points are given.
     """
     there = np.asarray(np.isfinite(points).all(2))
     usable = there[:, 0] & there[:, -1] & (there.sum(1) >= 3)
@@ -182,7 +183,7 @@ def lines(points: Floats, share: Floats, name: str) -> Floats:
     if ratio and np.median(ratio) > _ZIGZAG:
         raise FinloopError(
             f"the line through the points of {name} is {np.median(ratio):.1f} times as long as the "
-            "way from the first to the last of them: they go back and forth",
+            "distance from the first to the last point: it goes back and forth",
             "points in their order along the body, from head to tail",
             "name them in that order (retarget.body_keypoints)",
         )
@@ -190,7 +191,7 @@ def lines(points: Floats, share: Floats, name: str) -> Floats:
 
 
 def _length_px(points: Floats, at: Floats) -> float | None:
-    """The length of the body of points (t, m, 2), all given, the first and last at such shares."""
+    """Return the body length from points (t, m, 2) whose first and last lie at these shares."""
     if len(at) == 1:
         return None
     way = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)

@@ -1,8 +1,7 @@
 """How fish of one tank act on each other, as rules and as measures.
 
 Zones of repulsion, alignment and attraction (Couzin et al. 2002, J. theor. Biol. 218, 1-11), leader
-and follower, steps as the film's fish make them, and what tells a shoal: distances, alignment,
-bearings.
+and follower, steps of the film's fish, and measures of a school: distances, alignment, bearings.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Measures of company, of a film's feature table and of swum fish alike.
+"""Measures of a group of fish, for a film's feature table and for an animation alike.
 
 Glossary: *nearest-neighbour distance* from mass centre to mass centre, in body lengths;
 *polarisation* the length of the mean of the headings' unit vectors, 1 if all head the same way
@@ -24,7 +24,7 @@ SHOAL = Schema(
     Column("wall_distance", "float32", "body length"),
     Column("polarisation", "float32", "1", nullable=True),
 )
-"""A row per fish per frame. What needs a second fish is null where there is none."""
+"""A row per fish per frame. Columns that need a second fish are null where there is none."""
 MEASURES = (
     "neighbour_distance",
     "alignment_deg",
@@ -34,13 +34,13 @@ MEASURES = (
 )
 
 
-_PAIRS = 1 << 18  # of fish, at a time: about 90 bytes each
+_PAIRS = 1 << 18  # of fish at a time, about 90 bytes each
 
 
 def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
-    """The measures, with the columns of `SHOAL`, of fish of any order.
+    """Return the measures (columns of `SHOAL`) of fish in any order.
 
-    frame (n,): when they are seen; places (n, 2): px. Fish of a frame are numbered as they come.
+    frame (n,): of each fish; places (n, 2): px. Fish of a frame are numbered in their order.
     """
     index, fish, slots = by_frame(frame)
     own = vectors(places, headings_deg, walls.length)
@@ -61,10 +61,10 @@ def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -
 
 
 def nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
-    """Distance, alignment angle and inter-fish angle (frames, m) of the nearest neighbour.
+    """Return distance, alignment angle and inter-fish angle (frames, m) of nearest neighbours.
 
-    place, heading (frames, m): as `neighbours` takes them. NaN where a frame shows no other fish.
-    Memory is that of `_PAIRS` pairs, and of the result.
+    place, heading (frames, m): as for `neighbours`. NaN where a frame shows no other fish. Memory
+    is that of `_PAIRS` pairs and of the result.
     """
     far, aligned, bearing = np.full((3, *place.shape), np.nan)
     most = max(1, _PAIRS // max(1, place.shape[1] ** 2))
@@ -73,31 +73,34 @@ def nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
         seen = neighbours(place[lot], heading[lot])
         which = seen.distance.argmin(axis=-1)[..., None]
         distance, towards, along = (np.take_along_axis(one, which, -1)[..., 0] for one in seen)
-        company = np.isfinite(distance)
-        far[lot] = np.where(company, distance, np.nan)
+        has_other = np.isfinite(distance)
+        far[lot] = np.where(has_other, distance, np.nan)
         for angle, vector in ((aligned, along), (bearing, towards)):
-            angle[lot] = np.where(company, np.degrees(np.abs(np.angle(vector))), np.nan)
+            angle[lot] = np.where(has_other, np.degrees(np.abs(np.angle(vector))), np.nan)
     return far, aligned, bearing
 
 
 def by_frame(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
-    """The number of each row's frame among those seen, its number in it, and how many of both."""
+    """Return each row's frame number and fish number, and the shape (frames, m) of both."""
     frames, index = np.unique(frame, return_inverse=True)
     fish = pd.Series(index).groupby(index).cumcount().to_numpy()
     return index, fish, (len(frames), int(fish.max()) + 1 if len(fish) else 0)
 
 
 def slots_of(values: Complex, index: Ints, fish: Ints, shape: tuple[int, int]) -> Complex:
-    """Values (n,) as an array (frames, m), NaN of who is absent. The rest: of `by_frame`."""
+    """Spread values (n,) over an array (frames, m); NaN where a fish is absent.
+
+    index, fish, shape: from `by_frame`.
+    """
     slots = np.full(shape, np.nan, complex)
     slots[index, fish] = values
     return slots
 
 
 def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
-    """The Wasserstein distance of each measure of two shoals, in its unit.
+    """Return the Wasserstein distance of each measure of two groups, in its unit.
 
-    Polarisation counts once a frame. A measure that one of them does not have is left out.
+    Polarisation counts once a frame. A measure that one of the groups lacks is left out.
     """
     return {
         name: wasserstein_distance(a, b)
@@ -107,7 +110,7 @@ def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
 
 
 def beside(films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """How far shoals are from films: columns shoal, beside, measure, median, distance (`apart`)."""
+    """Compare groups with films: columns shoal, beside, measure, median, distance (`apart`)."""
     rows = [
         (shoal, film, name, float(np.median(values(table, name))), distance)
         for shoal, table in shoals.items()
@@ -118,17 +121,17 @@ def beside(films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]
 
 
 def halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The first and the second half of a film, in time."""
+    """Return the first and the second half of a film, in time."""
     first = table["frame"] < middle(table["frame"].to_numpy())
     return table[first], table[~first]
 
 
 def middle(frame: Ints) -> float:
-    """The middle of the film in time, in frames."""
+    """Return the middle of the film in time, in frames."""
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 
 
 def values(table: pd.DataFrame, name: str) -> Floats:
-    """The values of a measure."""
+    """Return the values of a measure; polarisation counts once a frame."""
     rows = table.drop_duplicates("frame") if name == "polarisation" else table
     return rows[name].dropna().to_numpy(float)

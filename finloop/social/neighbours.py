@@ -1,7 +1,7 @@
 """What each fish of a tank sees of the others, in the frame of its own body.
 
-Vectors are complex numbers: of the tank, real = to the right and imaginary = up; of the body,
-real = ahead and imaginary = to the left. Lengths are body lengths.
+Vectors are complex numbers. In the tank, real points right and imaginary points up. In the body's
+frame, real points ahead and imaginary points left. Lengths are body lengths.
 """
 
 from typing import NamedTuple
@@ -14,8 +14,8 @@ from finloop.base.arrays import Complex, Floats, Reals
 class Neighbours(NamedTuple):
     """The others (…, n) of a fish (…).
 
-    distance: body lengths, inf where there is none; bearing: unit vectors of the body towards them;
-    heading: unit vectors of the body along their headings. Vectors are 0 where there is none.
+    distance: body lengths, inf where there is none; bearing: unit vectors to the others, in the
+    body's frame; heading: unit vectors of their headings. Vectors are 0 where there is none.
     """
 
     distance: Floats
@@ -24,15 +24,15 @@ class Neighbours(NamedTuple):
 
 
 def vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex, Complex]:
-    """Places (…, m, 2) px, y down, as body lengths of the tank, and headings as unit vectors."""
+    """Convert places (…, m, 2) px, y down, to body lengths, and headings to unit vectors."""
     places = np.asarray(places, float) / length
     return places[..., 0] - 1j * places[..., 1], np.exp(1j * np.radians(headings_deg))
 
 
 def neighbours(place: Complex, heading: Complex) -> Neighbours:
-    """What fish (…, m) see of each other (…, m, m); places and headings are NaN of who is absent.
+    """Return what fish (…, m) see of each other (…, m, m).
 
-    No fish is its own neighbour.
+    Places and headings of absent fish are NaN. No fish is its own neighbour.
     """
     others = place[..., None, :], heading[..., None, :]
     seen = relative_neighbours(place[..., :, None], heading[..., :, None], others)
@@ -47,7 +47,7 @@ def neighbours(place: Complex, heading: Complex) -> Neighbours:
 def relative_neighbours(
     place: Complex, heading: Complex, others: tuple[Complex, Complex]
 ) -> Neighbours:
-    """Return what fish (…) see of others, places and headings; shapes are broadcast."""
+    """Return what fish (…) see of others (their places and headings); shapes are broadcast."""
     way = (others[0] - place) * heading.conj()
     distance = np.abs(way)
     there = np.isfinite(distance)

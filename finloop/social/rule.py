@@ -1,6 +1,6 @@
-"""Where a fish swims by a rule: with its company, by zones, or after its leader.
+"""Where a fish swims by a rule: in a school, by zones, or after its leader.
 
-A rule takes where the others are now, and gives a place to swim to. The same arguments and
+A rule takes the present places of the others and returns a place to swim to. The same arguments and
 generator state give the same place.
 """
 
@@ -21,7 +21,7 @@ from finloop.social.zones import Zones, pull
 class Shoaling:
     """Zones, and the film's own steps that they change (`finloop.calibrate`).
 
-    horizon: ticks of a step; alike: from so many steps one is drawn.
+    horizon: ticks of a step; alike: number of similar steps from which one is drawn.
     """
 
     zones: Zones
@@ -31,14 +31,14 @@ class Shoaling:
 
 
 def rule_of(shoaling: Shoaling | None) -> Shoaling:
-    """The rule itself. FinloopError if there is none, or it has no step of a fish."""
+    """Return the rule; raise FinloopError if there is none, or it has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(
-            "no zones are known by which fish swim in company"
+            "there are no zones for fish in a school"
             if shoaling is None
-            else "the film's tracks are too short for the steps of fish in company",
-            "zones, and steps of a film in which a fish is seen in three frames on end",
-            "make them (dvc repro calibrate; of the library find_zones, for "
+            else "the film's tracks are too short for the steps of fish in a school",
+            "zones, and steps of a film that shows a fish in three consecutive frames",
+            "make them (dvc repro calibrate; in Python find_zones, for "
             "steer(…, shoaling=…)), film longer, or take another rule (matching.rule)",
         )
     return shoaling
@@ -52,7 +52,7 @@ class Others(NamedTuple):
 
 
 class Self(NamedTuple):
-    """A fish: place x, y px, heading in degrees; last: body lengths that it swam in a step."""
+    """A fish: place x, y px, heading in degrees; last: body lengths of its last step."""
 
     x: float
     y: float
@@ -63,20 +63,20 @@ class Self(NamedTuple):
 def shoaling_place(
     own: Self, others: Others, shoaling: Shoaling, walls: Walls, rng: np.random.Generator
 ) -> tuple[float, float] | None:
-    """The place, px, that a fish swims to next by zones; None if no other is in one of them.
+    """Return the place in px to which a fish swims next; None if the zones contain no other fish.
 
-    It is that of a step of the film, of a fish that was as near to a wall and had moved alike, and
-    of the pull of the company: the first of several steps drawn that stays in the tank, or the last
-    of them. Whoever swims there moves that into the tank.
+    The place is the end of a step of the film, by a fish equally near to a wall that moved alike,
+    plus the pull of the other fish. Of several steps drawn, the first that stays in the tank is
+    taken, else the last; the caller moves that into the tank.
     """
     place, heading = vectors(np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length)
-    company = vectors(others.places, others.headings_deg, walls.length)
-    wish = pull(relative_neighbours(place[:, None], heading[:, None], company), shoaling.zones)
-    if wish[0] == 0:
+    group = vectors(others.places, others.headings_deg, walls.length)
+    pulls = pull(relative_neighbours(place[:, None], heading[:, None], group), shoaling.zones)
+    if pulls[0] == 0:
         return None
     last = np.array([own.last + 0j])
     moves, _ = shoaling.steps.draw(walls.near(place, heading), last, shoaling.alike, rng)
-    ways = place + heading * add_pull_to_moves(moves[0], wish, shoaling.steps)
-    inside = walls.inside(ways)
-    to = ways[int(inside.argmax()) if inside.any() else -1] * walls.length
+    ends = place + heading * add_pull_to_moves(moves[0], pulls, shoaling.steps)
+    inside = walls.inside(ends)
+    to = ends[int(inside.argmax()) if inside.any() else -1] * walls.length
     return float(to.real), float(-to.imag)

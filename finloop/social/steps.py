@@ -1,8 +1,8 @@
-"""Steps: what a fish of the film did in a while, beside what its company wished.
+"""Steps: the displacement of a fish of the film in some time, apart from the others' pull.
 
-The wish of the company (`zones.pull`) is a part of where a fish goes; the rest, its own step, is
-speed, turns and their chance. A fish that is steered takes one of the film's own steps, of a fish
-that was as near to a wall and had moved alike, and adds the wish of its company.
+The pull of other fish (`zones.pull`) is one part of where a fish goes. The rest, its own step, is
+speed, turns and chance. A steered fish takes one of the film's own steps, from a fish equally near
+to a wall that moved alike, and adds the pull of the fish around it.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ STEPS = Schema(
     *columns("float32", "body length", "last_ahead", "last_left", "move_ahead", "move_left"),
     *columns("float32", "1", "turn_ahead", "turn_left"),
 )
-"""A row per step. wall: of `Walls.near`; last: displacement in the same while before; move: own
+"""A row per step. wall: from `Walls.near`; last: displacement in the step before; move: own
 displacement; turn: own part of the unit vector of the heading afterwards. Vectors of the body."""
 
 
@@ -28,8 +28,8 @@ displacement; turn: own part of the unit vector of the heading afterwards. Vecto
 class SocialSteps:
     """Own steps (n,) of a film, in frames of the body, and their mirror images.
 
-    wall, last, move, turn: as `STEPS` has them; forward: body lengths that a pull of 1 moves a fish
-    by; onward: what a pull of 1 adds to the unit vector of its heading.
+    wall, last, move, turn: as in `STEPS`; forward: body lengths by which a pull of 1 moves a fish;
+    onward: what a pull of 1 adds to the unit vector of its heading.
     """
 
     wall: Complex
@@ -46,7 +46,6 @@ class SocialSteps:
 
     @cached_property
     def _scale(self) -> tuple[float, float]:
-        """Root mean squares of wall and last."""
         mean = [float(np.sqrt(np.mean(np.abs(one) ** 2))) for one in (self.wall, self.last)]
         return max(mean[0], 1e-9), max(mean[1], 1e-9)
 
@@ -62,9 +61,9 @@ class SocialSteps:
     def draw(
         self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
-        """Moves and turns of steps (m, alike) for fish (m,), in random order.
+        """Draw moves and turns (m, alike) for fish (m,), in random order.
 
-        They are the `alike` steps whose wall and last displacement are most alike.
+        They belong to the `alike` steps with the most similar wall and last displacement.
         """
         count = min(alike, 2 * len(self.move))
         which = self._tree.query(self._point(wall, last), k=[*range(1, count + 1)])[1]
@@ -86,7 +85,7 @@ def add_pull_to_turns(turns: Complex, pulls: Complex, steps: SocialSteps) -> Com
 
 
 def rows_of(steps: SocialSteps) -> dict[str, Floats]:
-    """The columns of `STEPS`."""
+    """Return the steps as columns of `STEPS`."""
     parts = {"wall": steps.wall, "last": steps.last, "move": steps.move, "turn": steps.turn}
     return {
         f"{name}_{side}": part
@@ -96,7 +95,7 @@ def rows_of(steps: SocialSteps) -> dict[str, Floats]:
 
 
 def steps_of(table: pd.DataFrame, forward: float, onward: float) -> SocialSteps:
-    """The steps whose columns `rows_of` gave."""
+    """Return the steps from columns of `STEPS`; the inverse of `rows_of`."""
     wall, last, move, turn = (
         table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
         for name in ("wall", "last", "move", "turn")
@@ -105,7 +104,7 @@ def steps_of(table: pd.DataFrame, forward: float, onward: float) -> SocialSteps:
 
 
 def last_rows(later: Ints) -> Ints:
-    """The row (n,) a while before each, −1 where there is none, from those a while later."""
+    """Return each row's predecessor (n,) from the successors (n,); −1 where there is none."""
     before = np.full(len(later), -1)
     has = np.flatnonzero(later >= 0)
     before[later[has]] = has

@@ -1,13 +1,13 @@
 """Zones of repulsion, alignment and attraction (Couzin et al. 2002).
 
-Around a fish are three zones, one round the other. It turns away from whoever is in the zone of
-repulsion. Nobody there, it turns as those in the zone of alignment head, and towards those in the
-zone of attraction. Nobody is seen in the blind angle behind it, but whoever is in the zone of
-repulsion is felt on all sides, as in the paper.
+Three zones lie around a fish, one around the other. The fish turns away from fish in the zone of
+repulsion. If that is empty, it aligns with fish in the zone of alignment and turns towards fish in
+the zone of attraction. It sees nothing in the blind angle behind it, but it senses the zone of
+repulsion on all sides, as in the paper.
 
 The paper adds up the neighbours of a zone and takes the direction of the sum. Here each zone pulls
 with the mean of its neighbours' unit vectors, times a weight: one neighbour pulls as strongly as
-many that agree, neighbours that disagree pull less. The fish's own direction has weight 1.
+many that agree, and neighbours that disagree pull less. The fish's own direction has weight 1.
 """
 
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ from finloop.social.neighbours import Neighbours
 
 @dataclass(frozen=True)
 class Zones:
-    """Outer radii of the zones in body lengths, the blind angle in degrees, weights.
+    """Outer radii of the zones in body lengths, the blind angle in degrees, and the weights.
 
-    A zone lies outside the one before: an outer radius that is not larger than that before leaves
-    no zone. FinloopError if a number is negative, or the blind angle is no angle.
+    A zone lies outside the one before; a radius that is not larger than the one before leaves no
+    zone. FinloopError if a number is negative or the blind angle is above 360.
     """
 
     repulsion: float
@@ -42,7 +42,7 @@ class Zones:
         wrong = [f"{name}={value}" for name, value in values.items() if not 0 <= value < np.inf]
         if wrong or self.blind_deg > 360:
             raise FinloopError(
-                f"zones of {', '.join(wrong) or f'blind_deg={self.blind_deg}'}",
+                f"zones with {', '.join(wrong) or f'blind_deg={self.blind_deg}'}",
                 "radii and weights of 0 or more, a blind angle of 0 to 360 degrees",
                 "correct calibrate.repulsion_radius_bl, .alignment_radius_bl, "
                 ".attraction_radius_bl, .blind_angle_deg, or ..._weight",
@@ -50,36 +50,36 @@ class Zones:
 
     @property
     def radii(self) -> tuple[float, float, float]:
-        """Outer radii."""
+        """The outer radii in body lengths."""
         return self.repulsion, self.alignment, self.attraction
 
     @property
     def widths(self) -> tuple[float, float, float]:
-        """Of the zones; 0 of one that there is not."""
+        """The widths of the zones; 0 for a missing zone."""
         inner, middle, outer = self.radii
         middle = max(inner, middle)
         return inner, middle - inner, max(middle, outer) - middle
 
     @property
     def weights(self) -> tuple[float, float, float]:
-        """Weights, of the same zones."""
+        """The weights of the zones."""
         return self.repulsion_weight, self.alignment_weight, self.attraction_weight
 
 
 COUZIN = Zones(1.0, 6.0, 14.0, 90.0, 1.0, 1.0, 1.0)
-"""Of the ranges that the paper looks at (Table 1: radius of repulsion 1, widths of the others 0-15
-body lengths, blind angle 0-160°, all weights equal), about the middle. Where a film has no company
-to learn from, these are the zones."""
+"""The zones of a film that shows too few fish together: about the middle of the paper's ranges
+(Table 1: radius of repulsion 1, widths of the others 0-15 body lengths, blind angle 0-160°, all
+weights equal)."""
 
 
 NO_ZONES = Zones(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""Of a fish that pays no attention to others."""
+"""The zones of a fish that ignores the others."""
 
 
 def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: float) -> Complex:
-    """The pull (…, 3) of each zone without its weight, in the frame of the body, |pull| ≤ 1.
+    """Return the pull (…, 3) of each zone without its weight, in the frame of the body, |pull| ≤ 1.
 
-    That of alignment and attraction is 0 while anyone is in the zone of repulsion.
+    Alignment and attraction are 0 while a fish is in the zone of repulsion.
     """
     inner, middle, outer = radii
     sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
@@ -98,17 +98,17 @@ def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: f
 
 
 def _mean(vectors: Complex, which: Any) -> Complex:
-    """The mean (…) of those of some vectors (…, n) that are chosen; 0 of none."""
+    """Return the mean (…) of the selected vectors (…, n); 0 where none is selected."""
     return np.where(which, vectors, 0).sum(axis=-1) / np.maximum(which.sum(axis=-1), 1)
 
 
 def pull(seen: Neighbours, zones: Zones) -> Complex:
-    """What the company wishes of a fish (…), in the frame of its body: 0 = nothing."""
+    """Return the pull (…) of the other fish, in the frame of the body; 0 = none."""
     return weighted_sum(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
 
 
 def weighted_sum(means: Complex, weights: Sequence[float] | Floats) -> Complex:
-    """The sum (…) of the pulls (…, 3) of the zones, each times its weight.
+    """Return the sum (…) of the pulls (…, 3) of the zones, each times its weight.
 
     Unlike `@` it rounds the same on every processor and for any number of rows.
     """

@@ -9,7 +9,7 @@ from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Bring the mode together; without loops or gateways it shows the network alone."""
+    """Open the mode; without loops or gateways it is the network alone."""
     made = film_data(project, project.reel)
     settings = project.settings
     return hybrid_animator(

@@ -9,7 +9,7 @@ from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Bring the mode together. NothingToUse if the film has no loops."""
+    """Open the mode; raise NothingToUse if the film has no loops."""
     made = film_data(project, project.film_reel)
     return loops_animator(
         made, project.loops, project.settings("animate"), project.settings("loops")

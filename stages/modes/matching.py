@@ -23,9 +23,9 @@ from stages.animation import animate
 
 
 def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnimator:
-    """Bring the mode together from what the stages before have made.
+    """Open the mode with the results of the earlier stages.
 
-    sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
+    sprite_rows (s,): the rows behind sprites, from which a fish of another mode continues.
     """
     common, own = project.settings("animate"), project.settings("matching")
     made = MatchingData(
@@ -38,7 +38,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
 
 
 class PathFollowing(NamedTuple):
-    """How a path was followed: tables of `path_measures`, and numbers."""
+    """How paths were followed: tables of `path_measures`, and numbers."""
 
     swum: pd.DataFrame
     left: pd.DataFrame
@@ -46,16 +46,16 @@ class PathFollowing(NamedTuple):
 
 
 def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowing]:
-    """Return how the path of each fish that has one was followed."""
-    waters, every = plans.world, list[PathFollowing]()
+    """Return how each fish with a path followed it."""
+    world, every = plans.world, list[PathFollowing]()
     if not any(plans.paths):
         return every
-    most = path_measures.limits(waters.film, waters)
+    most = path_measures.limits(world.film, world)
     for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
         if path is not None:
-            table = path_measures.swum_path("matching", swim, path, waters.duration, waters)
-            left = path_measures.where_left(table, path, waters, most)
-            numbers = path_measures.path_metrics(table, left, path, waters)
+            table = path_measures.swum_path("matching", swim, path, world.duration, world)
+            left = path_measures.where_left(table, path, world, most)
+            numbers = path_measures.path_metrics(table, left, path, world)
             every.append(PathFollowing(table.assign(fish=fish), left.assign(fish=fish), numbers))
     return every
 
@@ -63,9 +63,9 @@ def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowi
 def save_more(
     folder: Path, plans: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
-    """Write what was weighed, and how paths were followed; return the numbers of paths and fish."""
-    waters = plans.world
-    ticks, filmed = waters.duration, waters.film.filmed
+    """Write costs and path following; return the numbers of paths and fish."""
+    world = plans.world
+    ticks, filmed = world.duration, world.film.filmed
     weighed = [option_table(one, ticks, filmed, fish) for fish, one in enumerate(swims)]
     save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
     paths = follow_paths(swims, plans)

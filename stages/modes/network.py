@@ -9,7 +9,7 @@ from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Bring the mode together from what the stages before have made."""
+    """Open the mode with the results of the earlier stages."""
     made = film_data(project, project.reel)
     return network_animator(
         made, project.model, project.settings("animate"), project.settings("network")

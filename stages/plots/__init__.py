@@ -1,5 +1,5 @@
-"""Pictures of what the stages have made; a module a stage, and three stages that draw them all.
+"""Draw the stages' results; one module per stage, and three stages that draw them all.
 
 `python -m stages.plots.bpn` draws reports/bpn/*.png alone. `plots-film`, `plots-motion` and
-`plots-modes` are apart from the stages that compute: a changed picture computes nothing anew.
+`plots-modes` are separate stages, so that a changed picture computes nothing again.
 """

@@ -1,4 +1,4 @@
-"""Pictures of `animate`: speed, turn rate and states beside the film's; the path that was swum."""
+"""Pictures of `animate`: speed, turn rate and states beside the film's; the paths."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
@@ -21,16 +21,16 @@ PATH = DATA / "matching/path.parquet"
 
 
 def main() -> None:
-    """Draw kinematics.png; of paths path/path.png, of further fish path/path-2.png …"""
+    """Draw kinematics.png, and for paths path/path.png, path/path-2.png and so on."""
     table = load_table(DATA / "beside/kinematics.parquet", KINEMATICS)
     numbers = load_numbers(REPORT)
     save_figure(REPORT / "kinematics.png", kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if (PATH).exists():
-            swum, left = load_table(PATH, SWUM), pd.read_csv(REPORT / "left.csv")
+            paths, left = load_table(PATH, SWUM), pd.read_csv(REPORT / "left.csv")
             background = Project().background
-            for fish, way in swum.groupby("fish"):
-                name = "path.png" if fish == swum["fish"].min() else f"path-{fish + 1}.png"
+            for fish, way in paths.groupby("fish"):
+                name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"
                 save_figure(folder / name, path(way, left[left["fish"] == fish], background))
 
 

@@ -1,4 +1,4 @@
-"""Picture of `calibrate`: how near, aligned and where fish are, in the film and by the zones."""
+"""Picture of `calibrate`: distances and alignment of fish, in the film and by the zones."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
@@ -10,7 +10,7 @@ from finloop.plots.calibrate import distributions
 from finloop.social.measures import SHOAL, halves
 
 FOLDER = Path("data/calibrate")
-NAMES = {"zones": "points that swim by the zones", "alone": "points without company"}
+NAMES = {"zones": "points that swim by the zones", "alone": "points without other fish"}
 
 
 def main() -> None:

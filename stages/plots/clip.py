@@ -26,7 +26,7 @@ def main() -> None:
 
 
 def film(name: str, clip: Path) -> Picture:
-    """The picture of one film."""
+    """Return the picture of one film."""
     facts = load_facts(clip / FACTS_NAME)
     middle = [facts.frames // 2]
     (frame,) = read_spread(clip / CLIP_NAME, middle, colour=facts.colour)

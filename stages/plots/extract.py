@@ -1,4 +1,4 @@
-"""Pictures of `extract`: what segmentation makes of some frames, side branches (Figs. 3, 4)."""
+"""Pictures of `extract`: the segmentation of some frames, side branches (Figs. 3, 4)."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
@@ -38,7 +38,7 @@ THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
 
 
 class ExtractedFilm(NamedTuple):
-    """One film as `extract` has seen it."""
+    """One film as `extract` saw it."""
 
     name: str
     clip: Path
@@ -48,7 +48,7 @@ class ExtractedFilm(NamedTuple):
     arena: Picture
 
     def read(self, count: int) -> Iterator[tuple[str, Picture]]:
-        """At most `count` frames spread over the film, each with a label."""
+        """Return at most `count` frames spread over the film, each with a label."""
         numbers = np.linspace(0, self.facts.frames - 1, min(count, self.facts.frames))
         frames = numbers.round().astype(int).tolist()
         pictures = read_spread(self.clip / CLIP_NAME, frames, colour=self.facts.colour)
@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def load_film(name: str, home: Path) -> ExtractedFilm:
-    """Load what `clip` and `extract` say of one film."""
+    """Load the results of `clip` and `extract` for one film."""
     clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
     record = load_record(tracks_folder / "scene.json", SceneFacts, "extract")

@@ -1,4 +1,4 @@
-"""Stage `plots-film`: pictures of what the film shows, from its check to the shapes of the fish."""
+"""Stage `plots-film`: draw what the film shows, from its check to the shapes of the fish."""
 
 from stages.run import run  # isort: skip  (before numpy)
 

@@ -1,4 +1,4 @@
-"""Picture of `gateways`: frames and sprites that are alike, side by side (Fig. 14)."""
+"""Picture of `gateways`: similar frames and sprites, side by side (Fig. 14)."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
@@ -14,7 +14,7 @@ PAIRS = 12  # of each direction
 
 
 def main() -> None:
-    """Draw contact_sheet.png; where no gateway is near enough, the nearest that were refused."""
+    """Draw contact_sheet.png; without gateways, the nearest refused pairs."""
     with Project() as project:
         ways, reel, sheet = project.gateways, project.reel, {}
         nearest = load_table(project.data / "gateways/nearest.parquet", GATEWAYS)

@@ -1,4 +1,4 @@
-"""Picture of `identity`: whose tracks are whose, over time."""
+"""Picture of `identity`: the tracks of each animal over time."""
 
 from stages.run import run  # isort: skip  (before numpy)
 

@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def draw_message(project: Project) -> Iterator[tuple[str, Figure]]:
-    """Say in every figure why the film has no loops."""
+    """Draw the reason why the film has no loops in every figure."""
     why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
     for name in NAMES:
         yield name, message(why)

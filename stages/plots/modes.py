@@ -1,4 +1,4 @@
-"""Stage `plots-modes`: pictures of the animations of all modes, beside the film."""
+"""Stage `plots-modes`: draw the animations of all modes, beside the film."""
 
 from stages.run import run  # isort: skip  (before numpy)
 

@@ -1,4 +1,4 @@
-"""Stage `plots-motion`: pictures of what modes are made of, from the networks to the gateways."""
+"""Stage `plots-motion`: draw the material of the modes, from the networks to the gateways."""
 
 from stages.run import run  # isort: skip  (before numpy)
 

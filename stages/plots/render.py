@@ -1,4 +1,4 @@
-"""Pictures of `render`: the way of the fish, its liveliest seconds, and its switches (Fig. 18)."""
+"""Pictures of `render`: the path of the fish, its liveliest seconds, and its switches (Fig. 18)."""
 
 from stages.run import run  # isort: skip  (before numpy)
 

@@ -1,4 +1,4 @@
-"""Picture of `retarget`: the lines that were asked for and the backbones that are drawn."""
+"""Picture of `retarget`: the requested lines and the drawn backbones."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
