@@ -28,7 +28,7 @@ from finloop.base.parallel import Processes, ordered_map
 from finloop.edit.schema import by_fish
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.plan.matching_settings import merge_settings
-from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
+from finloop.plan.path_measures import limits, path_metrics, path_table, where_left
 from finloop.project import Project
 from stages.animation import measure_pictures
 
@@ -108,7 +108,7 @@ def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
     for name, line in shapes().items():
         path = lay(line, world.tank, world.motion, None)
         made_way = swim(plans.player, [], ticks, np.random.default_rng(seed), path.route)
-        table = swum_path("matching", made_way, path, ticks, world)
+        table = path_table("matching", made_way, path, ticks, world)
         left = where_left(table, path, world, limits(world.film, world))
         numbers = path_metrics(table, left, path, world)
         made[f"{name}_lengths"] = numbers["path_across_rms_body_lengths"]

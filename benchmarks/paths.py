@@ -24,7 +24,7 @@ from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
 from finloop.features.line import track_line
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
-from finloop.plan.path_measures import limits, path_metrics, swum_path, where_left
+from finloop.plan.path_measures import limits, path_metrics, path_table, where_left
 from finloop.project import Project
 
 SECONDS, TRACK_S, TRACKS, SPLINES = 30.0, 10.0, 6, 10
@@ -125,15 +125,15 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     if path.route.is_timed:
         ticks = min(ticks, len(path.route.when))
     player = plans.player
-    swum = swim(player, [], ticks, np.random.default_rng(0), path.route)
-    played = sum(len(one.way) for one, at in zip(swum.stretches, swum.names, strict=True) if at)
+    record = swim(player, [], ticks, np.random.default_rng(0), path.route)
+    played = sum(len(one.way) for one, at in zip(record.stretches, record.names, strict=True) if at)
     begin = time.process_time()  # time of the path alone: after an open path the fish wanders
     swim(player, [], played, np.random.default_rng(0), path.route)
     took = time.process_time() - begin
-    table = swum_path(MODE, swum, path, ticks, world)
+    table = path_table(MODE, record, path, ticks, world)
     left = where_left(table, path, world, limits(world.film, world))
     numbers = path_metrics(table, left, path, world)
-    new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
+    new = [one for one, at in zip(record.stretches, record.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]
     return {
         "film": film, "path": name, "timed": path.route.is_timed, "mode": MODE,
@@ -168,7 +168,7 @@ def main() -> None:
     table = film_table(film_rows)
     columns = [
         "across_rms_body_lengths", "late_rms_body_lengths", "turn_corrected_pct",
-        "way_corrected_pct", "left_pct", "swum_pct", "jumps_per_s", "real_times",
+        "way_corrected_pct", "left_pct", "covered_pct", "jumps_per_s", "real_times",
     ]  # fmt: skip
     groups = table.groupby(["film", "timed", "mode"], sort=False)
     whole = groups[columns].mean().join(groups["across_rms_body_lengths"].max().rename("worst"))

@@ -20,7 +20,7 @@ from benchmarks.speed import time_pairs
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
 from finloop.distance.picture import SPAN
-from finloop.features.table import USED, features
+from finloop.features.table import USED, measure_features
 from finloop.project import Project
 from finloop.puppet import Pose, draw, poses_from_features
 
@@ -39,7 +39,7 @@ def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]
         stage(folder, word)
     with Project(folder) as project:
         tracks, rate = project.tracks(USED), project.rate_hz
-        poses = poses_from_features(*features(tracks, rate, settings("features")))
+        poses = poses_from_features(*measure_features(tracks, rate, settings("features")))
         rows = np.random.default_rng(0).integers(len(poses), size=ROWS).tolist()
         return [project.cutouts[row] for row in rows], [poses[row] for row in rows]
 

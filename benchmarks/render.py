@@ -21,7 +21,7 @@ from benchmarks.speed import time_call, time_pairs
 from finloop.base.settings import settings
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, Goal
-from finloop.features.table import USED, features
+from finloop.features.table import USED, measure_features
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.video import THREADS
 from finloop.pose import film_poses
@@ -139,7 +139,7 @@ def main() -> None:
         frame, copy = np.zeros((720, 1280, 3), np.uint8), np.zeros((720, 1280, 3), np.uint8)
         with Project(folder) as project:
             background, tracks = project.background, project.tracks(USED)
-            table, _ = features(tracks, float(RATE), settings("features"))
+            table, _ = measure_features(tracks, float(RATE), settings("features"))
             poses = film_poses(tracks, table, settings("pose"))
             bodies = Bodies(poses, np.zeros(len(table), bool), pd.DataFrame())
             shelf = Shelf(project.cutouts, tracks[["x_px", "y_px"]].to_numpy())

@@ -46,7 +46,7 @@ from finloop.extract.segment import SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.extract.write import sample_of
-from finloop.features.table import FEATURES, features
+from finloop.features.table import FEATURES, measure_features
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.film_writer import film_writer
 from finloop.io.movie import VideoWriter
@@ -114,7 +114,7 @@ def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: Feat
         for lot in batches(some for _, some in linked):
             write(rows(lot), cutouts(lot))
     table = load_table(out / "tracks.parquet", tracks_schema(how.points))
-    measured, _ = features(table, facts.frame_rate_hz, then)
+    measured, _ = measure_features(table, facts.frame_rate_hz, then)
     save_table(out / "features.parquet", measured, FEATURES)
     return len(measured)
 

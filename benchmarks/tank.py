@@ -20,7 +20,7 @@ from finloop.tank.camera import PRESETS, TOUR, Room, views
 from finloop.tank.display import choose_window
 from finloop.tank.scene import TankScene
 from stages.settings import load
-from stages.tank import swum_fish
+from stages.tank import animated_fish
 
 SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
 
@@ -31,7 +31,7 @@ def main() -> None:
     p, rows = load("tank"), []
     with Project() as project:
         facts, background = project.facts, project.background
-        every, times = swum_fish(p, project)
+        every, times = animated_fish(p, project)
         fish = every[0]
         depth, aspect = p.water_depth_bl * fish.length_px, SIZE[0] / SIZE[1]
         room = Room(facts.width_px, facts.height_px, depth, fish.length_px, aspect)

@@ -22,7 +22,7 @@ import pandas as pd
 
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from finloop.calibrate.film import FilmShoal, film_shoal
-from finloop.calibrate.points import own_steps, swum_points
+from finloop.calibrate.points import own_steps, simulate_points
 from finloop.features.table import delta_of
 from finloop.modes.matching import matching_animator
 from finloop.project import Project
@@ -44,7 +44,7 @@ def points(film: FilmShoal, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]
         steps = own_steps(film, film.whole_steps(p.rows), zones)
         for seed in range(POINT_SEEDS):
             rng = np.random.default_rng(seed)
-            yield f"points_{name}", swum_points(film, steps, zones, p, rng)
+            yield f"points_{name}", simulate_points(film, steps, zones, p, rng)
 
 
 def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:

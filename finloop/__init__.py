@@ -9,7 +9,8 @@ from typing import Any
 __version__ = "0.1.0"
 __all__ = [
     "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "find_zones",
-    "foretell", "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
+    "learn", "make_sprites", "measure", "open_film", "steer", "track", "train_forecast",
+    "write_video",
 ]  # fmt: skip
 
 

@@ -283,11 +283,11 @@ class RunFiles:
     def rule(self) -> Shoaling:
         """Return the rule by which fish of a tank act on each other, of the stage `calibrate`."""
         from finloop.social.rule import Shoaling
-        from finloop.social.steps import STEPS, steps_of
+        from finloop.social.steps import SOCIAL_STEPS, steps_of
         from finloop.social.zones import Zones
 
         folder = self.data / "calibrate"
-        table = load_table(folder / "steps.parquet", STEPS)
+        table = load_table(folder / "steps.parquet", SOCIAL_STEPS)
         return load_json(
             folder / "zones.json",
             lambda entry: Shoaling(

@@ -10,7 +10,7 @@
     gateways = find_gateways(similar, reel)         (§4.2)
     poses = find_poses(tracks, features)            how every fish is bent
     jumps = find_jumps(reel, poses)                 which frames look and move alike
-    forecast = foretell(features, poses, jumps, film.rate_hz)   the next pose and motion
+    forecast = train_forecast(features, poses, jumps, film.rate_hz)   the next pose and motion
     shoaling = find_zones(features, film)           how its fish act on each other
     edit = steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=[[0.2, 0.3]])
     write_video("fish.mp4", edit, tracks, reel, poses)
@@ -37,25 +37,23 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings, values_of
-from finloop.bpn.back_propagation import learn as fit
+from finloop.bpn.back_propagation import train_network
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.calibrate.film import film_shoal
 from finloop.calibrate.rule import film_rule, shortage
-from finloop.distance.compare import Similar
-from finloop.distance.compare import compare as compared
+from finloop.distance.compare import Similar, compare_frames
 from finloop.distance.map import PAIRS, STEPS, map_rows
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract
-from finloop.features.table import FEATURES, delta_of
-from finloop.features.table import features as measured
+from finloop.features.table import FEATURES, delta_of, measure_features
 from finloop.footage import Film, Tracks, draw_carp, make_folder, open_film, open_store
 from finloop.forecast.film import film_states, posture_mirror
-from finloop.forecast.learning import learn as train
+from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import split as hold_out
+from finloop.forecast.partition import split_held_out
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder
@@ -79,15 +77,15 @@ from finloop.pose.film import FilmPoses, film_poses
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import Shoaling, rule_of
-from finloop.social.steps import STEPS as SHOAL_STEPS
-from finloop.social.steps import rows_of, steps_of
+from finloop.social.steps import SOCIAL_STEPS, rows_of, steps_of
 from finloop.sprites.choice import choose
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.swimmers import swimmers
 
 __all__ = [
     "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "find_zones",
-    "foretell", "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
+    "learn", "make_sprites", "measure", "open_film", "steer", "track", "train_forecast",
+    "write_video",
 ]  # fmt: skip
 
 
@@ -115,7 +113,7 @@ def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
     It has the rows of the tracks. `changes` override `finloop.features.settings.FeaturesSettings`.
     """
     p = settings("features", **changes)
-    table, _ = measured(tracks.table, tracks.film.rate_hz, p, tracks.given)
+    table, _ = measure_features(tracks.table, tracks.film.rate_hz, p, tracks.given)
     return as_loaded(table, FEATURES)
 
 
@@ -126,7 +124,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
     """
     p = settings("bpn", **changes)
     rows = motion_rows(features, delta_of(features))
-    model, _ = fit(rows, split_or_all(rows, p), p, rate_hz)
+    model, _ = train_network(rows, split_or_all(rows, p), p, rate_hz)
     return model
 
 
@@ -154,7 +152,7 @@ def compare(reel: Reel, **changes: Any) -> Similar:
 
     `changes` override `finloop.distance.settings.DistanceSettings`.
     """
-    pairs, steps, facts = compared(reel, settings("distance", **changes))
+    pairs, steps, facts = compare_frames(reel, settings("distance", **changes))
     return Similar(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
 
 
@@ -204,7 +202,7 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
     return result._replace(jumps=as_loaded(result.jumps, JUMPS))
 
 
-def foretell(
+def train_forecast(
     features: pd.DataFrame, poses: FilmPoses, jumps: FilmJumps, rate_hz: float, **changes: Any
 ) -> Sampler:
     """Train a network that predicts the next pose and motion; return its sampler.
@@ -215,7 +213,7 @@ def foretell(
     p = settings("forecast", **changes)
     mirror = posture_mirror(poses, jumps.look)
     states = film_states(features, poses.codes, mirror, rate_hz, p)
-    predictor, _ = train(states, hold_out(states, p), p)
+    predictor, _ = train_predictor(states, split_held_out(states, p), p)
     return sampler(states, predictor, similar_rows(states, jumps.look, jumps.visible, p), p)
 
 
@@ -231,7 +229,7 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
     if lack := shortage(group):
         warnings.warn(lack, stacklevel=2)
     rule = rule_of(film_rule(group, p)[0])
-    steps = as_loaded(pd.DataFrame(rows_of(rule.steps)), SHOAL_STEPS)
+    steps = as_loaded(pd.DataFrame(rows_of(rule.steps)), SOCIAL_STEPS)
     return replace(rule, steps=steps_of(steps, rule.steps.forward, rule.steps.onward))
 
 

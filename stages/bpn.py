@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from finloop.base.errors import FinloopError
-from finloop.bpn.back_propagation import learn
+from finloop.bpn.back_propagation import train_network
 from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
 from finloop.bpn.model import motion_rows, split, split_or_all
 from finloop.bpn.onnx import onnx_bytes
@@ -41,7 +41,7 @@ def main() -> None:
     # Its curve is not kept, so that no rows need be held out for it.
     masks = [sides[0], *((train, np.zeros_like(train)) for train, _ in sides[1:])]
     with progress("bpn", p.epochs * len(sides), "epochs") as advance:
-        learnt = [learn(rows, side, p, rate_hz, advance) for side in masks]
+        learnt = [train_network(rows, side, p, rate_hz, advance) for side in masks]
 
     metrics, *other_scores = (
         assessment(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)

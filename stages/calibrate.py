@@ -11,7 +11,7 @@ import pandas as pd
 
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.fit import Fitted
-from finloop.calibrate.points import own_steps, swum_points
+from finloop.calibrate.points import own_steps, simulate_points
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import delta_of
@@ -22,7 +22,7 @@ from finloop.io.table import save_csv, save_table
 from finloop.project import Project
 from finloop.social.measures import SHOAL, beside
 from finloop.social.rule import Shoaling
-from finloop.social.steps import STEPS, rows_of
+from finloop.social.steps import SOCIAL_STEPS, rows_of
 from finloop.social.zones import NO_ZONES, Zones
 from stages.settings import load
 
@@ -40,7 +40,7 @@ def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.
     rows, tables = film.whole_steps(p.rows), {}
     for name, rule in (("zones", zones), ("alone", NO_ZONES)):
         steps, rng = own_steps(film, rows, rule), np.random.default_rng(p.seed)
-        tables[name] = swum_points(film, steps, rule, p, rng)
+        tables[name] = simulate_points(film, steps, rule, p, rng)
     return tables
 
 
@@ -61,7 +61,7 @@ def save_rule(folder: Path, rule: Shoaling) -> None:
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
         "forward": own.forward, "onward": own.onward,
     })  # fmt: skip
-    save_table(folder / "steps.parquet", pd.DataFrame(rows_of(own)), STEPS)
+    save_table(folder / "steps.parquet", pd.DataFrame(rows_of(own)), SOCIAL_STEPS)
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.compare import blocks, compare
+from finloop.distance.compare import blocks, compare_frames
 from finloop.distance.map import EXACT, PAIRS, STEPS, count_pairs
 from finloop.distance.picture import apart
 from finloop.distance.reel import Reel
@@ -43,7 +43,7 @@ def main() -> None:
         features, reel = project.features, project.film_reel
         todo = blocks(features, p)
         with progress("distance", len(todo), "blocks") as advance:
-            pairs, steps, facts = compare(reel, p, advance)
+            pairs, steps, facts = compare_frames(reel, p, advance)
         pairs_inexact = inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)
 
     with whole_folder(FOLDER) as folder:

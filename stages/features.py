@@ -15,7 +15,7 @@ from finloop.features.metrics import (
     table1,
 )
 from finloop.features.settings import FeaturesSettings
-from finloop.features.table import FEATURES, USED, delta_of, features, limits_of, spans
+from finloop.features.table import FEATURES, USED, delta_of, limits_of, measure_features, spans
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import TRUTH_NAME
 from finloop.project import Project
@@ -29,7 +29,7 @@ def main() -> None:
     settings: FeaturesSettings = load("features")
     project = Project()
     facts, tracks, given = project.facts, project.tracks(USED), project.external_tracks
-    table, backbones = features(tracks, facts.frame_rate_hz, settings, given)
+    table, backbones = measure_features(tracks, facts.frame_rate_hz, settings, given)
     save_table(TABLE, table, FEATURES)
 
     delta = delta_of(table)

@@ -12,10 +12,10 @@ import pandas as pd
 from finloop.base.errors import FinloopError
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.learning import learn
+from finloop.forecast.learning import train_predictor
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import Partition, split
+from finloop.forecast.partition import Partition, split_held_out
 from finloop.forecast.sampling import Sampler, free_run, sampler
 from finloop.forecast.settings import ForecastSettings
 from finloop.io.atomic import whole_folder
@@ -87,13 +87,13 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         try:
             film = project.states
-            parts = split(film, p)
+            parts = split_held_out(film, p)
             with (  # half of the time each, in parallel
                 ThreadPoolExecutor(1) as beside,
                 progress("forecast", p.epochs, "epochs") as advance,
             ):
                 similar = beside.submit(similar_rows, film, project.look, load_visible(project), p)
-                model, curve = learn(film, parts, p, advance)
+                model, curve = train_predictor(film, parts, p, advance)
                 graph = similar.result()
         except FinloopError as error:
             print(

@@ -19,7 +19,7 @@ from finloop.tank.body import lengths, typical_width
 from finloop.tank.camera import FOLLOW, PRESETS, Room, views
 from finloop.tank.display import choose_window
 from finloop.tank.fish import FishSurface
-from finloop.tank.gltf import Swum, shapes, tank_glb, upright
+from finloop.tank.gltf import AnimatedFish, shapes, tank_glb, upright
 from finloop.tank.scene import TankScene
 from finloop.tank.settings import TankSettings
 from finloop.tank.skin import Skins
@@ -35,7 +35,7 @@ MOMENTS = 3  # on the contact sheet, spread over the film
 _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
-def swum_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
+def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
     """Return the fish of the edit list for the filmed seconds, and the ticks' times."""
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
     each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
@@ -56,10 +56,10 @@ def swum_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Flo
     return [FishSurface(pose, place, skins, typical, length) for pose, place in pairs], time
 
 
-def swimming(fish: FishSurface) -> Swum:
+def swimming(fish: FishSurface) -> AnimatedFish:
     """Return the data of a fish for a glTF scene."""
     heading = fish.poses.heading
-    return Swum(shapes(fish.points(), heading), fish.place, heading)
+    return AnimatedFish(shapes(fish.points(), heading), fish.place, heading)
 
 
 def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
@@ -78,7 +78,7 @@ def main() -> None:
     choose_window()
     with Project() as project, whole_folder(OUT) as folder:
         facts, background, rate = project.facts, project.background, project.rate_hz
-        fish, time = swum_fish(p, project)
+        fish, time = animated_fish(p, project)
         first, ticks = fish[0], len(time)
         depth, size = p.water_depth_bl * first.length_px, (p.width_px, p.height_px)
         room = Room(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])

@@ -15,13 +15,13 @@ from finloop.animate.state import Fish, State
 from finloop.base.line import PX, Line
 from finloop.edit.schema import FORECAST, FRAME, Goal
 from finloop.forecast.film import MOTION, film_states
-from finloop.forecast.learning import learn
+from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import split
+from finloop.forecast.partition import split_held_out
 from finloop.forecast.sampling import at_row, follow, sampler
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import ROW, leading, parts, without_dead_ends
-from finloop.plan.path_measures import swum_path
+from finloop.plan.path_measures import path_table
 from finloop.plan.sources import PredictionSource
 from finloop.plan.world import brisk_rate
 
@@ -33,7 +33,7 @@ GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
 def sample():
     features, codes = random_swimmer()
     film = film_states(features, codes, MIRROR, RATE, HOW)
-    model, _ = learn(film, split(film, HOW), replace(HOW, epochs=3))
+    model, _ = train_predictor(film, split_held_out(film, HOW), replace(HOW, epochs=3))
     return sampler(film, model, similar_rows(film, plain(film), unseen, HOW), HOW)
 
 
@@ -259,7 +259,7 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     line = Line("a", 400 + 200 * np.sin(turn), 300 + 120 * np.sin(2 * turn), PX, closed=True)
     path = lay(line, one.world.tank, one.world.motion, None)
     found = swim(one, [], 500, np.random.default_rng(0), path.route)
-    table = swum_path("matching", found, path, 500, one.world)
+    table = path_table("matching", found, path, 500, one.world)
     assert np.sqrt((table["across"] ** 2).mean()) < 0.1
     assert table["along_px"].is_monotonic_increasing
     assert table["along_px"].iloc[-1] > 0.75 * path.route.length

@@ -17,7 +17,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.calibrate.film import film_shoal, horizon_frames
 from finloop.calibrate.fit import Rings, cross_validate, fit_zones, regression, without_company
-from finloop.calibrate.points import own_steps, swum_points
+from finloop.calibrate.points import own_steps, simulate_points
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import FEATURES
@@ -234,7 +234,7 @@ def test_fish_that_are_points_shoal_as_the_film_does():
     rows, far = FILM.whole_steps(p.rows), {}
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
         steps = own_steps(FILM, rows, zones)
-        swum = swum_points(FILM, steps, zones, p, np.random.default_rng(0))
+        swum = simulate_points(FILM, steps, zones, p, np.random.default_rng(0))
         far[name] = apart(FILM.table, swum)["neighbour_distance"]
         assert swum["wall_distance"].min() > 0
     assert far["zones"] < 0.5 * far["alone"]

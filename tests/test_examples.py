@@ -76,14 +76,16 @@ def test_the_ten_lines_make_what_the_stages_make(animate_run, tiny, tmp_path, mo
     with pytest.raises(FinloopError, match=r"hybrid\.path: unknown; it is matching\.path now"):
         verbs.steer(*made, path="way.csv")
     company = {"mode": "matching", "fish": 2, "rule": "zones", "seconds": 1.0}
-    with pytest.raises(FinloopError, match="no zones are known"):
+    with pytest.raises(FinloopError, match="no zones for fish in a school"):
         verbs.steer(*made, **company)
     with pytest.warns(UserWarning, match="Couzin"):
         shoaling = verbs.find_zones(names["features"], names["film"])
     edit = verbs.steer(*made, shoaling=shoaling, **company)
     assert set(edit["fish"]) == {0, 1} and "company" in set(edit["goal"])
     with pytest.raises(FinloopError, match="rows with a past"):
-        verbs.foretell(names["features"], names["poses"], names["jumps"], names["film"].rate_hz)
+        verbs.train_forecast(
+            names["features"], names["poses"], names["jumps"], names["film"].rate_hz
+        )
     again = finloop.open_film(names["film"].folder / "clip.mp4", end_s=1.0)
     assert (again.facts.width_px, again.facts.frames) == (320, len(list(again)))
 
@@ -94,7 +96,7 @@ def test_a_forecast_has_mirror_images_if_the_jumps_have(sides):
     poses = SimpleNamespace(codes=codes, shapes=SimpleNamespace(mirror=MIRROR))
     look = np.zeros((sides * len(features), 1), np.float32)
     jumps = FilmJumps(pd.DataFrame(), look, unseen, {})
-    forecast = verbs.foretell(features, poses, jumps, RATE, epochs=1, hidden_units=4)
+    forecast = verbs.train_forecast(features, poses, jumps, RATE, epochs=1, hidden_units=4)
     assert len(forecast.states) == sides * len(features)
     image = forecast.states[-399:] * ([-1, 1, 1, -1, -1] if sides == 2 else 1)
     assert np.allclose(forecast.states[1:400], image)

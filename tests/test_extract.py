@@ -60,7 +60,7 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
 from finloop.features.table import FeaturesSettings as FeatureSettings
-from finloop.features.table import features
+from finloop.features.table import measure_features
 from finloop.io.cutouts import open_cutouts
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
@@ -699,7 +699,7 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(film_with_truth, nam
     frames, truth = film_with_truth(name)
     found, tally = follow_fish(frames)
     assert tally == {"fish": len(truth)}
-    table, backbones = features(
+    table, backbones = measure_features(
         rows(found).sort_values(["track_id", "frame"], ignore_index=True), 25.0, FEATURES
     )
     assert table["track_id"].nunique() == FILMS[name].fish

@@ -41,9 +41,9 @@ from finloop.features.table import (
     FEATURES,
     FeaturesSettings,
     delta_frames,
-    features,
     heading,
     limits_of,
+    measure_features,
     orientation,
     spans,
     wrap_deg,
@@ -537,7 +537,7 @@ def test_a_steady_swimmer_in_closed_form(turn_deg, rate):
     lines = swim(frames, speed, turn_deg, heading_deg=100)
     tracks = tracks_table(lines, start=7)
     tracks[["x_px", "y_px"]] = lines[:, 0]  # any point fixed to the neck goes round the circle
-    table, backbones = features(tracks, rate, SETTINGS)
+    table, backbones = measure_features(tracks, rate, SETTINGS)
     delta = delta_frames(0.2, rate)
     assert table["frame"].tolist() == list(range(7, 57))
     assert table["time_s"].to_numpy() == pytest.approx(np.arange(7, 57) / rate)
@@ -564,14 +564,14 @@ def test_a_steady_swimmer_in_closed_form(turn_deg, rate):
 def test_displacement_takes_the_length_of_the_whole_track():
     tracks = tracks_table(swim(20, 3.0))
     tracks.loc[8, "length_px"] = 90.0  # one frame measured badly
-    table, _ = features(tracks, RATE, SETTINGS)
+    table, _ = measure_features(tracks, RATE, SETTINGS)
     assert table["displacement"][:15].to_numpy() == pytest.approx(15 / LENGTH)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5, 6])
 def test_what_lies_beyond_the_end_of_a_track_is_null_and_not_zero(tmp_path, frames):
     tracks = tracks_table(swim(frames), swim(12), swim(frames))
-    table, _ = features(tracks, RATE, SETTINGS)  # Δ = 5 frames
+    table, _ = measure_features(tracks, RATE, SETTINGS)  # Δ = 5 frames
     save_table(tmp_path / "t.parquet", table, FEATURES)
     back = load_table(tmp_path / "t.parquet", FEATURES)
     for column in ("displacement", "included_angle_deg"):
@@ -585,8 +585,8 @@ def test_which_end_a_backbone_begins_with_does_not_matter():
     lines = swim(40, 3.0, 4.0, wag_deg=50)
     mixed, widths, _ = shuffle_ends(lines, WIDTH, np.random.default_rng(7))
     tracks = tracks_table(mixed).assign(half_width_px=list(widths))
-    table, backbones = features(tracks, RATE, SETTINGS)
-    plain, same = features(tracks_table(lines), RATE, SETTINGS)
+    table, backbones = measure_features(tracks, RATE, SETTINGS)
+    plain, same = measure_features(tracks_table(lines), RATE, SETTINGS)
     pd.testing.assert_frame_equal(table, plain)
     assert np.array_equal(backbones, same)
     assert backbones == pytest.approx(lines, abs=1e-4)
@@ -595,8 +595,8 @@ def test_which_end_a_backbone_begins_with_does_not_matter():
 def test_the_table_has_the_rows_of_the_tracks_and_fits_its_schema(tmp_path):
     tracks = tracks_table(swim(9), swim(15, turn_deg=3, arc_deg=60), swim(11, heading_deg=90))
     with pytest.raises(FinloopError, match="not sorted by track_id, frame"):
-        features(tracks.sample(frac=1, random_state=0), RATE, SETTINGS)
-    table, backbones = features(tracks, RATE, SETTINGS)
+        measure_features(tracks.sample(frac=1, random_state=0), RATE, SETTINGS)
+    table, backbones = measure_features(tracks, RATE, SETTINGS)
     assert table[["track_id", "frame"]].equals(tracks[["track_id", "frame"]])
     assert len(backbones) == len(tracks)
     assert list(table) == [c.name for c in FEATURES.columns]
@@ -607,7 +607,7 @@ def test_the_table_has_the_rows_of_the_tracks_and_fits_its_schema(tmp_path):
 
 def test_motion_area_is_the_size_of_the_bend_and_relative_to_the_largest():
     tracks = tracks_table(swim(9, arc_deg=-70), swim(9, arc_deg=40), swim(9))
-    table, _ = features(tracks, RATE, SETTINGS)
+    table, _ = measure_features(tracks, RATE, SETTINGS)
     assert table["motion_area"].to_numpy() == pytest.approx(table["bend"].abs().to_numpy())
     assert table["motion_area_rel"].groupby(table["track_id"]).max().tolist() == pytest.approx(
         [1, bends([body(0, 40)])[0] / bends([body(0, 70)])[0], 0], abs=1e-4
@@ -618,7 +618,7 @@ def test_motion_area_is_the_size_of_the_bend_and_relative_to_the_largest():
 def test_fish_that_are_never_bent_have_no_relative_area():
     flat = np.linspace(60, 0, POINTS)[:, None] * np.array([1.0, 0.0]) + np.arange(9)[:, None, None]
     flat[..., 1] = 0
-    table, _ = features(tracks_table(flat), RATE, SETTINGS)
+    table, _ = measure_features(tracks_table(flat), RATE, SETTINGS)
     assert table["motion_area_rel"].tolist() == [0] * 9
 
 
@@ -642,7 +642,7 @@ def test_the_same_film_seen_otherwise(view):
     def measure_changed(change):
         tracks = tracks_table(*(change(lines) for lines, _, _ in films))
         tracks["half_width_px"] = [w for _, widths, _ in films for w in widths]
-        return features(tracks, RATE, SETTINGS)[0]
+        return measure_features(tracks, RATE, SETTINGS)[0]
 
     one, other = measure_changed(lambda p: p), measure_changed(see)
     assert {LEFT, RIGHT, STRAIGHT} == set(one["swimming_type"])
@@ -722,7 +722,7 @@ def test_table_1_of_a_clip_without_turns():
 
 def test_the_summary():
     tracks = tracks_table(swim(70, 3.0), swim(20, 3.0, turn_deg=8.0, arc_deg=60))
-    numbers = summary(features(tracks, RATE, SETTINGS)[0])
+    numbers = summary(measure_features(tracks, RATE, SETTINGS)[0])
     assert numbers["fish_frames"] == 90
     assert numbers["tracks"] == 2
     assert numbers["fish_frames_in_tracks_of_60_frames"] == 70
@@ -735,7 +735,7 @@ def test_the_summary():
 
 
 def test_the_summary_of_one_frame():
-    numbers = summary(features(tracks_table(swim(1)), RATE, SETTINGS)[0])
+    numbers = summary(measure_features(tracks_table(swim(1)), RATE, SETTINGS)[0])
     assert numbers["fish_frames"] == 1
     assert np.isnan(numbers["displacement_median_body_lengths"])
     assert numbers["moving_fish_frames"] == 0
@@ -743,7 +743,7 @@ def test_the_summary_of_one_frame():
 
 def test_how_many_swim_forwards():
     tracks = tracks_table(swim(30, 3.0, 1.0), swim(20, 3.0, heading_deg=45), swim(9, 0.0))
-    table, _ = features(tracks, RATE, SETTINGS)
+    table, _ = measure_features(tracks, RATE, SETTINGS)
     found = forwards(table)
     assert found["moving_fish_frames"] == 25 + 15
     assert found["headed_along_travel_pct"] == 100
@@ -751,7 +751,7 @@ def test_how_many_swim_forwards():
     swapped = table.copy()
     swapped.loc[swapped["track_id"] == 1, "heading_deg"] = -135.0
     assert forwards(swapped)["headed_along_travel_pct"] == pytest.approx(100 * 25 / 40)
-    assert forwards(features(tracks_table(swim(9, 0.0)), RATE, SETTINGS)[0]) == {
+    assert forwards(measure_features(tracks_table(swim(9, 0.0)), RATE, SETTINGS)[0]) == {
         "moving_fish_frames": 0
     }
 
@@ -776,7 +776,7 @@ def truth_of(table, backbones):
 def swimmers_with_truth():
     """A table of two swimmers, its backbones, and the truth that it agrees with."""
     wagging = swim(40, 3.0, 4.0, wag_deg=60), swim(30, 3.0, -6.0, 90, arc_deg=-40) + (300, 0)
-    table, backbones = features(tracks_table(*wagging), RATE, SETTINGS)
+    table, backbones = measure_features(tracks_table(*wagging), RATE, SETTINGS)
     return table, backbones, truth_of(table, backbones)
 
 
@@ -887,7 +887,7 @@ VARIANTS = {
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_figures_of_any_table(tmp_path, variant):
-    table, _ = features(tracks_table(*VARIANTS[variant]()), RATE, SETTINGS)
+    table, _ = measure_features(tracks_table(*VARIANTS[variant]()), RATE, SETTINGS)
     empty = np.full((600, 800), 120, np.uint8)
     for name, figure, size in (
         ("fig7", figure7(table), (495, 1100)),
@@ -920,7 +920,7 @@ def a_turn(to_left=True, turn_deg=12.0, still=30):
         body(angle, side * 70 * bent) + (at.real, at.imag)
         for angle, bent, at in zip(heading_deg, share, place, strict=True)
     ]
-    return features(tracks_table(np.stack(lines)), RATE, SETTINGS)
+    return measure_features(tracks_table(np.stack(lines)), RATE, SETTINGS)
 
 
 @pytest.mark.parametrize("to_left", [True, False])
@@ -946,8 +946,8 @@ def test_the_turn_of_fig_5_is_clear_and_the_strongest(to_left):
 
 def test_a_film_without_turns_has_no_fig_5():
     for lines in (swim(60), swim(1), swim(7)):
-        assert strongest_turn(features(tracks_table(lines), RATE, SETTINGS)[0]) is None
-    turning = features(tracks_table(swim(60, turn_deg=6.0, arc_deg=60)), RATE, SETTINGS)[0]
+        assert strongest_turn(measure_features(tracks_table(lines), RATE, SETTINGS)[0]) is None
+    turning = measure_features(tracks_table(swim(60, turn_deg=6.0, arc_deg=60)), RATE, SETTINGS)[0]
     assert strongest_turn(turning) is None  # it does not begin with straight swimming
 
 
@@ -1065,7 +1065,9 @@ def station_features(current=0.0, heading_deg=30.0):
     lines = swim(100, speed=0.0, heading_deg=heading_deg, wag_deg=40.0)
     lines -= lines.mean(axis=1, keepdims=True) - (400, 300)
     table = tracks_table(lines)
-    return features(table, RATE, settings("features", delta_s=0.2, water_current_bl_s=current))[0]
+    return measure_features(
+        table, RATE, settings("features", delta_s=0.2, water_current_bl_s=current)
+    )[0]
 
 
 def test_in_still_water_places_are_as_filmed():
@@ -1091,8 +1093,8 @@ def test_the_current_is_found_and_a_number_overrides_it():
     assert found.nunique() == 1 and 0.3 < found.iloc[0] < 1.6
     lines = swim(200, speed=4.0, wag_deg=40.0)
     table = tracks_table(shuffle_ends(lines, np.ones(33), np.random.default_rng(0))[0])
-    assert (features(table, RATE, settings("features"))[0]["current"] == 0).all()
-    assert (features(table, RATE, SETTINGS)[0]["current"] == 0).all()
+    assert (measure_features(table, RATE, settings("features"))[0]["current"] == 0).all()
+    assert (measure_features(table, RATE, SETTINGS)[0]["current"] == 0).all()
 
 
 def test_tracks_are_moved_on_each_by_itself():

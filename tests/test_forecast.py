@@ -24,10 +24,10 @@ from finloop.forecast.assess import (
     roll_out_means,
 )
 from finloop.forecast.film import MOTION, film_states
-from finloop.forecast.learning import learn
+from finloop.forecast.learning import train_predictor
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import split
+from finloop.forecast.partition import split_held_out
 from finloop.forecast.sampling import begin, follow, free_run, go_over, means, sampler, step, ways
 
 
@@ -38,8 +38,8 @@ def film():
 
 @pytest.fixture(scope="module")
 def learnt(film):
-    sides = split(film, HOW)
-    return learn(film, sides, HOW)[0], sides
+    sides = split_held_out(film, HOW)
+    return train_predictor(film, sides, HOW)[0], sides
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,7 @@ def test_the_mirrored_past_and_control_give_the_mirrored_mean(film, learnt):
 def test_the_seed_determines_the_network(film, learnt):
     how = replace(HOW, epochs=2)
     one, again, other = (
-        learn(film, learnt[1], replace(how, seed=seed))[0].layers[0] for seed in (0, 0, 1)
+        train_predictor(film, learnt[1], replace(how, seed=seed))[0].layers[0] for seed in (0, 0, 1)
     )
     assert np.array_equal(one, again)
     assert not np.allclose(one, other)
@@ -137,7 +137,7 @@ def test_nothing_that_is_held_out_is_learnt_from(film, learnt):
 
 def test_learning_stops_when_the_error_held_out_no_longer_falls(film, learnt, monkeypatch):
     monkeypatch.setattr(type(HOW), "patience", 2)
-    curve = learn(film, learnt[1], replace(HOW, epochs=60, learning_rate=0.02))[1]
+    curve = train_predictor(film, learnt[1], replace(HOW, epochs=60, learning_rate=0.02))[1]
     best = int(curve["held_out_error"].argmin())
     assert len(curve) - 1 == min(best + 2, 60)
 
@@ -193,9 +193,9 @@ def test_rows_that_look_different_are_no_neighbours(film, monkeypatch):
 
 
 def test_of_a_long_film_so_many_rows_are_learnt_from_and_held_out(film, monkeypatch):
-    whole = split(film, HOW)
+    whole = split_held_out(film, HOW)
     monkeypatch.setattr(type(HOW), "most_rows", 40)
-    some = split(film, HOW)
+    some = split_held_out(film, HOW)
     for every, few in ((whole.train, some.train), (whole.held_out, some.held_out)):
         assert len(few) == min(40, len(every)) and (np.diff(few) > 0).all()
         assert np.isin(few, every).all()

@@ -46,7 +46,7 @@ from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import SilhouettePlace
 from finloop.features.head import head_first, match_head_end
 from finloop.features.metrics import against_given
-from finloop.features.table import features
+from finloop.features.table import measure_features
 from finloop.io.numbers import load_numbers
 from finloop.io.poses import load_poses
 from finloop.io.several import FilmPart, join_clips
@@ -187,8 +187,8 @@ def test_swapped_heads_decide_and_are_reported(tracks_run):
     made = against_given(tracks, given, 25.0)
     assert made["head_disagreement_share"] == pytest.approx(swapped.mean())
     p = settings("features")
-    plain, _ = features(tracks, 25.0, p)
-    led, _ = features(tracks, 25.0, p, given)
+    plain, _ = measure_features(tracks, 25.0, p)
+    led, _ = measure_features(tracks, 25.0, p, given)
     head, tail = (["head_x_px", "head_y_px"], ["tail_x_px", "tail_y_px"])
     assert np.allclose(led.loc[swapped, head], plain.loc[swapped, tail])
     assert np.allclose(led.loc[~swapped, head], plain.loc[~swapped, head])
@@ -217,7 +217,10 @@ def test_the_verbs_take_tracks_of_centres_alone(film, tmp_path):
     tracks = finloop.track(shown, tmp_path, tracks_path=str(tmp_path / "a.npy"))
     assert set(tracks.given["animal"]) == {"1", "2", "3"}
     assert tracks.given[["head_x_px", "tail_x_px"]].isna().all(axis=None)
-    led, plain = finloop.measure(tracks), features(tracks.table, 25.0, settings("features"))[0]
+    led, plain = (
+        finloop.measure(tracks),
+        measure_features(tracks.table, 25.0, settings("features"))[0],
+    )
     pd.testing.assert_frame_equal(led, plain, check_dtype=False, rtol=1e-5)
 
 

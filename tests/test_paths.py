@@ -30,7 +30,7 @@ from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
 from finloop.plan.matching_settings import MatchingSettings
 from finloop.plan.objectives import ANYWHERE, along_path
-from finloop.plan.path_measures import LEFT, SWUM, limits, path_metrics, swum_path, where_left
+from finloop.plan.path_measures import LEFT, PATH_ROWS, limits, path_metrics, path_table, where_left
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
 
@@ -230,11 +230,11 @@ def test_a_way_ends_before_it_leaves_the_tank():
 
 
 def follow_line(line, ticks=700, **changes):
-    """What is made of a path: the swim, columns of `SWUM`, measures."""
+    """What is made of a path: the swim, columns of `PATH_ROWS`, measures."""
     waters = waters_of(**changes)
     player, path = matching_of(waters), lay_line(line)
     swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
-    table = swum_path("matching", swum_, path, ticks, waters)
+    table = path_table("matching", swum_, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
     return swum_, table, left, path_metrics(table, left, path, waters)
 
@@ -242,7 +242,7 @@ def follow_line(line, ticks=700, **changes):
 def test_the_film_is_swum_along_a_path_lap_after_lap():
     swum_, table, left, numbers = follow_line(EIGHT)
     assert numbers["path_across_rms_body_lengths"] < 0.1 and not len(left)
-    assert numbers["path_swum_pct"] > 100 and len(table) == 700
+    assert numbers["path_covered_pct"] > 100 and len(table) == 700
     assert 0 < numbers["path_turn_corrected_pct"] < 15
     assert 0 < numbers["path_way_corrected_pct"] < 15
     cells = np.round([table["y_px"], table["x_px"]]).astype(int)
@@ -258,7 +258,7 @@ def test_the_film_is_swum_along_a_path_lap_after_lap():
 def test_an_open_path_has_an_end_and_then_the_fish_wanders():
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
     swum_, table, _, numbers = follow_line(line)
-    assert numbers["path_swum_pct"] == pytest.approx(100) and len(table) < 700
+    assert numbers["path_covered_pct"] == pytest.approx(100) and len(table) < 700
     at = [name == PATH for name in swum_.names]
     assert at == sorted(at, reverse=True) and not all(at)
 
@@ -268,7 +268,7 @@ def test_a_path_is_followed_to_its_end_and_no_tick_longer():
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
     path, player = lay_line(line), matching_of()
     made = swim(player, [], 900, np.random.default_rng(0), path.route)
-    table = swum_path("matching", made, path, 900, player.world)
+    table = path_table("matching", made, path, 900, player.world)
     followed_ = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
     end = path.asked.length - 1e-3
     assert sum(followed_) == len(table) < 900
@@ -304,7 +304,7 @@ def test_where_a_path_cannot_be_swum_it_is_left_and_that_is_said():
     x = np.array([150.0, 500.0, 150.0, 500.0])
     spike = Line("a", x, np.array([200.0, 210.0, 220.0, 230.0]), PX)
     _, _, left, numbers = follow_line(spike)
-    assert "sharp" in set(left["why"]) and numbers["path_swum_pct"] == pytest.approx(100)
+    assert "sharp" in set(left["why"]) and numbers["path_covered_pct"] == pytest.approx(100)
     assert (left["to_s"] >= left["from_s"]).all() and (left["most"] > 0.25).all()
 
 
@@ -334,15 +334,15 @@ def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins()
     made = swim(player, [], 200, np.random.default_rng(0), path.route)
     reasons = [one.decision.reason for one in made.stretches]
     assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
-    swum_ = swum_path("matching", made, path, 200, waters)
+    swum_ = path_table("matching", made, path, 200, waters)
     left = where_left(swum_, path, waters, limits(waters.film, waters))
     numbers = path_metrics(swum_, left, path, waters)
-    assert numbers["path_swum_pct"] < 50
+    assert numbers["path_covered_pct"] < 50
 
 
 def test_what_is_swum_is_written_and_drawn(tmp_path):
     _, table, left, _ = follow_line(EIGHT, ticks=100)
-    save_table(tmp_path / "a.parquet", table, SWUM)
+    save_table(tmp_path / "a.parquet", table, PATH_ROWS)
     save_table(tmp_path / "b.parquet", left, LEFT)
     assert len(figure(table, left, np.full((600, 800), 128, np.uint8)).axes) == 2
 

@@ -57,7 +57,7 @@ from finloop.modes.matching import MatchingAnimator
 from finloop.modes.samples import sample_animations
 from finloop.plan import fallback
 from finloop.plan.load_paths import load_lines
-from finloop.plan.path_measures import LEFT, SWUM
+from finloop.plan.path_measures import LEFT, PATH_ROWS
 from finloop.project import Project
 
 
@@ -460,7 +460,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
         plans = open_mode(project, fish=3, path=paths)
         swims, edit = plans.plan(plans.goals())
         numbers = stages.modes.matching.save_more(tmp_path, plans, swims, edit)
-    swum_ = load_table(tmp_path / "path.parquet", SWUM)
+    swum_ = load_table(tmp_path / "path.parquet", PATH_ROWS)
     assert set(swum_["fish"]) == {0, 2} and set(swum_["mode"]) == {"matching"}
     left = load_table(tmp_path / "left.parquet", LEFT)
     assert set(left["fish"]) <= {0, 2}

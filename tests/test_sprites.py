@@ -26,7 +26,7 @@ from finloop.base.settings import settings
 from finloop.distance.reel import Reel, sprite_row
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import table1
-from finloop.features.table import FEATURES, features, wrap_deg
+from finloop.features.table import FEATURES, measure_features, wrap_deg
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.numbers import load_numbers
@@ -157,7 +157,9 @@ def film(plan=PLAN, heading=20.0, mirrored=False, speed=2.5, start=0, track=3):
             [np.cos(np.radians(heading)), -np.sin(np.radians(heading))]
         )
     tracks = pd.DataFrame(rows)
-    table, _ = features(tracks, RATE, FeatureSettings(0.2, 0.0, 16.0, 0.04, 0.5, ORIENTATIONS))
+    table, _ = measure_features(
+        tracks, RATE, FeatureSettings(0.2, 0.0, 16.0, 0.04, 0.5, ORIENTATIONS)
+    )
     return Film(tracks, table, cutouts)
 
 

@@ -30,7 +30,7 @@ from finloop.io.viewer import _script
 from finloop.tank.camera import views
 from finloop.tank.display import choose_window
 from finloop.tank.glb import Glb
-from finloop.tank.gltf import Swum, shapes, tank_glb, upright
+from finloop.tank.gltf import AnimatedFish, shapes, tank_glb, upright
 from finloop.tank.scene import TankScene
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -142,7 +142,7 @@ def glb_of(*fish):
     background = np.full((150, 200, 3), (40, 90, 140), np.uint8)
     headings = [one.poses.heading for one in fish]
     every = [
-        Swum(shapes(one.points(), heading), one.place, heading)
+        AnimatedFish(shapes(one.points(), heading), one.place, heading)
         for one, heading in zip(fish, headings, strict=True)
     ]
     return tank_glb(ROOM, background, fish[0].typical_skin(), every, 25.0)

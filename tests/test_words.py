@@ -65,3 +65,38 @@ def test_the_glossary_has_few_terms_each_once():
     terms = [row for row in rows if row[0] != "term"]
     assert 40 <= len(terms) <= 60 and len({row[0] for row in terms}) == len(terms)
     assert all(len(row) == 3 and all(row) for row in terms)
+
+
+BANNED = {
+    "whoever": "the one who, or a name",
+    r"foret(?:ell|old)\w*": "predict",
+    "told from": "distinguished from",
+    "so far ahead": "within the horizon",
+    "it is asked": "say who asks",
+    "is as before": "does not change",
+    r"no more(?! than)": "not any more",
+    "swum": "swims, or the noun of what is meant",
+    "waters": "world, or tank",
+    r"dear(?:er|est)?": "costly",
+    r"errands?": "task",
+    "crew": "workers",
+    r"employ(?:s|ed|er)?": "submit",
+}
+"""Words that a reader stumbles over, and what to write."""
+TEXTS = {".py", ".md", ".yaml", ".html", ".js", ".j2"}
+
+
+@pytest.mark.parametrize("word", BANNED)
+def test_nobody_stumbles_over_a_word(word):
+    """In code, conf, docs, messages and pages; an identifier counts as well."""
+    wanted = re.compile(rf"(?<![a-zA-Z]){word}(?![a-zA-Z])", re.IGNORECASE)
+    folders = ("finloop", "stages", "benchmarks", "hydra_plugins", "examples", "conf", "docs")
+    files = [path for folder in folders for path in sorted((ROOT / folder).rglob("*"))]
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}"
+        for path in [*files, ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "Makefile"]
+        if path.suffix in TEXTS or path.name == "Makefile"
+        for number, line in enumerate(path.read_text(encoding="utf-8").split("\n"), 1)
+        if wanted.search(line)
+    ]
+    assert not found, f"write {BANNED[word]!r}:\n" + "\n".join(found)

@@ -94,7 +94,7 @@ def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
         weights += velocity
 
 
-def learn(
+def train_network(
     rows: Rows,
     sides: tuple[Mask, Mask],
     p: BpnSettings,

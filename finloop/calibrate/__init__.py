@@ -9,6 +9,6 @@ beside the distance between the two halves.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["FilmShoal", "film_shoal"], "fit": ["Fitted", "fit_zones"], "points": ["swum_points"],
-    "rule": ["film_rule", "shortage"],
+    "film": ["FilmShoal", "film_shoal"], "fit": ["Fitted", "fit_zones"],
+    "points": ["simulate_points"], "rule": ["film_rule", "shortage"],
 })  # fmt: skip

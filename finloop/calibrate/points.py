@@ -41,7 +41,7 @@ def _own_part(vectors: Complex, pulls: Complex) -> float:
     return max(0.0, float((vectors * by.conj()).real.sum()) / squares) if squares > 0 else 0.0
 
 
-def swum_points(
+def simulate_points(
     film: FilmShoal,
     steps: SocialSteps,
     zones: Zones,

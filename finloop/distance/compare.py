@@ -62,7 +62,7 @@ def part(features: pd.DataFrame, most: int) -> Ints:
 
 
 def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
-    """Return the blocks of the map that `compare` computes, rows in `order`."""
+    """Return the blocks of the map that `compare_frames` computes, rows in `order`."""
     features = features.iloc[part(features, p.max_pictures)]
     kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
     rows = order(kind, area)
@@ -77,7 +77,7 @@ def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
     return np.asarray(table["step"], np.float32)
 
 
-def compare(
+def compare_frames(
     film: PictureSource, p: DistanceSettings, advance: Callable[[], object] = lambda: None
 ) -> Similar:
     """Compare frames with similar ones (Eqs. 5-8); `advance()` after each block.

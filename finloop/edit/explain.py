@@ -3,8 +3,8 @@
 import math
 
 from finloop.edit.schema import (
+    AS_PREDICTED,
     ENTER,
-    FORETOLD,
     JUMP,
     NO_WAY,
     PHASE,
@@ -52,7 +52,7 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
         WALL: "a wall is ahead",
         SPOT: f"no way stays in the tank ({_ways(decision)}): on the spot",
         WAITING: "other fish are in the way: wait",
-        FORETOLD: f"as predicted{_costs(decision)}",
+        AS_PREDICTED: f"as predicted{_costs(decision)}",
     }
     if decision.reason in sprites:
         return sprites[decision.reason]

@@ -86,7 +86,7 @@ way (`other_seam_s` …; empty where none led on)."""
 WHY = EDIT.names[EDIT.names.index("reason") :]
 """The columns that say why."""
 
-REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, FORETOLD, WAITING = (
+REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, AS_PREDICTED, WAITING = (
     "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast", "wait",
 )  # fmt: skip
 """Swim on like a phase of the film, turn, slow down before a wall; play the film on, jump at a

@@ -101,7 +101,7 @@ def heading(backbone: Reals) -> Floats:
     return wrap_deg(np.degrees(np.arctan2(-dy, dx)))
 
 
-def features(
+def measure_features(
     tracks: pd.DataFrame, rate_hz: float, settings: FeaturesSettings,
     given: pd.DataFrame | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:  # fmt: skip

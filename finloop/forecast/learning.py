@@ -51,7 +51,7 @@ class _Network(nn.Module):
         return self.layers[2](x)
 
 
-def learn(
+def train_predictor(
     film: FilmStates,
     parts: Partition,
     p: ForecastSettings,

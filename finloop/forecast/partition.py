@@ -19,7 +19,7 @@ class Partition:
     held_out: Ints
 
 
-def split(film: FilmStates, p: ForecastSettings) -> Partition:
+def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
     """Split rows by stretches of time across all fish; a held-out row shares no past with others.
 
     In a long film both sides together have `p.most_rows`. FinloopError if the film is shorter than

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.state import State
-from finloop.edit.schema import FORETOLD, JUMP, PATH, PLAY, Goal
+from finloop.edit.schema import AS_PREDICTED, JUMP, PATH, PLAY, Goal
 from finloop.edit.stretch import Stretch
 from finloop.social.rule import Shoaling
 
@@ -56,7 +56,7 @@ class DecisionRecord:
     @property
     def follows_plan(self) -> bool:
         """Return whether the stretch goes on by a plan of an earlier decision."""
-        moves = self.stretch.decision.reason in (PLAY, JUMP, FORETOLD)
+        moves = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
         return bool(self.state.path.runs) and self.stretch.options is None and moves
 
     @property

@@ -18,7 +18,7 @@ from finloop.features.table import wrap_deg
 from finloop.plan.graph import MotionGraph, runs
 from finloop.plan.world import FilmWorld
 
-SWUM = Schema(
+PATH_ROWS = Schema(
     Column("fish", "int16", "1"),
     Column("mode", "string", "1"),
     Column("tick", "int32", "1"),
@@ -49,8 +49,8 @@ _BEND = 0.9  # quantile of the film's bends, above which a path is sharp
 _AT_WALL = 0.1  # body lengths between a path and where the centre may be
 
 
-def swum_path(mode: str, swim: Swim, path: Path, ticks: int, world: FilmWorld) -> pd.DataFrame:
-    """Return how a fish followed a path in the first `ticks` ticks, columns of `SWUM`."""
+def path_table(mode: str, swim: Swim, path: Path, ticks: int, world: FilmWorld) -> pd.DataFrame:
+    """Return how a fish followed a path in the first `ticks` ticks, columns of `PATH_ROWS`."""
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
     stretches = [one for one, name in zip(swim.stretches, swim.names, strict=True) if name == PATH]
     none = np.zeros((0, 3))
@@ -98,7 +98,7 @@ def path_metrics(
     )
     numbers = {
         "path_length_body_lengths": path.asked.length / motion.body_length_px,
-        "path_swum_pct": 100 * float(followed["along_px"].iloc[-1]) / path.asked.length,
+        "path_covered_pct": 100 * float(followed["along_px"].iloc[-1]) / path.asked.length,
         "path_across_rms_body_lengths": rms(across),
         "path_across_p95_body_lengths": float(np.quantile(across, 0.95)),
         "path_across_most_body_lengths": float(across.max()),

@@ -23,8 +23,8 @@ from finloop.base.arrays import Floats, Ints
 from finloop.edit.build import EditInputs
 from finloop.edit.joins import Joins
 from finloop.edit.schema import (
+    AS_PREDICTED,
     FILM,
-    FORETOLD,
     FRAME,
     JUMP,
     NO_WAY,
@@ -345,7 +345,7 @@ class Planner:
         numbers = passage.numbers[: len(way)]
         decision, options, past = Decision(PLAY), None, passage.past
         if path.motion != FILM:
-            decision = Decision(FORETOLD)
+            decision = Decision(AS_PREDICTED)
         elif passage.jumps:
             decision = Decision(JUMP, seam=passage.seam)
         if len(way) and not len(objective.route.x):

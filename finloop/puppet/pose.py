@@ -107,8 +107,8 @@ def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     """Return the poses (k) of the rows of a feature table.
 
     features: track_id, x_px, y_px, heading_deg, body_length_px. backbones: (k, n + 1, 2) px, head
-    first, as `features.table.features` gives them, or `puppet.tail.trunk` for an animal with a thin
-    tail.
+    first, as `features.table.measure_features` gives them, or `puppet.tail.trunk` for an animal
+    with a thin tail.
     """
     lines = np.asarray(backbones, float)
     way = -np.diff(lines, axis=1)

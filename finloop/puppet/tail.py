@@ -44,8 +44,8 @@ def trunk(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
     """Return backbones (k, n, 2) px, head first, with the same body part at every point.
 
     tracks: backbone_x_px, backbone_y_px, half_width_px of the rows. backbones: (k, n, 2) of the
-    same, head first, as `features.table.features` gives them. Where no tail is visible, the line
-    continues straight.
+    same, head first, as `features.table.measure_features` gives them. Where no tail is visible, the
+    line continues straight.
     """
     widths = _half_widths(tracks, backbones)
     lines = np.stack([

@@ -24,7 +24,7 @@ from finloop.extract.segment import SegmentedFish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.features.settings import FeaturesSettings as FeatureSettings
-from finloop.features.table import FEATURES, features
+from finloop.features.table import FEATURES, measure_features
 from finloop.render.gallery import Gallery, place_rows
 from finloop.render.painter import Box, Painter, Placed
 
@@ -106,7 +106,7 @@ class Instrument:
         if not fish_frames:
             return FEATURES.empty()
         table = rows(fish_frames).sort_values(["track_id", "frame"], ignore_index=True)
-        return features(table, self.rate_hz, self.features)[0]
+        return measure_features(table, self.rate_hz, self.features)[0]
 
 
 def _around(fish: Box, shape: tuple[int, ...]) -> Box:

@@ -22,7 +22,7 @@ class RealismSettings:
     step: ClassVar[float] = 0.2  # Δ; channels are means over it, of a frame at least
     leaves: ClassVar[int] = 8  # of a tree, at most; small trees do not learn single windows
     leaf_windows: ClassVar[int] = 10  # in a leaf, at least; a leaf of fewer is chance
-    bins: ClassVar[int] = 32  # quantiles of a channel; a few hundred windows fill no more of them
+    bins: ClassVar[int] = 32  # quantiles of a channel; a few hundred windows fill these
     slower: ClassVar[int] = 4  # times; so the film of examples can be followed by eye
     RENAMED: ClassVar = {
         "window": "window_deltas",

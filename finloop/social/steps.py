@@ -15,7 +15,7 @@ import scipy
 from finloop.base.arrays import Complex, Floats, Ints
 from finloop.base.schema import Schema, columns
 
-STEPS = Schema(
+SOCIAL_STEPS = Schema(
     *columns("float32", "1", "wall_ahead", "wall_left"),
     *columns("float32", "body length", "last_ahead", "last_left", "move_ahead", "move_left"),
     *columns("float32", "1", "turn_ahead", "turn_left"),
@@ -28,8 +28,8 @@ displacement; turn: own part of the unit vector of the heading afterwards. Vecto
 class SocialSteps:
     """Own steps (n,) of a film, in frames of the body, and their mirror images.
 
-    wall, last, move, turn: as in `STEPS`; forward: body lengths by which a pull of 1 moves a fish;
-    onward: what a pull of 1 adds to the unit vector of its heading.
+    wall, last, move, turn: as in `SOCIAL_STEPS`; forward: body lengths by which a pull of 1 moves
+    a fish; onward: what a pull of 1 adds to the unit vector of its heading.
     """
 
     wall: Complex
@@ -85,7 +85,7 @@ def add_pull_to_turns(turns: Complex, pulls: Complex, steps: SocialSteps) -> Com
 
 
 def rows_of(steps: SocialSteps) -> dict[str, Floats]:
-    """Return the steps as columns of `STEPS`."""
+    """Return the steps as columns of `SOCIAL_STEPS`."""
     parts = {"wall": steps.wall, "last": steps.last, "move": steps.move, "turn": steps.turn}
     return {
         f"{name}_{side}": part
@@ -95,7 +95,7 @@ def rows_of(steps: SocialSteps) -> dict[str, Floats]:
 
 
 def steps_of(table: pd.DataFrame, forward: float, onward: float) -> SocialSteps:
-    """Return the steps from columns of `STEPS`; the inverse of `rows_of`."""
+    """Return the steps from columns of `SOCIAL_STEPS`; the inverse of `rows_of`."""
     wall, last, move, turn = (
         table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
         for name in ("wall", "last", "move", "turn")

@@ -65,7 +65,7 @@ def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
     )
 
 
-class Swum(NamedTuple):
+class AnimatedFish(NamedTuple):
     """A moving fish. place (ticks, 3): px of its mass centre in the tank; heading (ticks,): rad.
 
     The heading has no jumps of 2π.
@@ -80,7 +80,7 @@ def tank_glb(
     room: Room,
     background: NDArray[np.uint8],
     skin: NDArray[np.uint8],
-    swimmers: Sequence[Swum],
+    swimmers: Sequence[AnimatedFish],
     rate_hz: float,
 ) -> bytes:
     """Return the bytes of a .glb: a fish is one unit long, y is up, the origin the tank's middle.
@@ -191,7 +191,9 @@ def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None =
     })  # fmt: skip
 
 
-def _tracks(glb: Glb, motion: Swum, nodes: Mapping[int, Floats]) -> Iterator[tuple[int, str, int]]:
+def _tracks(
+    glb: Glb, motion: AnimatedFish, nodes: Mapping[int, Floats]
+) -> Iterator[tuple[int, str, int]]:
     """Yield node, property and its values for nodes that follow these places."""
     zero, half = np.zeros_like(motion.heading), motion.heading / 2
     tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}

@@ -40,7 +40,7 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
 class PathFollowing(NamedTuple):
     """How paths were followed: tables of `path_measures`, and numbers."""
 
-    swum: pd.DataFrame
+    path: pd.DataFrame
     left: pd.DataFrame
     numbers: dict[str, float]
 
@@ -53,7 +53,7 @@ def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowi
     most = path_measures.limits(world.film, world)
     for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
         if path is not None:
-            table = path_measures.swum_path("matching", swim, path, world.duration, world)
+            table = path_measures.path_table("matching", swim, path, world.duration, world)
             left = path_measures.where_left(table, path, world, most)
             numbers = path_measures.path_metrics(table, left, path, world)
             every.append(PathFollowing(table.assign(fish=fish), left.assign(fish=fish), numbers))
@@ -70,8 +70,8 @@ def save_more(
     save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
     paths = follow_paths(swims, plans)
     if paths:
-        swum = pd.concat([one.swum for one in paths], ignore_index=True)
-        save_table(folder / "path.parquet", swum, path_measures.SWUM)
+        path = pd.concat([one.path for one in paths], ignore_index=True)
+        save_table(folder / "path.parquet", path, path_measures.PATH_ROWS)
         left = pd.concat([one.left for one in paths], ignore_index=True)
         save_table(folder / "left.parquet", left, path_measures.LEFT)
     numbers = average_measures([one.numbers for one in paths]) if paths else {}

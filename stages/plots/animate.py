@@ -11,7 +11,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
-from finloop.plan.path_measures import SWUM
+from finloop.plan.path_measures import PATH_ROWS
 from finloop.plots.animate import kinematics
 from finloop.plots.path import path
 from finloop.project import Project
@@ -27,7 +27,7 @@ def main() -> None:
     save_figure(REPORT / "kinematics.png", kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if (PATH).exists():
-            paths, left = load_table(PATH, SWUM), pd.read_csv(REPORT / "left.csv")
+            paths, left = load_table(PATH, PATH_ROWS), pd.read_csv(REPORT / "left.csv")
             background = Project().background
             for fish, way in paths.groupby("fish"):
                 name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"
