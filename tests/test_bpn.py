@@ -760,7 +760,7 @@ def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(
     assert found["held_out_rows"] == 0
     assert not [name for name in found if name.startswith(("held_out_area", "area_rmse_skill"))]
     assert "skills_not_above_0" not in found  # none is known to be above
-    assert "no row is held out" in capsys.readouterr().err
+    assert "none is held out" in capsys.readouterr().err
 
 
 def test_a_film_shorter_than_its_blocks_has_shorter_blocks(workspace):

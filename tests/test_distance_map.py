@@ -350,7 +350,7 @@ def test_nothing_kept_is_told_and_is_a_table_all_the_same(workspace, capsys):
     pairs, steps, _, metrics = run_stage(workspace, "distance.max_distance_steps=1e-6")
     assert len(pairs) == metrics["pairs_kept"] == 0
     assert len(steps) == metrics["frames"]
-    assert "no two frames are alike enough" in capsys.readouterr().err
+    assert "no two frames are similar enough" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

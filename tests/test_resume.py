@@ -128,7 +128,7 @@ def test_an_interrupted_run_goes_on_where_it_was(
     assert content(EXTRACT) == content(film_run / EXTRACT)
     assert content(Path("reports/extract")) == content(film_run / "reports/extract")
     assert not PIECES.exists()
-    assert "goes on" in capsys.readouterr().err
+    assert "continues with" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("change", ["parameter", "film"])

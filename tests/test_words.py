@@ -3,6 +3,7 @@
 import ast
 import re
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,7 @@ def names_nothing(name: str) -> bool:
     return bool(re.fullmatch(r"[a-z]+ed", word)) and word not in NO_PARTICIPLES
 
 
+@cache
 def trees(*folders: str) -> list[tuple[Path, ast.Module]]:
     """Return the files of some folders, parsed."""
     paths = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
@@ -86,17 +88,23 @@ BANNED = {
 TEXTS = {".py", ".md", ".yaml", ".html", ".js", ".j2"}
 
 
+@cache
+def texts() -> dict[str, str]:
+    """Return every file that somebody reads, by its path."""
+    folders = ("finloop", "stages", "benchmarks", "hydra_plugins", "examples", "conf", "docs")
+    files = [path for folder in folders for path in sorted((ROOT / folder).rglob("*"))]
+    files = [path for path in files if path.suffix in TEXTS]
+    files += [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "Makefile"]
+    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in files}
+
+
 @pytest.mark.parametrize("word", BANNED)
 def test_nobody_stumbles_over_a_word(word):
     """In code, conf, docs, messages and pages; an identifier counts as well."""
     wanted = re.compile(rf"(?<![a-zA-Z]){word}(?![a-zA-Z])", re.IGNORECASE)
-    folders = ("finloop", "stages", "benchmarks", "hydra_plugins", "examples", "conf", "docs")
-    files = [path for folder in folders for path in sorted((ROOT / folder).rglob("*"))]
     found = [
-        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}"
-        for path in [*files, ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "Makefile"]
-        if path.suffix in TEXTS or path.name == "Makefile"
-        for number, line in enumerate(path.read_text(encoding="utf-8").split("\n"), 1)
-        if wanted.search(line)
+        f"{path}: …{text[max(0, hit.start() - 40) : hit.end() + 20]!r}…"
+        for path, text in texts().items()
+        for hit in wanted.finditer(text)
     ]
     assert not found, f"write {BANNED[word]!r}:\n" + "\n".join(found)

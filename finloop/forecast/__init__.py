@@ -10,7 +10,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "film": ["FilmStates", "film_states"],
-    "learning": ["learn"],
+    "learning": ["train_predictor"],
     "model": ["Forecast"],
     "neighbours": ["similar_rows"],
     "sampling": ["RolloutState", "begin", "step"],
