@@ -102,7 +102,7 @@ def side_by_side(names: list[str], measures: list[str]) -> Comparison:
         raise FinloopError(
             f"no experiment {', '.join(missing)} on the present commit",
             f"names from: {', '.join(commits_of) or 'none yet'}",
-            "make sweep experiment=…, or dvc exp list",
+            "correct the name, or run its sweep first: `make sweep experiment=…`",
         )
     commits = {name: commits_of[name] for name in names} if names else commits_of | {BASE: "HEAD"}
     keys = [*measures, *(objective.key for objective in OBJECTIVES)]

@@ -103,7 +103,9 @@ def compare(overrides: list[str]) -> None:
         return
     if not same_but_files(values, yaml.safe_load(compose_params(overrides))):
         raise FinloopError(
-            f"{PARAMS} is not the composition of {CONF}/", "both to be equal", "make params"
+            f"{PARAMS} is not the composition of {CONF}/",
+            f"the values of {CONF}/ in {PARAMS}",
+            "run `make params`",
         )
 
 

@@ -53,8 +53,8 @@ def _refuse_stale(values: Mapping[str, Any]) -> None:
         raise FinloopError(
             f"{CONF}/ is not what {PARAMS} was composed from",
             f"a {PARAMS} composed from the present {CONF}/, so that no old value is used",
-            "make params, then dvc repro; or dvc exp run, which composes params.yaml (a temporary "
-            "experiment sees only files that git tracks: git add new ones)",
+            "run `make params`, then `dvc repro`; in a temporary experiment, `git add` new files "
+            f"of {CONF}/ first, because it sees only files that git tracks",
         )
 
 

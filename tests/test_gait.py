@@ -127,7 +127,7 @@ def test_offsets_keep_a_limb_at_its_hip():
     hips = {"fore_left": np.array([3.0, -1.0]), "fore_right": np.array([-3.0, 1.0])}
     later = four_keys(ONE, TWO, "swap", Layout(offsets=hips))[2]
     np.testing.assert_allclose(later["fore_left"], ONE["fore_right"] + [3, -1])
-    with pytest.raises(FinloopError, match="'fore_left' is not itself"):
+    with pytest.raises(FinloopError, match="'fore_left' is not what it was"):
         four_keys(ONE, TWO, "swap", Layout(offsets={name: np.ones(2) for name in hips}))
     with pytest.raises(FinloopError, match="two half cycles later"):
         four_keys(ONE, TWO, "mirror", Layout(orders={"body": np.roll(np.arange(32), 1)}))

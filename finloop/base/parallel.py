@@ -201,7 +201,7 @@ def worker_loss_error(workers: int) -> FinloopError:
     return FinloopError(
         f"worker processes were ended from outside, {TRIES} times, perhaps for lack of memory",
         f"{workers} processes that each hold a stretch of the film",
-        "run again; without a cluster and with FINLOOP_THREADS=1 one process does it all",
+        "run again; or use a single process: set FINLOOP_THREADS=1 and cluster=default",
     )
 
 

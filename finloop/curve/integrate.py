@@ -132,9 +132,9 @@ def _even_step(problem: Problem, options: SolverOptions) -> float:
     gaps = np.diff(problem.times)
     if options.substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
         raise FinloopError(
-            f"{len(problem.times)} times, not evenly spaced, or {options.substeps} substeps",
-            "two or more even times and at least 1 substep for Euler's steps",
-            "pass even times, or use the method modal",
+            f"{len(problem.times)} times, perhaps unevenly spaced, and {options.substeps} substeps",
+            "two or more evenly spaced times and at least 1 substep, for Euler's method",
+            "correct the times or options.substeps, or use the method modal",
         )
     return float(gaps.mean()) / options.substeps
 

@@ -161,7 +161,7 @@ def forced_motion(
     raise FinloopError(
         f"the force changes too fast for {_FINEST} steps from one time to the next",
         f"a smooth force, with places accurate to {tolerance:g}",
-        "smooth or weaken the force, or pass times closer together",
+        "smooth or weaken the force, or pass times that lie closer together",
     )
 
 

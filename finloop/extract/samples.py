@@ -217,6 +217,6 @@ def _no_fish(
         f"no fish found: {why}",
         "fish that swim clear of the edge, darker or brighter than the tank",
         f"try {'' if settings.background == 'auto' else 'extract.background=auto, '}another "
-        "extract.polarity, a lower extract.noise_sigmas; set clip.arena; "
-        "or film the fish as it moves about",
+        "extract.polarity, or a lower extract.noise_sigmas; set clip.arena; "
+        "or take a film in which the fish moves about",
     )

@@ -37,10 +37,10 @@ def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
     parts = Partition(rows[~begins & ~ends], rows[begins & ends])
     if min(len(parts.train), len(parts.held_out)) == 0:
         raise FinloopError(
-            f"{len(parts.train)} rows to learn from and {len(parts.held_out)} held out, by "
+            f"{len(parts.train)} rows to learn from and {len(parts.held_out)} to test with, in "
             f"stretches of {block} frames",
-            "some of both",
-            "a smaller forecast.held_out_block_deltas, or a longer film",
+            "at least one row of each kind",
+            "lower forecast.held_out_block_deltas, or take a longer film",
         )
     rng = np.random.default_rng((p.seed, 2))
     return Partition(*(

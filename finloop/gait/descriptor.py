@@ -88,6 +88,6 @@ def few_control(points: Points, control: int, wavelet: str, closed: bool = True)
         raise FinloopError(
             f"{control} control points for contours of {points.shape[-2]} points",
             "at most as many control points as points",
-            "set fewer control points, or more points",
+            "set fewer control points, or give the contours more points",
         )
     return drop_details(points, wavelet, level, closed) if level else points

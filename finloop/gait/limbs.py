@@ -244,8 +244,8 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
         raise FinloopError(
             f"regions that most frames lack: {', '.join(wrong)}{alike}",
             "the same ids in all frames, each complete in at least half of them",
-            "name each limb alike in all frames, white on black in masks; trace the rest, or omit"
-            " the limb in all frames",
+            "give a limb one name in all frames, and draw masks white on black; trace it in the"
+            " other frames, or omit it in all",
         )
     return tuple(notes)
 

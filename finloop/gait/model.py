@@ -153,9 +153,9 @@ def half_later(
             out[name] = contours[twin] + offset
         if not identity:
             raise FinloopError(
-                f"two half cycles later {name!r} is not itself",
-                "orders that invert one another, offsets that add up to 0",
-                f"set matching orders and offsets for {name!r} and {twin!r}",
+                f"two half cycles later the contour {name!r} is not what it was",
+                "orders of points that undo each other, and offsets that add up to 0",
+                f"correct the orders or offsets of {name!r} and {twin!r} in the Layout",
             )
     return out
 
@@ -189,7 +189,7 @@ def cycle(
     """
     if frames < 4:
         raise FinloopError(
-            f"a cycle of {frames} frames", "at least 4, one per key", "set 24 frames or more"
+            f"a cycle of {frames} frames", "at least 4 frames", "set 24 frames or more"
         )
     return at_phases(key1, key2, gait, np.arange(frames) / frames, layout, **options)
 
@@ -248,7 +248,9 @@ def at_phases(
 def _ends(split: float) -> Points:
     if not 0 < split < 0.5:
         raise FinloopError(
-            f"a split of {split:g}", "between 0 and 0.5", "put key 2 between keys 1 and 1'"
+            f"a split of {split:g}, the phase of key 2",
+            "more than 0 and less than 0.5, in cycles",
+            "correct the gait's split, such as 0.25",
         )
     return np.array([0.0, split, 0.5, 0.5 + split, 1.0])
 

@@ -80,7 +80,7 @@ def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatc
             raise FinloopError(
                 f"{path} cannot be read ({str(error).splitlines()[0]})",
                 "the journal of a session",
-                "name the .journal file of a session; one cut off at its start holds nothing",
+                "name another .journal file: one cut off at its start holds no rows to recover",
             ) from error
         yield reader.schema, _parts(reader)
 

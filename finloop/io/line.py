@@ -42,7 +42,9 @@ def _table(path: Path, suffix: str) -> pa.Table:
         return pa.csv.read_csv(path) if suffix == ".csv" else pq.read_table(path)
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise FinloopError(
-            f"{path} cannot be read as a table ({error})", _WANTED, "correct matching.path"
+            f"{path} cannot be read as a table ({error})",
+            _WANTED,
+            "save the table again, or name another file (matching.path)",
         ) from error
 
 
@@ -53,7 +55,9 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
     x, y = ("x", "y") if own is None else (f"x_{own}", f"y_{own}")
     if not {x, y} <= names.keys():
         raise FinloopError(
-            f"{path} has the columns {', '.join(table.column_names)}", _WANTED, "rename them"
+            f"{path} has the columns {', '.join(table.column_names)}",
+            _WANTED,
+            "rename the columns that hold x and y",
         )
 
     def numbers(name: str) -> Floats | None:

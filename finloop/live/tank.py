@@ -168,7 +168,9 @@ class LiveTank:
         for number in followers:
             if said := contradiction(self.leaders, number + 1, leader + 1):
                 raise FinloopError(
-                    said, "a leader that follows none of its followers", "send the leader elsewhere"
+                    said,
+                    "a leader that follows none of its followers",
+                    "choose another leader, or first send this one to a goal or let it wander",
                 )
         for number in followers:
             self.fish[number].obey(RuleTask(leader=self.fish[leader].name))

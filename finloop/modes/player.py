@@ -78,8 +78,8 @@ class PaperPlayer:
         if route is not None:
             raise FinloopError(
                 "a path, in a mode of the paper",
-                "goals: the paper's modes swim to goals, or wander",
-                "swim the path in mode matching",
+                "goals, or none: in these modes the fish swims to goals, or wanders",
+                "switch to mode matching, the only one that follows paths",
             )
         return State(self.mode.begin(rng), np.zeros(2))
 

@@ -79,7 +79,11 @@ def _stack(stack: Reals, closed: bool) -> Floats:
             "give more points",
         )
     if not np.isfinite(polygons).all():
-        raise FinloopError("points that are not finite", "finite coordinates", "check the curve")
+        raise FinloopError(
+            "points that are not finite: NaN or infinite",
+            "coordinates that are finite numbers",
+            "replace these points or leave them out",
+        )
     return polygons
 
 

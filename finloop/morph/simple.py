@@ -77,7 +77,7 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
         raise FinloopError(
             "a morph with frames too narrow to be distinguished from folded frames",
             "curves with some room between their parts",
-            "set fewer points, or use the method linear",
+            "set fewer points (morph.contour_points), or morph.method=linear",
         )
     proved = stays_simple(stack, closed) or (on_the_way and stays_simple(poses, closed))
     return SimpleMorph(stack, way, proved)
@@ -162,7 +162,7 @@ def _plainer(points: Points, closed: bool) -> Points:
         raise FinloopError(
             "a curve whose parts are too near each other to stay separate while it moves",
             "a curve with some room between its parts",
-            "set fewer points, or use the method linear",
+            "set fewer points (morph.contour_points), or morph.method=linear",
         )
     return poses
 

@@ -24,8 +24,8 @@ def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
         raise FinloopError(
             f"{track.name} has a single point, and so no body length",
             "head and tail of the animal, or the scale of its pixels in this tank",
-            "name both (retarget.body_keypoints); or set retarget.scale to the body length of "
-            "this film's fish divided by that of the tracked animal, both in px",
+            "name head and tail (retarget.body_keypoints), or set retarget.scale: the fish's body "
+            "length divided by the animal's, both in px",
         )
     return length_px / track.length_px
 
@@ -76,7 +76,8 @@ def find_placement(
         raise FinloopError(
             "the fish does not fit into the tank, even if its path shrinks to a point",
             "a tank larger than the fish",
-            "give the arena its real size (clip.arena), or set retarget.placement=given",
+            "give the arena its real size (clip.arena), or let the fish leave the tank "
+            "(retarget.placement=given)",
         )
     for _ in range(_ROUNDS):
         middle = (small + large) / 2

@@ -179,8 +179,8 @@ def whole_motion(scene: TrialContext, plan: Protocol, order: Sequence[Trial]) ->
         if motion.rule is not None:
             raise FinloopError(
                 f"the condition {trial.condition} reacts to live animals",
-                "motions that are known beforehand",
-                "show the protocol with a server, or leave this condition out",
+                "motions that are known beforehand, for a page that plays by itself",
+                'run it with `make stimulus S="show …"`, or leave this condition out',
             )
         if motion.again is not None:
             states = repeat_motion(scene, cue, motions[motion.again])

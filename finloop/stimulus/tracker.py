@@ -160,9 +160,9 @@ def calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibrati
     if problems:
         raise FinloopError(
             "the tracker's calibration is invalid:\n    " + "\n    ".join(problems),
-            "a unit; and no points, or 2 pairs that lie apart, 3 not on one line, or 4 and more of "
-            "which 4 are such that no 3 lie on one line",
-            "correct the pairs {tracker: [x, y], tank: [x, y]}; take corners of the tank",
+            "a unit; and no points, or 2 pairs at different places, 3 not on one line, or 4 or "
+            "more that include the corners of a quadrangle",
+            "correct the pairs {tracker: [x, y], tank: [x, y]}; corners of the tank are best",
         )
     scale = 1.0 if settings.unit == "px" or mm_per_px is None else 1 / mm_per_px
     return Calibration(((scale, 0.0, 0.0), (0.0, scale, 0.0), (0.0, 0.0, 1.0)))

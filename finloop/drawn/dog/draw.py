@@ -126,9 +126,9 @@ def limb_masks(picture: Picture) -> dict[str, Mask]:
     count, labels, stats, centres = cv2.connectedComponentsWithStats(pale, connectivity=4)
     if count < 3:
         raise FinloopError(
-            f"a picture with {count - 1} pale regions",
-            "a frame of the drawn dog, with both near limbs",
-            "use the drawn film",
+            f"a picture with {count - 1} regions in the colour of the near limbs",
+            "a frame of the drawn dog, in which both near limbs are seen",
+            "take the frames from the film of the drawn dog",
         )
     largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:2]
     hind, fore = sorted(largest, key=lambda label: centres[label][0])
