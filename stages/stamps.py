@@ -22,9 +22,16 @@ from stages.settings import FILES, PARAMS, read
 
 
 def film_stamp(clip: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the films of `clip`; None where they are no files, or are missing."""
+    """Return the stamp of the films of `clip` and of the masks of their arenas.
+
+    None where there are no files, or one is missing.
+    """
+    several = clip.get("path")
+    each = several if isinstance(several, list | tuple) else []
+    parts = [clip, *(part for part in each if isinstance(part, Mapping))]
+    masks = [part["arena"] for part in parts if isinstance(part.get("arena"), str)]
     try:
-        return digest(_films(clip))
+        return digest([*_films(clip), *(Path(mask).expanduser() for mask in masks)])
     except (FinloopError, OSError):
         return None
 

@@ -440,6 +440,18 @@ def test_a_film_or_tracks_that_have_changed_have_another_stamp(elsewhere):
     assert tracks_stamp(several, {"tracks_path": None}) is None
 
 
+def test_a_mask_that_was_drawn_anew_has_another_stamp(elsewhere):
+    film, mask = elsewhere / "a.mp4", elsewhere / "mask.png"
+    film.write_bytes(b"1")
+    clip = {"source": "file", "path": str(film), "arena": str(mask)}
+    seen = [film_stamp(clip)]  # there is no mask
+    for content in (b"1", b"22"):
+        mask.write_bytes(content)
+        seen += [film_stamp(clip), film_stamp(clip | {"path": [clip], "arena": None})]
+    assert seen[0] is None and seen[1] == seen[2] != seen[3] == seen[4]
+    assert film_stamp(clip | {"arena": [1.0, 2.0, 3.0]}) == film_stamp(clip | {"arena": None})
+
+
 def test_a_path_that_has_changed_has_another_stamp(elsewhere):
     file = elsewhere / "way.csv"
     seen = []
