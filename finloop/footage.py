@@ -26,7 +26,10 @@ atexit.register(_OPEN.close)
 
 @dataclass(frozen=True)
 class Film:
-    """A normalised clip. folder: of clip.mp4; arena (h, w): True where animals can be."""
+    """A normalised clip; iterating over it yields its frames.
+
+    folder: holds clip.mp4. facts: size, rate, … arena (h, w): True where animals can be.
+    """
 
     folder: Path
     facts: VideoFacts
@@ -34,7 +37,7 @@ class Film:
 
     @property
     def rate_hz(self) -> float:
-        """Return frames per second."""
+        """Return the clip's frames per second."""
         return self.facts.frame_rate_hz
 
     def __iter__(self) -> Iterator[NDArray[np.uint8]]:
@@ -44,7 +47,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Tracks:
-    """Where every fish of a film is.
+    """Where every fish of a film is in every frame, with its cut-out.
 
     table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
     frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
@@ -59,15 +62,16 @@ class Tracks:
 
 
 def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
-    """Open a film, a folder of pictures or a TIFF stack; write its clip to `folder`/clip.
+    """Read a film, a folder of pictures or a TIFF stack; write it as a clip and return the clip.
 
-    `changes` override `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
+    The clip lies in `folder`/clip, or in a temporary folder. `changes` override
+    `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
     """
     return _film(folder, source="file", path=str(path), **changes)
 
 
 def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
-    """Draw a film of carp; write it to `folder`/clip.
+    """Draw a synthetic film of carp; write it as a clip to `folder`/clip and return the clip.
 
     `changes` override `finloop.clip.settings.Carp`.
     """
@@ -83,12 +87,12 @@ def _film(folder: str | Path | None, **values: Any) -> Film:
 
 
 def make_folder(folder: str | Path | None) -> Path:
-    """Return `folder`, or a new temporary one."""
+    """Return the folder; for None a new temporary one that lasts until the program ends."""
     if folder is not None:
         return Path(folder)
     return Path(_OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-")))
 
 
 def open_store(path: Path) -> CutoutStore:
-    """Open a store of cut-outs until the program ends."""
+    """Open the store of cut-outs at `path`; it stays open until the program ends."""
     return _OPEN.enter_context(open_cutouts(path))

@@ -29,16 +29,16 @@ PLACES = ("track_id", "frame", "x_px", "y_px")
 
 
 class EditSources(NamedTuple):
-    """An edit list and the tables that it draws from.
+    """An edit list and the film's tables that drawing it needs.
 
     Attributes
     ----------
     edit
         Columns of `EDIT`, a row per tick and fish.
     scene
-        Facts of the film.
+        Facts about the tank and its fish, from the stage `extract`.
     tracks
-        The n rows of the film.
+        The table of tracks, or some columns of it: n rows, one per fish and frame.
     sprites
         Columns of `SPRITES`; None where the list draws none.
     bodies
@@ -67,7 +67,11 @@ class Project(RunFiles):
     """
 
     def edit(self, mode: str, stage: str) -> pd.DataFrame:
-        """Return the edit list of a mode, columns of `EDIT`; errors name `stage`.mode."""
+        """Return the edit list of a mode, columns of `EDIT`, a row per tick and fish.
+
+        stage: for messages, which name the parameter `stage`.mode. FinloopError also if the mode
+        has no animation.
+        """
         from finloop.edit.modes import RETARGET
         from finloop.edit.schema import EDIT
 
@@ -93,13 +97,13 @@ class Project(RunFiles):
         return self._kept[key]
 
     def goals(self, mode: str) -> list[Goal]:
-        """Return the goals of a mode's edit list; a recorded track has none."""
+        """Return the goals that a mode's fish swim to; empty for a mode that follows a track."""
         from finloop.edit.schema import Goal
 
         return load_records(self.data / f"animate/{mode}/goals.json", Goal, f"modes-{mode}")
 
     def size(self, mode: str) -> float:
-        """Return how many times as large as filmed a mode draws its fish."""
+        """Return the factor by which a mode draws its fish larger than filmed; 1 = as filmed."""
         path = self.data / f"animate/{mode}/drawn.json"
         return load_json(path, lambda facts: float(facts["size"]), *remake_hint(f"modes-{mode}"))
 
@@ -107,18 +111,18 @@ class Project(RunFiles):
         self, mode: str, stage: str, columns: Sequence[str] = PLACES, sprites: bool = False,
         bodies: bool = False,
     ) -> EditSources:  # fmt: skip
-        """Return the edit list of a mode with the scene and the tables that it needs.
+        """Return the edit list of a mode with the film's facts and tables that drawing it needs.
 
         Parameters
         ----------
         mode
             The mode of the edit list.
         stage
-            The stage whose parameter errors name.
+            The stage whose parameter `mode` messages name.
         columns
-            Columns of the table of tracks.
+            Columns of the table of tracks to load.
         sprites
-            Load their table even if the list draws none.
+            Load the table of sprites even if the list draws none.
         bodies
             Load the postures even if the list needs none.
         """
@@ -140,14 +144,17 @@ class Project(RunFiles):
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Return the film's postures, and the rows behind its sprites."""
+        """Return the film's postures, and the rows from which its sprites are made."""
         from finloop.edit.bodies import Bodies
 
         return Bodies(self.poses, self.reel.goes_on, self.sprites)
 
     @cached_property
     def whole_gallery(self) -> Gallery:
-        """Return every picture that an edit list can draw: cut-outs, sprites, and postures."""
+        """Return the gallery of every picture that any edit list can draw: frames and sprites.
+
+        It can also bend a fish by the film's postures.
+        """
         from finloop.edit.schema import FRAME, SPRITE
         from finloop.render.gallery import Gallery, shelves
 
@@ -155,7 +162,10 @@ class Project(RunFiles):
         return Gallery(shelves(stores, self.tracks(PLACES), self.sprites), self.bodies)
 
     def gallery(self, drawn: EditSources) -> Gallery:
-        """Return the pictures that an edit list draws: cut-outs and, with a table, sprites."""
+        """Return the gallery of the pictures that one edit list draws: frames and any sprites.
+
+        drawn: the edit list with its tables, from `edit_with_sources`.
+        """
         from finloop.edit.schema import FRAME, SPRITE
         from finloop.render.gallery import Gallery, shelves
 

@@ -32,9 +32,11 @@ if TYPE_CHECKING:  # what properties return; they import it themselves
 
 
 class RunFiles:
-    """The files of a run; each is loaded once, at its first use.
+    """The output files of a run's stages; each is loaded once, at its first use.
 
-    `finloop.project.Project` adds the edit lists, and documents how to close and pickle it.
+    root: the working copy, with params.yaml and data/. n is the number of rows: one per fish and
+    frame of the film. `finloop.project.Project` adds the edit lists, and documents how to close and
+    pickle.
     """
 
     def __init__(self, root: str | Path = ".") -> None:
@@ -54,53 +56,53 @@ class RunFiles:
         return _unpickle, (type(self), self.root, self._run)
 
     def close(self) -> None:
-        """Close the stores, and forget what was loaded."""
+        """Close the open stores of cut-outs, and forget all that was loaded."""
         self.forget(*[name for name in vars(self) if hasattr(type(self), name)])
         self._kept.clear()
         self._stores.close()
 
     def forget(self, *names: str) -> None:
-        """Forget what these properties have loaded, to free memory."""
+        """Drop what the named properties have loaded, to free memory; their next use loads it."""
         for name in names:
             vars(self).pop(name, None)
 
     def settings(self, word: str) -> Any:
-        """Return the parameters of a stage word as its settings dataclass."""
+        """Return the parameters of a stage word, from params.yaml, as its settings dataclass."""
         return parameters(word, read_parameters(self.root / "params.yaml"))
 
     # --- clip
 
     @cached_property
     def facts(self) -> VideoFacts:
-        """Return facts of the clip."""
+        """Return the facts of the clip: size, number of frames, rate and others."""
         return load_facts(self.data / "clip" / FACTS_NAME)
 
     @property
     def rate_hz(self) -> float:
-        """Return frames per second."""
+        """Return the clip's frames per second."""
         return self.facts.frame_rate_hz
 
     @cached_property
     def arena(self) -> Mask:
-        """Return where animals can be (h, w)."""
+        """Return the mask of the arena (h, w), bool: True where animals can be."""
         return load_mask(self.data / "clip" / ARENA_NAME, self.facts.width_px, self.facts.height_px)
 
     # --- extract
 
     @cached_property
     def background(self) -> Picture:
-        """Return the empty tank (h, w) or (h, w, 3), uint8."""
+        """Return the picture of the empty tank: (h, w) grey or (h, w, 3) RGB, uint8."""
         return load_picture(self.data / "extract/background.png")
 
     @cached_property
     def scene(self) -> SceneFacts:
-        """Return the facts of the film that the stage `extract` has measured."""
+        """Return the facts about the tank and its fish that the stage `extract` measured."""
         from finloop.extract.table import SceneFacts
 
         return load_record(self.data / "extract/scene.json", SceneFacts, "extract")
 
     def tracks(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return columns of the table of tracks (n rows), all if none are named."""
+        """Return the table of tracks (n rows): the named columns of `tracks_schema`, or all."""
         from finloop.extract.table import tracks_schema
 
         key = "tracks", *(columns or ())
@@ -111,7 +113,7 @@ class RunFiles:
 
     @cached_property
     def external_tracks(self) -> pd.DataFrame | None:
-        """Return another program's tracks of the n rows; None if there are none."""
+        """Return another program's tracks (n rows), columns of `GIVEN`; None if there are none."""
         from finloop.extract.table import GIVEN, GIVEN_NAME
 
         path = self.data / "extract" / GIVEN_NAME
@@ -119,28 +121,28 @@ class RunFiles:
 
     @cached_property
     def cutouts(self) -> CutoutStore:
-        """Return the n cut-outs of the film."""
+        """Return the store of the film's n cut-outs; number k is row k of the table of tracks."""
         return self._stores.enter_context(open_cutouts(self.data / "extract/cutouts.arrow"))
 
     # --- features, identity, pose
 
     @cached_property
     def features(self) -> pd.DataFrame:
-        """Return the feature table (n rows)."""
+        """Return the feature table (n rows), columns of `FEATURES`: heading, displacement, …."""
         from finloop.features.table import FEATURES
 
         return load_table(self.data / "features/features.parquet", FEATURES)
 
     @cached_property
     def identities(self) -> pd.DataFrame:
-        """Return the animal of each track."""
+        """Return the table that says which animal each track shows, columns of `IDENTITIES`."""
         from finloop.identity.film import IDENTITIES
 
         return load_table(self.data / "identity/identities.parquet", IDENTITIES)
 
     @cached_property
     def poses(self) -> FilmPoses:
-        """Return the postures of the n rows."""
+        """Return the film's pose codes (n, c), and the postures that they stand for."""
         from finloop.pose.film import POSES, restore_poses
 
         folder, features = self.data / "pose", self.features
@@ -154,7 +156,7 @@ class RunFiles:
 
     @cached_property
     def outlines(self) -> Floats:
-        """Return outlines (n, k, 2) x, y px of the n rows."""
+        """Return the silhouettes' outlines of the n rows, (n, k, 2): k points x, y in px."""
         shape = len(self.features), None, 2
         return open_array(self.data / "pose/outlines.npy", shape, "float32")
 
@@ -162,26 +164,26 @@ class RunFiles:
 
     @cached_property
     def sprites(self) -> pd.DataFrame:
-        """Return the table of sprites."""
+        """Return the table of sprites, columns of `SPRITES`, a row per sprite."""
         from finloop.sprites.orient import SPRITES
 
         return load_table(self.data / "sprites/sprites.parquet", SPRITES)
 
     @cached_property
     def sprite_cutouts(self) -> CutoutStore:
-        """Return the sprites in all orientations."""
+        """Return the store of the sprites' cut-outs, each in all orientations."""
         return self._stores.enter_context(open_cutouts(self.data / "sprites/sprites.arrow"))
 
     @cached_property
     def film_reel(self) -> Reel:
-        """Return the film's pictures by row."""
+        """Return the film as a reel: the feature table with the n cut-outs, without sprites."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts)
 
     @cached_property
     def reel(self) -> Reel:
-        """Return the film's pictures by row, and its sprites."""
+        """Return the film as a reel: the feature table with the n cut-outs, and the sprites."""
         from finloop.distance.reel import Reel
 
         return Reel(self.features, self.cutouts, self.sprites, self.sprite_cutouts)
@@ -190,49 +192,49 @@ class RunFiles:
 
     @cached_property
     def map_facts(self) -> MapFacts:
-        """Return how the film's pictures are compared."""
+        """Return how the distance map was made: pose, picture size, thresholds, natural step."""
         from finloop.distance.map import MapFacts
 
         return load_record(self.data / "distance/facts.json", MapFacts, "distance")
 
     @cached_property
     def steps(self) -> pd.DataFrame:
-        """Return the distance from each compared row to the next."""
+        """Return the distance from mapped rows to later frames of the track, columns of `STEPS`."""
         from finloop.distance.map import STEPS
 
         return load_table(self.data / "distance/steps.parquet", STEPS)
 
     @cached_property
     def pairs(self) -> pd.DataFrame:
-        """Return the pairs of similar rows, and their distances."""
+        """Return the distance map: pairs of similar rows, their distances; columns of `PAIRS`."""
         from finloop.distance.map import PAIRS
 
         return load_table(self.data / "distance/pairs.parquet", PAIRS)
 
     @cached_property
     def loops(self) -> pd.DataFrame:
-        """Return the loops; an empty table if the film shows none."""
+        """Return the video loops, columns of `LOOPS`; an empty table if the film shows none."""
         from finloop.loops.search import LOOPS
 
         return load_table(self.data / "loops/loops.parquet", LOOPS)
 
     @cached_property
     def jumps(self) -> pd.DataFrame:
-        """Return the jumps between rows that look and move alike."""
+        """Return the jumps between rows that look and move alike, columns of `JUMPS`."""
         from finloop.jumps.table import JUMPS
 
         return load_table(self.data / "jumps/jumps.parquet", JUMPS)
 
     @cached_property
     def look(self) -> Floats:
-        """Return looks of the n rows, (n, k), or (2 n, k) with mirror images."""
+        """Return looks (light, skin) of the n rows, (n, k), or (2 n, k): mirror images follow."""
         from finloop.jumps.table import LOOK
 
         return load_lists(self.data / "jumps/look.parquet", LOOK, "look")[0]
 
     @cached_property
     def gateways(self) -> pd.DataFrame:
-        """Return the jumps from film to sprites and back."""
+        """Return the gateways from film to sprites and back, columns of `GATEWAYS`."""
         from finloop.gateways.find import GATEWAYS
 
         return load_table(self.data / "gateways/gateways.parquet", GATEWAYS)
@@ -241,14 +243,14 @@ class RunFiles:
 
     @cached_property
     def model(self) -> MotionModel:
-        """Return the motion model of the stage `bpn`."""
+        """Return the trained back-propagation network of the stage `bpn`, with its scaling."""
         from finloop.bpn.model import motion_model
 
         return load_record(self.data / "bpn/model.json", motion_model, "bpn")
 
     @cached_property
     def states(self) -> FilmStates:
-        """Return the states of the film, with mirror images if `look` has them.
+        """Return the forecast's states of the rows, and of mirror images if `look` has them.
 
         FinloopError if the film shows too little.
         """
@@ -260,12 +262,15 @@ class RunFiles:
 
     @property
     def has_forecast(self) -> bool:
-        """Return whether the film showed enough for the model of the stage `forecast`."""
+        """Return whether the film showed enough for the stage `forecast` to train its model."""
         return not (self.data / "forecast/reason.json").exists()
 
     @cached_property
     def forecast(self) -> Sampler | None:
-        """Return the sampler of the stage `forecast`; None if the film showed too little."""
+        """Return the sampler of next poses and motions, with the model of the stage `forecast`.
+
+        None if the film showed too little for it.
+        """
         from finloop.forecast.model import forecast_model
         from finloop.forecast.sampling import sampler
 
@@ -281,7 +286,7 @@ class RunFiles:
 
     @cached_property
     def rule(self) -> Shoaling:
-        """Return the rule by which fish of a tank act on each other, of the stage `calibrate`."""
+        """Return the rule by which fish act on each other: the zones and steps of `calibrate`."""
         from finloop.social.rule import Shoaling
         from finloop.social.steps import SOCIAL_STEPS, steps_of
         from finloop.social.zones import Zones

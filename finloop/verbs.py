@@ -90,10 +90,11 @@ __all__ = [
 
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
-    """Cut out the fish of every frame, and follow each; write both to `folder`/extract.
+    """Cut out the fish of every frame and follow each; return their tracks and cut-outs.
 
-    A frame that cannot be decoded counts as one without fish, and a warning names it. `workers`:
-    threads. `changes` override `finloop.extract.settings.ExtractSettings`.
+    Both are also written to `folder`/extract. A frame that cannot be decoded counts as one without
+    fish, and a warning names it. `workers`: number of threads. `changes` override
+    `finloop.extract.settings.ExtractSettings`.
     """
     p, home = settings("extract", **changes), make_folder(folder) / "extract"
     with whole_folder(home) as part:
@@ -108,9 +109,10 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
-    """Compute the feature table, columns of `FEATURES`: heading, swimming type, bend and others.
+    """Measure how each fish swims in each frame; return the feature table, columns of `FEATURES`.
 
-    It has the rows of the tracks. `changes` override `finloop.features.settings.FeaturesSettings`.
+    These are heading, swimming type, motion area and others (§2.2-2.3); its rows are those of the
+    tracks. `changes` override `finloop.features.settings.FeaturesSettings`.
     """
     p = settings("features", **changes)
     table, _ = measure_features(tracks.table, tracks.film.rate_hz, p, tracks.given)
@@ -118,9 +120,11 @@ def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
 
 
 def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel:
-    """Train the network 4-20-2 on a feature table of `rate_hz` rows a second.
+    """Train the network that predicts motion area and swimming type (§3.1, Fig. 6).
 
-    `changes` override `finloop.bpn.settings.BpnSettings`.
+    It learns by back-propagation and has 4 inputs, 20 hidden units and 2 outputs. features: from
+    `measure`. rate_hz: frames per second of the film. `changes` override
+    `finloop.bpn.settings.BpnSettings`.
     """
     p = settings("bpn", **changes)
     rows = motion_rows(features, delta_of(features))
@@ -131,10 +135,10 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
 def make_sprites(
     tracks: Tracks, features: pd.DataFrame, folder: str | Path | None = None, **changes: Any
 ) -> Reel:
-    """Make sprites in all orientations in `folder`/sprites; return them with the film by row.
+    """Choose sprites and turn them to all orientations (§3.3); return the film with them.
 
-    `changes` override `finloop.sprites.settings.SpritesSettings`, for example
-    straight_frames="8:120-140".
+    The sprites are also written to `folder`/sprites. `changes` override
+    `finloop.sprites.settings.SpritesSettings`, for example straight_frames="8:120-140".
     """
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmers(features, tracks.table, p)
@@ -148,9 +152,10 @@ def make_sprites(
 
 
 def compare(reel: Reel, **changes: Any) -> Similar:
-    """Compare frames (Eqs. 5-8): columns of `PAIRS` and `STEPS`, distances of 0 … 1 pixels.
+    """Compare the film's frames with each other (Eqs. 5-8); return the distances and their unit.
 
-    `changes` override `finloop.distance.settings.DistanceSettings`.
+    pairs: similar rows, columns of `PAIRS`; steps: from rows to later ones, columns of `STEPS`. The
+    distances are of pixels 0 … 1. `changes` override `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compare_frames(reel, settings("distance", **changes))
     return Similar(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
@@ -159,9 +164,10 @@ def compare(reel: Reel, **changes: Any) -> Similar:
 def find_loops(
     similar: Similar, features: pd.DataFrame, rate_hz: float, **changes: Any
 ) -> pd.DataFrame:
-    """Find where the film can jump to a similar frame: columns of `LOOPS`, best first.
+    """Find the video loops, jumps to a similar frame (§4.1): columns of `LOOPS`, best first.
 
-    If there is none, a warning says which parameter would give some, and the table is empty.
+    similar: from `compare`. features: from `measure`. rate_hz: frames per second of the film. If
+    there is no loop, a warning says which parameter would give some, and the table is empty.
     `changes` override `finloop.loops.settings.LoopsSettings`.
     """
     p, pairs = settings("loops", **changes), as_map(similar.pairs, len(features))
@@ -174,9 +180,10 @@ def find_loops(
 
 
 def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
-    """Find the jumps from the film to a sprite and back: columns of `GATEWAYS`.
+    """Find the gateways from the film to sprites and back (§4.2, Fig. 14): columns of `GATEWAYS`.
 
-    `changes` override `finloop.gateways.settings.GatewaysSettings`.
+    similar: from `compare`. reel: from `make_sprites`. `changes` override
+    `finloop.gateways.settings.GatewaysSettings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
     near = nearness(reel, map_rows(reel.features, similar.steps), facts.size, facts.pose)
@@ -185,17 +192,19 @@ def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
 
 
 def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
-    """Compute how every fish is bent in every frame, as a few codes.
+    """Compute the pose of every fish in every frame as a few numbers, its pose code (n, c).
 
-    `changes` override `finloop.pose.settings.PoseSettings`.
+    The result also holds the shapes that the codes stand for. `changes` override
+    `finloop.pose.settings.PoseSettings`.
     """
     return film_poses(tracks.table, features, settings("pose", **changes))
 
 
 def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
-    """Find the jumps between frames that look and move alike, and the looks of all rows.
+    """Find the jumps between rows that look and move alike; return them with the rows' looks.
 
-    `changes` override `finloop.jumps.settings.JumpsSettings`.
+    jumps: columns of `JUMPS`; look (n, k): light and skin of the rows. `changes` override
+    `finloop.jumps.settings.JumpsSettings`.
     """
     p = settings("jumps", **changes)
     result = film_jumps(InMemory.from_reel(reel, poses, p.look_px), p)
@@ -205,10 +214,11 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
 def train_forecast(
     features: pd.DataFrame, poses: FilmPoses, jumps: FilmJumps, rate_hz: float, **changes: Any
 ) -> Sampler:
-    """Train a network that predicts the next pose and motion; return its sampler.
+    """Train a network that predicts the next pose and motion; return a sampler of its predictions.
 
-    `changes` override `finloop.forecast.settings.ForecastSettings`. FinloopError also if the film
-    is too short, no fish in it moves or turns, or no two rows of it look alike.
+    rate_hz: frames per second of the film. `changes` override
+    `finloop.forecast.settings.ForecastSettings`. FinloopError also if the film is too short, no
+    fish in it moves or turns, or no two rows of it look alike.
     """
     p = settings("forecast", **changes)
     mirror = posture_mirror(poses, jumps.look)
@@ -218,9 +228,10 @@ def train_forecast(
 
 
 def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
-    """Measure how the fish of a film act on each other: zones (Couzin et al. 2002), and own steps.
+    """Measure the zones in which fish repel, align with and attract each other, and their steps.
 
-    If it shows too few fish near each other, a warning says so, and the zones are those of the
+    The zones are those of Couzin et al. 2002; a step is how a fish moves over a short time. If the
+    film shows too few fish near each other, a warning says so, and the zones are those of the
     paper. `changes` override `finloop.calibrate.settings.CalibrateSettings`, for example
     attraction_radius_bl=8.0. FinloopError also if no track is long enough for a step.
     """
@@ -299,8 +310,9 @@ GROUPS_OF = {
 
 
 def group_settings(groups: tuple[str, ...], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of some groups; a change applies to the last group that has its name.
+    """Return the settings dataclass of each named group of parameters, by group name.
 
+    changes: values by parameter name; each applies to the last group that has its name.
     FinloopError if no group has a name, or a value has a wrong type or is out of range.
     """
     names = {group: set(values_of(group, "default")) for group in groups}
@@ -315,7 +327,7 @@ def write_video(
     path: str | Path, edit: pd.DataFrame, tracks: Tracks, reel: Reel, poses: FilmPoses,
     **changes: Any,
 ) -> None:  # fmt: skip
-    """Draw an edit list over the empty tank: an MP4 of H.264, a frame a tick.
+    """Draw an edit list over the empty tank and write it as an MP4 (H.264), one frame per tick.
 
     `changes` override crf and shadow_darkness of `finloop.render.settings.RenderSettings`.
     """

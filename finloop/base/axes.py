@@ -6,9 +6,10 @@ from finloop.base.arrays import Floats, Reals
 
 
 def ahead_left(offset: Reals, heading_rad: Reals) -> Floats:
-    """Return offsets (…, 2), x right and y down, along an animal's own axes: ahead, left (…, 2).
+    """Convert offsets in a picture to an animal's own axes: parts ahead and to its left (…, 2).
 
-    heading_rad (…,): anticlockwise as seen, 0 = to the right.
+    offset (…, 2): x right and y down, in any unit, which the result keeps. heading_rad (…,):
+    anticlockwise as seen, 0 = to the right.
     """
     dx, dy = offset[..., 0], offset[..., 1]
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)

@@ -9,9 +9,11 @@ from finloop.base.arrays import Picture
 
 
 class Cutout(NamedTuple):
-    """One picture (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel.
+    """One animal of a frame, or one sprite, as a small picture with alpha and its place.
 
-    sprite, orientation (1 … n): which one it is; None of a frame as filmed.
+    pixels (h, w, 2 or 4) uint8: grey or RGB, premultiplied by the last channel, alpha. x0_px,
+    y0_px: column and row of its upper left pixel in the frame. sprite, orientation (1 … n): None
+    for a cut-out as filmed.
     """
 
     track_id: int
@@ -23,7 +25,11 @@ class Cutout(NamedTuple):
     orientation: int | None = None
 
     def over(self, background: Picture) -> Picture:
-        """Draw the cut-out over `background` (H, W[, 3]); return the part under the cut-out."""
+        """Blend the cut-out with the tank behind it; return the pixels (h, w) or (h, w, 3), uint8.
+
+        background (H, W) or (H, W, 3) uint8: the whole tank; it stays unchanged. h, w: the size of
+        the cut-out, which must lie inside the background.
+        """
         h, w = self.pixels.shape[:2]
         tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
         through = (255 - self.pixels[..., -1:].astype(np.uint16)) * tank.reshape(h, w, -1)
@@ -32,7 +38,7 @@ class Cutout(NamedTuple):
 
 
 class Cutouts(Protocol):
-    """Cut-outs by number; `finloop.io.cutouts.open_cutouts` opens them.
+    """A store that gives cut-outs by their row number; `finloop.io.cutouts.open_cutouts` opens one.
 
     `index` has a row per cut-out in the store's order: track_id, frame, place and size. The
     sprites' store also has sprite and orientation.
@@ -40,7 +46,7 @@ class Cutouts(Protocol):
 
     @property
     def index(self) -> pd.DataFrame:
-        """Return the table of all cut-outs, a row each."""
+        """Return the table of all cut-outs, a row each, with the columns that the class names."""
         ...
 
     def __len__(self) -> int: ...

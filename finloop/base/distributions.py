@@ -6,9 +6,9 @@ from finloop.base.arrays import Floats
 
 
 def wasserstein_distance(a: Floats, b: Floats) -> float:
-    """Return the Wasserstein distance ∫ |F_a(x) − F_b(x)| dx of two samples (n,), (m,).
+    """Return the Wasserstein distance of two samples, ∫ |F_a(x) − F_b(x)| dx, in the samples' unit.
 
-    F is a sample's cumulative distribution; the distance has the samples' unit. This replaces
+    a (n,), b (m,): the samples; F_a, F_b: their cumulative distributions. This replaces
     `scipy.stats`, which takes 0.6 s to import in every process.
     """
     values = np.sort(np.concatenate([a, b]), kind="stable")

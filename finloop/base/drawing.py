@@ -24,7 +24,11 @@ class Curve:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Contours by id in drawing order, the lowest first; `styles` "fill:…;stroke:…" by id."""
+    """Contours by id in drawing order, the lowest layer first.
+
+    width, height: of the picture, in the units of the points. styles: SVG style text such as
+    "fill:red;stroke:none", by id; ids without a style may be absent.
+    """
 
     curves: dict[str, Curve]
     width: float
@@ -72,7 +76,7 @@ def clean_curve(curve: Curve, name: str) -> Curve:
 
 @dataclass(frozen=True)
 class Morph:
-    """Contours of every frame."""
+    """A drawing in motion: the contours of each of its f frames."""
 
     tau: Points  # (f,), 0 = the first drawing, 1 = the second
     # (f, n, 2) by id, in drawing order; in units of the first drawing, multiples of 10^-decimals
@@ -90,5 +94,8 @@ class Morph:
     decimals: int  # digits after the point that coordinates have
 
     def count_fold_frames(self) -> dict[str, int]:
-        """Count the frames in which a contour crosses itself, by id; 0 is left out."""
+        """Count, by contour id, the frames in which the contour crosses itself.
+
+        Contours that never cross themselves are absent.
+        """
         return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}

@@ -2,7 +2,7 @@
 
 
 class FinloopError(Exception):
-    """An error that the user can correct: what came, what was wanted, what to do.
+    """An error that the user can correct. It says what came, what was wanted and what to do.
 
     Stages print it as a single message and exit with status 1; any other exception is a bug.
     """

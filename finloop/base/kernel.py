@@ -20,7 +20,10 @@ _MENTION = Path(__file__).stem.encode()
 
 @cache
 def sources_digest() -> str:
-    """Return a digest of every file of the package that has a kernel, including this one."""
+    """Return a SHA-256 digest (hex) of all package files that mention this module `kernel`.
+
+    These are the files with compiled functions, and this file itself.
+    """
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
@@ -43,11 +46,11 @@ class _AllSources:
 
 
 class InTree(_AllSources, InTreeCacheLocator):
-    """Machine code beside its source."""
+    """Keeps a kernel's machine code beside its source, until a file with a kernel changes."""
 
 
 class UserWide(_AllSources, UserWideCacheLocator):
-    """Machine code in the user's cache, where the source's folder cannot be written."""
+    """Keeps kernels' machine code in the user's cache, where the source's folder is read-only."""
 
 
 numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]

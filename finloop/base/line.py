@@ -16,10 +16,10 @@ TRACK = "track:"
 
 
 class Line(NamedTuple):
-    """Places x, y (n,) in a unit, and optionally the time (s) and the heading (degrees) at each.
+    """A path to swim along: places x, y (n,), and optionally a time (s) and heading (degrees) each.
 
-    name: the source, for messages; closed: whether the last place leads to the first; rows (n,):
-    the film's rows if the line is a track.
+    name: the source, for messages. unit: of x and y, PX, TANK or MM. closed: whether the last place
+    leads back to the first. rows (n,): the film's rows if the path is a track.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Line(NamedTuple):
 
 
 def checked_line(line: Line) -> Line:
-    """Return the line, or raise FinloopError with everything that is wrong with it.
+    """Return the line unchanged, or raise FinloopError that lists everything wrong with it.
 
     At least two places must differ, every number must be finite, and times must not decrease.
     """

@@ -30,14 +30,17 @@ chosen values, and a mask (k,): True where the vectors were enough."""
 
 @dataclass(frozen=True)
 class Nearest:
-    """An index of vectors (m, d). recall: the share of the 20 true neighbours that it finds."""
+    """An index of m vectors of d numbers that finds the nearest neighbours of other vectors.
+
+    recall: the measured share of the 20 true nearest neighbours that the index finds; 1 = exact.
+    """
 
     index: faiss.Index
     recall: float
 
     @classmethod
     def from_vectors(cls, vectors: Floats | Vectors, most: int = MOST) -> "Nearest":
-        """Index vectors (m, d), in cells where there are more than `most`."""
+        """Index vectors (m, d): exact up to `most` of them, in cells for more."""
         vectors = np.ascontiguousarray(vectors, np.float32)
         m, d = vectors.shape
         if m <= most:
@@ -61,7 +64,11 @@ class Nearest:
         return _unpickle, (faiss.serialize_index(self.index), self.recall)
 
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
-        """Return the numbers (k, count) of the vectors nearest to each query (k, d); −1: none."""
+        """Return the numbers (k, count) of the vectors nearest to each query, nearest first.
+
+        queries (k, d). A number is a vector's row in the index; −1 where the index finds no further
+        one.
+        """
         if count == 0:
             return np.empty((len(queries), 0), np.int64)
         return self.index.search(np.ascontiguousarray(queries, np.float32), count)[1]
@@ -69,10 +76,11 @@ class Nearest:
     def choose(
         self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
     ) -> tuple[NDArray[Any], ...]:
-        """Apply `choice` to the `count` nearest vectors of each query (k, d); return its values.
+        """Apply a rule to the `count` nearest vectors of each query; return the arrays it gives.
 
-        Where these are not enough, it gets more: until they are enough, or until `most` vectors or
-        all vectors of the searched cells are used.
+        queries (k, d). choice: the rule, see `Choice`; its arrays have k rows. Where it finds the
+        vectors not enough, it gets more: until they are enough, or until `most` vectors or all
+        vectors of the searched cells are used.
         """
         last = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, last)
@@ -95,11 +103,12 @@ def _may_have_more(near: Ints) -> Mask:
 
 
 def parts_of(n: int, stretch: int, most: int = MOST) -> Ints:
-    """Assign each row of a film to a part, 0 … p − 1, and return the parts (n,).
+    """Divide the n rows of a long film into parts of about `most` rows; return each row's part.
 
-    Stretches of rows take turns, so each part is spread over the film and has about `most` rows or
-    fewer. In a film of hours a row's nearest rows are so near that all continue alike. Within a
-    part they lie as in a short film, and continue in different ways.
+    The parts (n,) are numbered 0 … p − 1. Stretches of `stretch` consecutive rows go to the parts
+    in turn, so each part is spread over the film. In a film of hours a row's nearest rows are so
+    near that all continue alike. Within a part they lie as in a short film, and continue in
+    different ways.
     """
     count = max(1, -(-n // most))
     return np.arange(n) // stretch % count

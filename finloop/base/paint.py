@@ -29,7 +29,10 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Paint:
-    """Fill and stroke of a shape: colours RGB 0 … 255 or None, opacity 0 … 1, width in its unit."""
+    """Fill and stroke of a shape; a colour is RGB 0 … 255, or None where nothing is painted.
+
+    Opacities are 0 … 1; width: of the stroke, in units of the drawing.
+    """
 
     fill: Colour | None
     stroke: Colour | None
@@ -40,7 +43,10 @@ class Paint:
 
 @dataclass(frozen=True)
 class Shape:
-    """Layers painted together, and whether each is closed."""
+    """Contours painted together, such as a letter and its holes.
+
+    layers: ids of the contours. closed: for each, whether it is closed. paint: fill and stroke.
+    """
 
     name: str
     layers: tuple[str, ...]
@@ -49,9 +55,10 @@ class Shape:
 
 
 def paint(style: str, side: float) -> Paint:
-    """Parse the style "fill:…;stroke:…"; without both, return a black line of width `side` / 200.
+    """Parse an SVG style such as "fill:red;stroke:none" to a fill and a stroke.
 
-    FinloopError if a colour or number cannot be read.
+    A style with neither gives a black line of width `side` / 200; side: the longer side of the
+    drawing. FinloopError if a colour or number cannot be read.
     """
     values = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
     values = {key.strip(): value.strip() for key, value in values.items()}
@@ -74,7 +81,11 @@ def _colour(text: str) -> Colour | None:
 
 
 def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -> list[Shape]:
-    """Group contours that are painted together into shapes, in drawing order."""
+    """Group contours into shapes in drawing order: `d`, `d#2`, `d#3` become the shape `d`.
+
+    closed, styles: by contour id; `styles` may lack some. side: the longer side of the drawing, for
+    the default line width.
+    """
     together = dict[str, list[str]]()
     for name in closed:
         together.setdefault(name.partition(PART)[0], []).append(name)
@@ -92,9 +103,10 @@ def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -
 def paint_layers(
     layers: list[tuple[Shape, list[Points]]], shape: tuple[int, int], scale: float
 ) -> Picture:
-    """Paint shapes and their contours (n, 2), in drawing units, as a picture (h, w, 3) on white.
+    """Paint shapes in order on white; return the picture (h, w, 3), RGB uint8.
 
-    `scale`: px per unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
+    layers: each shape with its contours (n, 2), in drawing units. shape: h, w in px. scale: px per
+    drawing unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
     """
     picture = np.full((*shape, 3), 255.0, np.float32)
     for form, contours in layers:

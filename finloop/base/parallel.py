@@ -31,7 +31,7 @@ _PAUSE_S = 0.2  # before the next try after an OSError
 
 
 def warm_up(modules: Sequence[str]) -> None:
-    """Start importing `modules` for future workers, while this process goes on."""
+    """Start the server that forks worker processes; it imports `modules` in the background."""
     if _FORKSERVER:
         multiprocessing.get_context("forkserver").set_forkserver_preload(list(modules))
         forkserver.ensure_running()
@@ -41,14 +41,14 @@ class PendingResult(Protocol[B_co]):
     """The future result of one item that was submitted to a worker."""
 
     def result(self) -> B_co:
-        """Wait for the result; raise the exception of `work`."""
+        """Wait for the result and return it; raise the exception that the work raised."""
         ...
 
 
 class Workers(Protocol):
-    """Workers: `Threads` of this process, `Processes`, or those of a cluster (package `cluster`).
+    """What computes in parallel: `Threads`, `Processes`, or those of a cluster (package `cluster`).
 
-    All give the same bytes.
+    All of them give the same results, byte for byte.
     """
 
     @property
@@ -58,33 +58,34 @@ class Workers(Protocol):
 
     @property
     def alone(self) -> bool:
-        """Return whether this process does the work itself."""
+        """Return whether there is no other worker, so that the caller does the work itself."""
         ...
 
     def submitter(
         self, work: Callable[[A], B]
     ) -> AbstractContextManager[Callable[[A], PendingResult[B]]]:
-        """Yield, for a block, a function that submits one item to `work` and returns at once.
+        """Yield a function that submits one item and returns a `PendingResult` at once.
 
-        It, or `PendingResult.result`, raises BrokenProcessPool where all submitted items are lost.
+        work: the function that a worker applies to the item. The yielded function, or
+        `PendingResult.result`, raises BrokenProcessPool where all submitted items are lost.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Processes:
-    """Processes of this machine; a single one works in this process itself."""
+    """Worker processes of this machine; with `count` 1 this process does the work itself."""
 
     count: int = 1
 
     @property
     def alone(self) -> bool:
-        """Return whether this process does the work itself."""
+        """Return whether there is no other process, so that this one does the work itself."""
         return self.count < 2
 
     @contextmanager
     def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
-        """Start the processes and yield a function that submits one item to `work`."""
+        """Start the processes; yield a function that submits one item and returns its future."""
         start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
         with ProcessPoolExecutor(self.count, start, _begin) as pool, ExitStack() as stack:
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
@@ -115,12 +116,12 @@ class Threads:
 
     @property
     def alone(self) -> bool:
-        """Return whether this thread does the work itself."""
+        """Return whether there is no other thread, so that the calling one does the work itself."""
         return self.count < 2
 
     @contextmanager
     def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
-        """Start the threads and yield a function that submits one item to `work`."""
+        """Start the threads; yield a function that submits one item and returns its future."""
         with ThreadPoolExecutor(self.count) as pool, ExitStack() as stack:
             stack.callback(cv2.setNumThreads, cv2.getNumThreads())
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
@@ -170,9 +171,9 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 
 def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
-    """Yield items in order; a thread makes up to `most` of them in advance.
+    """Yield the items in order, while a thread makes up to `most` of the next ones in advance.
 
-    Exceptions of the items are raised here.
+    An exception that making an item raises is raised here.
     """
     source = iter(items)
     with ThreadPoolExecutor(1) as pool:
@@ -197,7 +198,10 @@ def _persist(work: Callable[[A], B], item: A) -> B:
 
 
 def worker_loss_error(workers: int) -> FinloopError:
-    """Return the error to raise where workers are killed repeatedly at the same item."""
+    """Return the error for a stage whose workers were killed repeatedly at the same item.
+
+    workers: their number, for the message.
+    """
     return FinloopError(
         f"worker processes were ended from outside, {TRIES} times, perhaps for lack of memory",
         f"{workers} processes that each hold a stretch of the film",

@@ -13,7 +13,12 @@ _BRACKET = re.compile(r"\s*\[([^\[\]]*)\]$")
 
 
 class ParameterHelp(NamedTuple):
-    """A parameter as `conf/` explains it. brackets: its unit and range as they stand there."""
+    """One parameter as its file conf/<word>/<option>.yaml explains it.
+
+    word, option, name: its group, the file of the group, its own name. value: its value in that
+    file. meaning: the comment without its last brackets; brackets: their text, "unit, range".
+    range: the values that its dataclass allows, in words.
+    """
 
     word: str
     option: str
@@ -25,12 +30,16 @@ class ParameterHelp(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return its unit; empty for a count, a choice or a text."""
+        """Return the unit that the comment states; "" for a count, a choice or a text."""
         return self.brackets.removesuffix(self.range).rstrip(", ")
 
 
 def parameter_help(word: str) -> Iterator[ParameterHelp]:
-    """Yield the parameters of a group, each once, as its files in conf/ declare them."""
+    """Yield what conf/ says of each parameter of a group.
+
+    word: the group, such as "extract". A parameter of several variants comes once, from the first
+    that has it; those of the variant `file` always come.
+    """
     yielded = set()
     for option, declared in variants(word).items():
         texts, values = comments(word, option), values_of(word, option)
@@ -49,9 +58,10 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
 
 
 def comments(word: str, option: str) -> dict[str, str]:
-    """Return the comment of each parameter in a file of conf/: the lines above it and beside it.
+    """Return the comment of each parameter in conf/<word>/<option>.yaml, by parameter name.
 
-    A blank line ends a comment that belongs to a section.
+    A comment is the lines above the parameter and the rest of its own line. A blank line ends a
+    comment that belongs to a section.
     """
     path, above, found = CONF / word / f"{option}.yaml", [], {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
@@ -65,7 +75,7 @@ def comments(word: str, option: str) -> dict[str, str]:
 
 
 def range_text(hint: Any) -> str:
-    """Return the values that an annotation allows, in words."""
+    """Return the values that a type annotation allows, in words, such as "whole, ≥ 1"."""
     if hint is None or hint is type(None):
         return "null"
     origin, parts = get_origin(hint), get_args(hint)

@@ -18,11 +18,11 @@ Software = Literal[
 
 @dataclass(frozen=True)
 class Poses:
-    """Points of animals, a row per animal per frame, sorted by frame, then animal.
+    """Named points of animals, a row per animal per frame, sorted by frame, then animal.
 
-    individual: (rows,) number of the animal in `individuals`; frame: (rows,), below `frames`;
-    places: (rows, keypoints, 2) px, NaN where a point is missing; confidence: (rows, keypoints),
-    0 … 1, NaN where unknown.
+    individuals, keypoints: their names; frames: number of frames. individual (rows,): number of the
+    animal in `individuals`; frame (rows,): from 0, below `frames`; places (rows, keypoints, 2): x,
+    y in px, NaN where a point is missing; confidence (rows, keypoints): 0 … 1, NaN where unknown.
     """
 
     individuals: tuple[str, ...]
@@ -38,10 +38,10 @@ BLOCK = 1024  # frames in memory at a time
 
 
 def blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
-    """Yield every frame, `block` frames at a time: the first frame's number, and all points.
+    """Yield the points of all frames, `block` frames at a time, each with its first frame's number.
 
-    The points (frames of the block, individuals, keypoints, 3) are x, y, confidence; NaN where
-    missing.
+    The points (frames of the block, individuals, keypoints, 3) are x [px], y [px], confidence; NaN
+    where missing.
     """
     values = np.concatenate([poses.places, poses.confidence[..., None]], axis=2)
     for start in range(0, poses.frames, block):
@@ -59,10 +59,11 @@ def poses_of(
     places: Floats,
     confidence: Floats | None = None,
 ) -> Poses:
-    """Convert whole arrays to poses; an animal without any point in a frame has no row.
+    """Convert arrays with a cell for every animal and time to `Poses`.
 
-    frame: (times,), all different; places: (times, individuals, keypoints, 2), infinite or NaN
-    where missing; confidence: (times, individuals, keypoints), None = unknown.
+    An animal without any point in a frame has no row. frame (times,): all different; places (times,
+    individuals, keypoints, 2): px, infinite or NaN where missing; confidence (times, individuals,
+    keypoints): 0 … 1, None = unknown.
     """
     order = np.argsort(frame, kind="stable")
     there: Mask = np.all(np.isfinite(places), axis=-1)

@@ -10,16 +10,17 @@ from threading import Thread
 
 
 def die_with_parent() -> None:
-    """Ask the kernel to kill this process when its parent ends, by kill -9 too (Linux only)."""
+    """Ask Linux to kill this process when its parent ends, even by kill -9; else do nothing."""
     if sys.platform == "linux":
         pr_set_pdeathsig = 1
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 def end_with_main_process() -> None:
-    """End this worker as soon as the process that submits its work ends, by kill -9 too.
+    """End this worker as soon as the process that submits its work ends, even by kill -9.
 
-    That process is not its parent: the parent is a server that forks workers and outlives them.
+    That process is not its parent: the parent is a server that forks workers and outlives them. In
+    a process that is no worker, do nothing.
     """
     main = multiprocessing.parent_process()
     if main is not None:

@@ -7,7 +7,10 @@ from finloop.base.kernel import kernel
 
 @kernel
 def keys(t):  # type: ignore[no-untyped-def]
-    """Return Keys' weights (a = −1/2) of pixels −1, 0, 1, 2 at t in [0, 1) after pixel 0."""
+    """Return the four weights of Keys' cubic interpolation (a = −1/2), float32.
+
+    t: place in [0, 1) between pixel 0 and pixel 1. The weights are those of pixels −1, 0, 1, 2.
+    """
     return (
         np.float32(((2 - t) * t - 1) * t / 2),
         np.float32(((3 * t - 5) * t * t + 2) / 2),

@@ -11,11 +11,11 @@ ANY = -1
 
 @dataclass(frozen=True)
 class Column:
-    """One column: `dtype` is a NumPy name ("int32", "float32", "bool", "string", …).
+    """One column of a table. dtype: a NumPy name ("int32", "float32", "bool", "string", …).
 
-    `unit` is free text ("px", "deg", "s", "1"). A column that is not `nullable` holds neither
-    nulls nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers, ANY a list of
-    any length; only lists of any length may be nullable.
+    `unit` is free text ("px", "deg", "s", "1"). A column that is not `nullable` holds neither nulls
+    nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers, ANY a list of any
+    length; only lists of any length may be nullable.
     """
 
     name: str
@@ -26,7 +26,7 @@ class Column:
 
     @property
     def kind(self) -> str:
-        """Return its dtype in pandas: object for lists, Int32 for nullable whole numbers."""
+        """Return its dtype in pandas: object for lists, Int32 or the like for nullable integers."""
         if self.length:
             return "object"
         if self.nullable and "int" in self.dtype:
@@ -35,29 +35,29 @@ class Column:
 
 
 class Schema:
-    """The columns of a table in order, with their names and their pandas dtypes by name."""
+    """The columns of a table in order; names: theirs; kinds: the pandas dtype of each by name."""
 
     def __init__(self, *columns: Column) -> None:
         self.columns, self.names = columns, [column.name for column in columns]
         self.kinds = {column.name: column.kind for column in columns}
 
     def empty(self) -> pd.DataFrame:
-        """Return a table without rows."""
+        """Return a table without rows that has the schema's columns and dtypes."""
         return pd.DataFrame(columns=self.names).astype(self.kinds)
 
 
 def columns(
     dtype: str, unit: str, *names: str, nullable: bool = False, length: int = 0
 ) -> list[Column]:
-    """Return columns that share everything but the name."""
+    """Return a column for each name, all of one dtype and unit; arguments as in `Column`."""
     return [Column(name, dtype, unit, nullable, length) for name in names]
 
 
 def lists_to_array(column: pd.Series) -> np.ndarray:
-    """Stack a list column into one array, (rows, length)."""
+    """Stack a column of equally long lists into one array (rows, length); (0, 0) without rows."""
     return np.stack(list(column)) if len(column) else np.empty((0, 0))
 
 
 def lists_to_points(table: pd.DataFrame, name: str) -> np.ndarray:
-    """Stack the list columns <name>_x_px and <name>_y_px as points (rows, length, 2)."""
+    """Stack the list columns <name>_x_px, <name>_y_px into points (rows, length, 2), x, y in px."""
     return np.stack([lists_to_array(table[f"{name}_{axis}_px"]) for axis in "xy"], axis=-1)

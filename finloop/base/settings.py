@@ -41,7 +41,10 @@ CONF = Path(__file__).parents[2] / "conf"
 
 @cache
 def usual_options() -> dict[str, str]:
-    """Return the variant of every group that conf/config.yaml takes, in its order."""
+    """Return the default variant of every group of parameters, as conf/config.yaml names it.
+
+    The keys are group names in its order; the values name the files conf/<group>/<variant>.yaml.
+    """
     listed = _load(CONF / "config.yaml")["defaults"]
     return {
         word: option
@@ -108,7 +111,7 @@ RENAMED = {"nn": "network"}
 
 
 def settings(word: str, **values: Any) -> Any:
-    """The parameters of a stage word: its values in conf/, with `values` in place of some.
+    """Return a stage word's settings dataclass: conf/'s values, with `values` in place of some.
 
     `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.ExtractSettings`;
     `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.Carp`. Needs no Hydra.
@@ -127,7 +130,10 @@ def settings(word: str, **values: Any) -> Any:
 
 
 def variants(word: str) -> dict[str, type]:
-    """The dataclasses of a stage word, by the names of their files in conf/<word>/."""
+    """Return the dataclasses of a group of parameters, by variant: its file's name in conf/<word>/.
+
+    A group without variants has one, "default".
+    """
     declared = getattr(_declaration(word), f"{word.capitalize()}Settings")
     union = get_args(declared)
     if not union:
@@ -136,7 +142,7 @@ def variants(word: str) -> dict[str, type]:
 
 
 def settings_file(word: str) -> str:
-    """Return where the parameters of a group are declared, below `finloop/`.
+    """Return the file that declares the parameters of a group, as a path relative to `finloop/`.
 
     That is `<word>/settings.py`, or `<word>_settings.py` in another package.
     """
@@ -158,7 +164,7 @@ def _declaration(word: str) -> ModuleType:
 
 
 def values_of(word: str, option: str) -> dict[str, Any]:
-    """The values in conf/<word>/<option>.yaml; none where there is no such file."""
+    """Return the values in conf/<word>/<option>.yaml by name; empty where there is no such file."""
     path = CONF / word / f"{option}.yaml"
     values = _load(path) if path.is_file() else {}
     return {key: value for key, value in values.items() if key != "defaults"}
@@ -167,7 +173,11 @@ def values_of(word: str, option: str) -> dict[str, Any]:
 def check(
     word: str, options: Mapping[str, type], values: Any
 ) -> tuple[Any, list[str]] | tuple[None, list[str]]:
-    """One group's values as its dataclass, or None and every problem by its dotted name."""
+    """Check a group's values; return its dataclass and no problems, or None and every problem.
+
+    word: the group. options: its dataclasses by variant, see `variants`. values: by parameter name.
+    A problem is a sentence that begins with the parameter's dotted name.
+    """
     if not isinstance(values, Mapping):
         return None, [f"{word}: should be a group of parameters, got {values!r}"]
     values = {key: value for key, value in values.items() if value != "???"}  # not given (Hydra)

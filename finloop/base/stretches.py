@@ -8,15 +8,16 @@ from numpy.typing import NDArray
 
 
 def spread(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Return at most `most` of the rows (n,), spread evenly over them."""
+    """Return at most `most` of the rows (n,), spread evenly over them, in their order."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
-    """Return a random sample of whole tracks, as slices of rows, until it has `most` rows.
+    """Return a random sample of whole tracks, as slices of rows in ascending order.
 
-    track_ids (rows,): the track of every row, in order. A track longer than `longest` is first cut
-    into stretches of equal length, so that all of a long film can be sampled.
+    track_ids (rows,): the track of every row, in order. Tracks are drawn until they have `most`
+    rows or more. A track longer than `longest` rows is first cut into stretches of equal length. So
+    all of a long film can be sampled. seed: of the random draw.
     """
     edges = np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))
     every = []

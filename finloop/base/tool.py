@@ -10,8 +10,9 @@ from finloop.base.errors import FinloopError
 
 
 def run_tool(output: Path, work: Callable[[], str]) -> int:
-    """Run the work that writes `output`, print its summary, and return the exit status, 0 or 1.
+    """Run a tool's work, print its summary or its error, and return the exit status, 0 or 1.
 
+    output: the file that the work writes, for messages. work: does it and returns a summary.
     FinloopError and OSError go to stderr.
     """
     try:
@@ -27,14 +28,17 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
 
 
 def in_frames(counts: Mapping[str, int], frames: int) -> str:
-    """Format counts of frames by id, such as "eye in 3 of 20 frames"."""
+    """Format counts of frames by id as text, such as "eye in 3, tail in 1 of 20 frames"."""
     return (
         ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"
     )
 
 
 def frame_rate(text: str) -> Fraction:
-    """Parse a command-line argument as frames per second, above 0."""
+    """Parse a command-line argument as frames per second, an exact fraction above 0.
+
+    ArgumentTypeError if it is none.
+    """
     try:
         rate = Fraction(text)
     except (ValueError, ZeroDivisionError) as error:

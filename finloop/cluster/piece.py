@@ -31,10 +31,10 @@ _PACKAGES = (
 
 @dataclass(frozen=True)
 class Home:
-    """The folder and the code of a worker: two equal ones give the same bytes.
+    """What a worker must share with the submitting process, so that results are the same bytes.
 
-    folder: absolute, of the stage, shared by all; start: the command that starts a worker there;
-    facts: about code, packages and thread counts, by name.
+    folder: the stage's working folder, absolute, shared by all workers. start: the command that
+    starts a worker there. facts: about code, packages, processor and thread counts, by name.
     """
 
     folder: str
@@ -43,11 +43,15 @@ class Home:
 
     @classmethod
     def from_process(cls, folder: Path, start: str, variables: Iterable[str]) -> "Home":
-        """Return the home of this process."""
+        """Return the home of this process.
+
+        folder: its working folder. start: the command that starts a worker. variables: names of the
+        environment variables that workers must share.
+        """
         return cls(str(folder.absolute()), start, _facts(tuple(variables)))
 
     def refuse_other(self) -> None:
-        """Raise FinloopError if the facts of this process differ."""
+        """Raise FinloopError that lists the facts by which this process differs from the home's."""
         own = _facts(tuple(name for name in self.facts if name.isupper()))
         differences = [
             f"{name}: {own.get(name)} there, {value} here"
@@ -95,7 +99,7 @@ def _version(package: str) -> str:
 
 
 class Call:
-    """A call that is made where it is unpickled."""
+    """A function and its arguments; to unpickle it is to call it: the result comes out."""
 
     def __init__(self, what: Callable[..., Any], *arguments: Any) -> None:
         self._call = what, arguments
@@ -105,16 +109,21 @@ class Call:
 
 
 def piece(home: Home, work: str, item: bytes) -> bytes:
-    """Return the pickled result of one pickled item.
+    """Apply the shared function to one pickled item on a worker; return the pickled result.
 
-    work: file in the shared folder that holds the pickled function. FinloopError if this worker
-    differs, or does not see the file.
+    home: of the submitting process. work: path of the file that holds the pickled function.
+    FinloopError if this worker differs from `home`, or does not see the file.
     """
     return pickle.dumps(ready(home, work)(pickle.loads(item)))
 
 
 def ready(home: Home, work: str) -> Callable[[Any], Any]:
-    """Load the function to apply; first check this process against the submitting one."""
+    """Check that this worker equals the submitting process, then load the function to apply.
+
+    home: of the submitting process; its folder becomes this worker's working folder. work: path of
+    the file that holds the pickled function. FinloopError if this worker differs or does not see
+    the file.
+    """
     home.refuse_other()
     try:
         os.chdir(home.folder)

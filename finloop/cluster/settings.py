@@ -10,7 +10,10 @@ Address = Annotated[str, Field(pattern=r"^(tcp|tls)://\S+:\d+$")]
 
 @dataclass(frozen=True)
 class Default:
-    """Processes of this machine, or the workers of a scheduler that runs already."""
+    """Processes of this machine, or the workers of a running Dask scheduler.
+
+    scheduler_address: of that scheduler, such as tcp://host:8786; None = processes of this machine.
+    """
 
     source: Literal["default"]
     scheduler_address: Address | None
@@ -20,7 +23,7 @@ class Default:
 
 @dataclass(frozen=True)
 class Local:
-    """Dask's own workers on this machine, as many as there are threads."""
+    """A Dask cluster on this machine, started for the stage: a worker per thread of the machine."""
 
     source: Literal["local"]
 

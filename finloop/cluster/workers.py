@@ -40,10 +40,12 @@ _FOLDER = "data"  # below the stage's folder: where the work lies for the worker
 def dask_workers(
     p: ClusterSettings, home: Home, processes: int, need: Sequence[str] = ()
 ) -> Iterator["DaskWorkers"]:
-    """Yield the workers of the cluster that the parameters name; a local one has `processes`.
+    """Connect to a Dask cluster and yield its workers for a block.
 
-    need: modules that they import at once. FinloopError if Dask is not installed, no scheduler or
-    worker answers, or a worker has another folder or other code.
+    p: a running scheduler's address, or `Local`: a cluster started here with `processes` workers.
+    home: what the workers must share with this process. need: names of modules that workers import
+    at once. FinloopError if Dask is not installed, no scheduler or worker answers, or a worker has
+    another folder or other code.
     """
     distributed = _import_distributed()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # our own messages suffice
@@ -79,7 +81,10 @@ def dask_workers(
 
 @dataclass(frozen=True)
 class DaskWorkers:
-    """Workers of one thread each that a client of Dask reaches."""
+    """The workers of a Dask cluster, processes of one thread each, as `base.parallel.Workers`.
+
+    home: what they must share with this process. address: the scheduler's, for messages.
+    """
 
     client: Client
     home: Home
@@ -88,7 +93,10 @@ class DaskWorkers:
 
     @property
     def count(self) -> int:
-        """Return their present number, 1 if there is none; FinloopError if one does not fit."""
+        """Return the present number of workers, at least 1.
+
+        FinloopError if a worker has more than one thread, or no scheduler answers.
+        """
         threads = self.threads()
         if several := [worker for worker, number in threads.items() if number != 1]:
             raise FinloopError(
@@ -99,7 +107,7 @@ class DaskWorkers:
         return max(1, len(threads))
 
     def threads(self) -> dict[str, int]:
-        """Return each worker's threads by address; FinloopError if no scheduler answers."""
+        """Return each worker's threads by its address; FinloopError if no scheduler answers."""
         try:
             return dict(self.client.nthreads())
         except (OSError, CancelledError) as error:
@@ -107,12 +115,12 @@ class DaskWorkers:
 
     @property
     def dashboard(self) -> str:
-        """Return the address of Dask's dashboard; empty if there is none."""
+        """Return the web address of Dask's dashboard; "" if there is none."""
         return self.client.dashboard_link or ""
 
     @contextmanager
     def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Task"]]:
-        """Share `work` with the workers and yield a function that submits one item to it."""
+        """Share `work` with the workers; yield a function that submits one item to it."""
         name, number = uuid4().hex, count()
         with self._share_work(work) as path:
 
@@ -131,9 +139,9 @@ class DaskWorkers:
             yield submit
 
     def check(self, need: Sequence[str] = ()) -> None:
-        """Let every worker check its folder and code, and import the modules it needs.
+        """Let every worker check its folder and code against this process, and import some modules.
 
-        FinloopError names all workers that differ.
+        need: names of the modules. FinloopError names all workers that differ.
         """
         with self._share_work(_do_nothing) as path:
             call = pickle.dumps(Call(partial(_fit, need), self.home, path))
@@ -153,7 +161,10 @@ class DaskWorkers:
             yield str(path)
 
     def refusal(self, error: Exception) -> FinloopError:
-        """Return the error of a worker that failed to start: a message, or the exception."""
+        """Convert the exception of a worker that cannot work to a FinloopError for the user.
+
+        An exception other than FinloopError, ImportError and AttributeError is raised again.
+        """
         if isinstance(error, FinloopError):
             return error
         if isinstance(error, ImportError | AttributeError):
@@ -165,7 +176,7 @@ class DaskWorkers:
         raise error
 
     def gone(self) -> FinloopError:
-        """Return the error where the scheduler has stopped answering."""
+        """Return the error for a scheduler that has stopped answering."""
         return FinloopError(
             f"the scheduler at {self.address} has stopped answering",
             "a scheduler that runs until the stage has ended",
@@ -173,7 +184,7 @@ class DaskWorkers:
         )
 
     def no_worker_error(self) -> FinloopError:
-        """Return the error where no worker is left."""
+        """Return the error for a scheduler that has had no worker for two minutes."""
         return FinloopError(
             f"the scheduler at {self.address} has had no worker for {_BACK_S:.0f} s",
             "at least one worker",

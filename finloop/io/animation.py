@@ -30,10 +30,11 @@ LARGEST_PX = 2048
 
 
 def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 512) -> None:
-    """Write a morph in the format of the ending; `size` [px] is the longer side of films.
+    """Write a morph as SVG, Lottie JSON, plain JSON, WebP or MP4: the ending of `path` says which.
 
-    FinloopError if the ending is not one of `ENDINGS`, the frame rate is not SLOWEST … FASTEST, or
-    the size is not 16 … LARGEST_PX.
+    frame_rate: frames per second. size: the longer side [px] of WebP and MP4. FinloopError if the
+    ending is not one of `ENDINGS`, the frame rate is not SLOWEST … FASTEST, or the size is not 16 …
+    LARGEST_PX.
     """
     write = writer(path)
     if not SLOWEST <= frame_rate <= FASTEST:
@@ -48,7 +49,10 @@ def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 5
 
 
 def writer(path: Path) -> "Writer":
-    """Return the function that writes files with this ending; FinloopError if there is none."""
+    """Return the function that writes a morph in the format of the ending of `path`.
+
+    FinloopError if no format has this ending.
+    """
     name = path.name.lower()
     for ending, write in ENDINGS.items():
         if name.endswith(ending) and name != ending:
@@ -61,7 +65,10 @@ def writer(path: Path) -> "Writer":
 
 
 def plain(morph: Morph) -> dict[str, Any]:
-    """Convert to `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`."""
+    """Convert a morph to plain values: `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`.
+
+    tau: 0 = the first drawing, 1 = the second. x, y: in units of the first drawing.
+    """
     layers = {name: frames.tolist() for name, frames in morph.layers.items()}
     return {
         "frames": [

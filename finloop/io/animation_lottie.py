@@ -15,7 +15,7 @@ Json = dict[str, Any]
 
 
 def to_lottie(morph: Morph, frame_rate: Fraction) -> Json:
-    """Convert a morph to Lottie, as a dictionary for `json.dumps`."""
+    """Convert a morph to Lottie, a dictionary for `json.dumps`; frame_rate: frames per second."""
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
     return {
         "v": "5.7.0", "fr": float(frame_rate), "ip": 0, "op": len(morph.tau),

@@ -11,10 +11,10 @@ from finloop.base.paint import Paint, Shape, shapes
 
 
 def to_svg(morph: Morph, frame_rate: Fraction) -> str:
-    """Return the text of an SVG file: a path for every shape, its frames as values of `d`.
+    """Return the text of an SVG that plays a morph for ever: an animated path for every shape.
 
-    Points are whole numbers on the morph's grid, each after the first relative to the previous one.
-    That is exact, and half as long as decimals.
+    frame_rate: frames per second. Points are whole numbers on the morph's grid, each after the
+    first relative to the previous one. That is exact, and half as long as decimals.
     """
     grid = 10.0**morph.decimals
     seconds = len(morph.tau) / frame_rate  # as films last

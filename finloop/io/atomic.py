@@ -68,7 +68,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def passing_file(path: Path) -> Iterator[Path]:
-    """Yield a hidden path beside `path` for a file that only the block needs."""
+    """Yield a hidden temporary path beside `path`; remove its file when the block ends."""
     part = path.with_name(f".{path.name}.{_process_tag()}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_leftovers(path.parent)
@@ -124,6 +124,6 @@ def _raise_when_full(error: BaseException, path: Path) -> None:
 
 
 def save_bytes(path: Path, content: bytes) -> None:
-    """Write a file, completely or not at all."""
+    """Write bytes to a file, completely or not at all; FinloopError if the disk is full."""
     with whole_file(path) as part:
         part.write_bytes(content)

@@ -46,9 +46,9 @@ Keys = NDArray[np.integer[Any]]
 
 
 class CutoutWriter:
-    """Write cut-outs one after the other; the file appears at `path` when the block succeeds.
+    """A new store of cut-outs; the file appears at `path` when the `with` block succeeds.
 
-    sprites: whether they are sprites; the index then has their number and orientation.
+    sprites: whether they are sprites; the index then also has the columns sprite and orientation.
     """
 
     def __init__(self, path: Path, sprites: bool = False) -> None:
@@ -63,16 +63,17 @@ class CutoutWriter:
         return self
 
     def write(self, cutout: Cutout) -> None:
-        """Append one cut-out."""
+        """Append one cut-out as the next row of the store."""
         pixels = np.ascontiguousarray(cutout.pixels)
         packed = _CODEC.compress(pixels, asbytes=True)
         key = cutout[5:] if self._schema is _SPRITES else ()
         self._append((*cutout[:4], *pixels.shape, *key, packed))
 
     def copy(self, store: "CutoutStore", rows: NDArray[np.intp], keys: Keys | None = None) -> None:
-        """Append some rows of another store without unpacking them.
+        """Append some rows of another store without decompressing their pixels.
 
-        keys (rows, 2): their new track_id and frame; None keeps the old ones.
+        rows (k,): row numbers in that store. keys (k, 2): their new track_id and frame; None keeps
+        the old.
         """
         index = store.index.to_numpy()[rows]
         if keys is not None:
@@ -97,16 +98,17 @@ class CutoutWriter:
 
 
 def packed_size(cutout: Cutout) -> int:
-    """Return the bytes that a cut-out takes in a store."""
+    """Return the compressed size [bytes] of a cut-out's pixels in a store."""
     return len(_CODEC.compress(np.ascontiguousarray(cutout.pixels), asbytes=True))
 
 
 @dataclass(frozen=True)
 class CutoutStore:
-    """An open store. `index`: a row per cut-out in the file's order, its place and size.
+    """An open store of cut-outs; `store[row]` loads one.
 
-    The store of `extract` is in the order (track_id, frame): a cut-out's number is its row in the
-    table of tracks and in the feature table.
+    index: a row per cut-out in the file's order: track_id, frame, x0_px, y0_px, height_px,
+    width_px, channels. The store of `extract` is in the order (track_id, frame): a cut-out's number
+    is its row in the table of tracks and in the feature table.
     """
 
     index: pd.DataFrame
@@ -116,7 +118,7 @@ class CutoutStore:
         return len(self.index)
 
     def pixel_buffer(self, row: int) -> pa.Buffer:
-        """Return the compressed pixels of cut-out number `row`."""
+        """Return the compressed (zstd) pixels of cut-out number `row` of the index."""
         return self._pixels[row].as_buffer()
 
     def __getitem__(self, row: int) -> Cutout:
@@ -138,7 +140,7 @@ class CutoutStore:
 
 @contextmanager
 def open_cutouts(path: Path) -> Iterator[CutoutStore]:
-    """Open a store for random access.
+    """Open the store of cut-outs at `path` and yield it; it is closed at the end of the block.
 
     FinloopError if the file is missing, damaged, or no cut-out store.
     """

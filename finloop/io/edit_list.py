@@ -10,9 +10,10 @@ from finloop.io.table import load_table
 
 
 def load_edit(folder: Path, mode: str, stage: str, schema: Schema) -> pd.DataFrame:
-    """Load the edit list `folder`/`mode`.parquet; errors name the parameter `stage`.mode.
+    """Load the edit list `folder`/`mode`.parquet as a table with the columns of `schema`.
 
-    FinloopError if there is none, or it is damaged.
+    stage: for messages, which name the parameter `stage`.mode. FinloopError if the file is missing
+    or damaged.
     """
     path = folder / f"{mode}.parquet"
     if not path.exists():

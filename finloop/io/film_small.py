@@ -17,8 +17,9 @@ _WIDTHS = (960, 640, 426)
 
 
 def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
-    """Read an MP4, made smaller if it is too large; return its bytes and first frame (h, w, 3).
+    """Return an MP4 file's bytes, coded again with a smaller width if needed, and its first frame.
 
+    most_bytes: upper limit of the bytes. The first frame (h, w, 3), RGB uint8, has its full size.
     FinloopError if the film cannot be read, or is too long to become so small.
     """
     poster = next(iter(read_frames(path, colour=True)))

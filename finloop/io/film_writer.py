@@ -28,9 +28,10 @@ Write = Callable[[pd.DataFrame, Iterable[Cutout]], None]
 
 @contextmanager
 def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
-    """Write `folder`/tracks.parquet and cutouts.arrow: yield a function write(rows, cut-outs).
+    """Yield write(rows, cut-outs); at the end, sort both into tracks.parquet and cutouts.arrow.
 
-    The rows of a track must come in the order of their frames; tracks may come in any order.
+    folder: where both files go, in the order (track_id, frame). schema: of the table of tracks. The
+    rows of a track must come in the order of their frames; tracks may come in any order.
     """
     table, pictures = folder / "unsorted-tracks.arrow", folder / f"unsorted-{CUTOUTS_NAME}"
     tracks: list[NDArray[np.int32]] = []

@@ -23,7 +23,10 @@ _HEADER = b"finloop"  # the key of the header in the file's metadata
 
 
 class Journal:
-    """A new journal. header: a text kept with the table. FinloopError if the file exists."""
+    """A new journal file for the rows of a table; FinloopError if the file exists.
+
+    schema: of the table. header: a text kept with the table, such as the settings of a session.
+    """
 
     def __init__(self, path: Path, schema: Schema, header: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -40,7 +43,7 @@ class Journal:
         self._sync()
 
     def keep(self, parts: list[pa.RecordBatch]) -> None:
-        """Write some rows; return when they are on the disk."""
+        """Append record batches of rows; return when they are on the disk."""
         for part in parts:
             self._writer.write_batch(part)
         self._sync()
@@ -50,7 +53,7 @@ class Journal:
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """End the journal."""
+        """End the journal and close its file; do nothing if it is closed."""
         if not self._file.closed:
             self._writer.close()
             self._sync()
@@ -68,9 +71,10 @@ class Journal:
 
 @contextmanager
 def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatch]]]:
-    """Yield a journal's schema, and its parts up to its end or to where it was cut off.
+    """Open a journal; yield its Arrow schema, and an iterator of its record batches.
 
-    FinloopError if not even its beginning can be read.
+    The batches end where the journal ends or where it was cut off. FinloopError if not even its
+    beginning can be read.
     """
     with ExitStack() as stack:
         try:
@@ -96,7 +100,10 @@ def _parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
 
 
 def save_journal(journal: Path, path: Path, schema: Schema) -> int:
-    """Convert a journal to Parquet, completely or not at all; return its number of rows."""
+    """Convert a journal to a Parquet file, completely or not at all; return its number of rows.
+
+    journal: the file to read. path: the file to write. schema: of the table, for its compression.
+    """
     rows, coding = 0, parquet_coding(schema)
     with (
         read_journal(journal) as (arrow, parts),
@@ -110,6 +117,9 @@ def save_journal(journal: Path, path: Path, schema: Schema) -> int:
 
 
 def header_of(metadata: Mapping[bytes, bytes] | None) -> str | None:
-    """Return the header in the metadata of a journal, or of a Parquet file made from it."""
+    """Return the header text of a journal or a Parquet file made from it; None if it has none.
+
+    metadata: of the file's Arrow schema.
+    """
     text = (metadata or {}).get(_HEADER)
     return None if text is None else text.decode()

@@ -19,11 +19,11 @@ _WANTED = (
 
 
 def load_line(path: Path, unit: str) -> Line:
-    """Load the path in a file; `unit` holds where its columns do not name their unit.
+    """Load the path that a fish follows from a file: .csv, .parquet or .svg.
 
-    An SVG's path is in px of its viewport, or in shares of the viewport if the unit is TANK.
-    FinloopError if the file cannot be read, lacks a column, is an SVG of several paths or none, or
-    is no path.
+    unit: PX, TANK or MM, of columns x and y; columns such as x_mm name their own. An SVG's path is
+    in px of its viewport, or in shares of the viewport if the unit is TANK. FinloopError if the
+    file cannot be read, lacks a column, is an SVG of several paths or none, or holds no path.
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":

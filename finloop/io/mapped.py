@@ -15,16 +15,17 @@ from finloop.io.atomic import whole_file
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:
-    """Write an array, completely or not at all."""
+    """Write an array as .npy, completely or not at all; FinloopError if the disk is full."""
     with whole_file(path) as part:
         np.save(part, array, allow_pickle=False)
 
 
 def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """Create a mapped array to be filled, in a file that appears at once; for `whole_folder`.
+    """Create an .npy file of zeros and return its array, mapped into memory, to be filled.
 
-    kind: its dtype. OSError if the disk is full: the file takes all its space from the beginning,
-    because the system kills a process that writes to a mapped page without space.
+    The file appears at once, so use it inside `whole_folder`. kind: its dtype, such as "float32".
+    OSError if the disk is full: the file takes all its space from the beginning, because the system
+    kills a process that writes to a mapped page without space.
     """
     made = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
     if hasattr(os, "posix_fallocate"):
@@ -34,16 +35,16 @@ def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
 
 
 def keep_array(array: NDArray[Any]) -> None:
-    """Flush an array of `new_array` to its file, so that other processes can open it."""
+    """Flush an array that `new_array` returned to its file, so that other processes can open it."""
     assert isinstance(array.base, np.memmap)
     array.base.flush()
 
 
 def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[Any]:
-    """Open a mapped array of a file. Writing to it does not change the file.
+    """Open an .npy file as an array mapped into memory. Writing to it does not change the file.
 
-    shape: None for any length; kind: its dtype. FinloopError if the file is missing, damaged, or
-    holds another kind of array.
+    shape: the one expected, None for any length; kind: the dtype expected. FinloopError if the file
+    is missing, damaged, or has another shape or dtype.
     """
     again = "run the stage that makes it again: `dvc repro`"
     wanted = f"an array of {kind} of shape {shape}, None for any length"

@@ -40,14 +40,14 @@ _COLOURS = {
 
 
 class Movie(ABC):
-    """A file with one stream of frames of one shape; it appears at `path` when it is complete.
+    """A film file written frame by frame; it appears at `path` when the `with` block succeeds.
 
     A thread codes frames while the caller makes the next ones. A later `write`, or the end of the
     block, raises its errors. At the end of the block, FinloopError if the disk was full; then no
     file is left.
 
-    path: where the file goes. shape: of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA,
-    as the kind of film takes. frame_rate: frames per second. quality: on the coder's scale.
+    shape: of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA; the subclass says which.
+    frame_rate: frames per second. quality: a number on the scale that the subclass names.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Movie(ABC):
         """Convert a frame to the stream's pixel format."""
 
     def write(self, frame: Picture) -> None:
-        """Append one frame, uint8 of the film's shape."""
+        """Append one frame, uint8, of the film's shape; ValueError for another one."""
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
         self._wait(_WAITING)
@@ -111,7 +111,7 @@ class Movie(ABC):
         self.frames += 1
 
     def bytes_per_frame(self) -> float:
-        """Return the mean size of a coded frame; waits until every frame is coded."""
+        """Return the mean coded size of a frame [bytes]; wait until all are coded."""
         self._wait(1)
         return self._bytes / self.frames
 
@@ -163,7 +163,7 @@ def _subsample_chroma(
 
 
 class VideoWriter(Movie):
-    """The normalised clip: H.264 of constant frame rate that gives the pixels back.
+    """Writer of the normalised clip: H.264 of constant frame rate, whose pixels can be read back.
 
     Mono film is coded as 4:0:0, so the decoded Y plane *is* the picture: at `crf` 0 the grey levels
     come back bit for bit. Colour film is coded in full-range BT.601, 4:2:0 if both sides are even
@@ -189,7 +189,7 @@ class VideoWriter(Movie):
 
     @classmethod
     def from_facts(cls, path: Path, facts: VideoFacts) -> Self:
-        """Create the writer of a clip whose size, rate, colour and quality are known."""
+        """Create the writer of a clip from its facts: size, frame rate, colour and quality."""
         size = facts.width_px, facts.height_px
         return cls(path, *size, facts.frame_rate, facts.colour, facts.crf)
 
@@ -221,10 +221,10 @@ class VideoWriter(Movie):
 
 
 class Mp4Writer(Movie):
-    """H.264 in MP4 that every browser plays: 4:2:0, limited range, BT.709, index in front.
+    """Writer of H.264 in MP4 for every browser: 4:2:0, limited range, BT.709, index in front.
 
-    4:2:0 needs even sides: a last odd row or column is repeated once, so nothing is lost. Quality
-    of libx264: 0 = best, 51 = worst.
+    Frames are (h, w, 3) RGB. 4:2:0 needs even sides: a last odd row or column is repeated once, so
+    nothing is lost. Quality of libx264: 0 = best, 51 = worst.
     """
 
     def __enter__(self) -> Self:
@@ -238,10 +238,10 @@ class Mp4Writer(Movie):
 
 
 class WebpWriter(Movie):
-    """An animated WebP, scaled down, that repeats for ever; frames begin at whole milliseconds.
+    """Writer of an animated WebP that repeats for ever; frames begin at whole milliseconds.
 
-    `width`, px, of the picture in the file is at most the frames'; width and height become even.
-    Quality, lossy: 0 = worst, 100 = best.
+    Frames are (h, w, 3) RGB. width [px]: of the picture in the file, at most that of the frames;
+    width and height become even. Quality, lossy: 0 = worst, 100 = best.
     """
 
     def __init__(

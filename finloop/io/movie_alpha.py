@@ -16,10 +16,10 @@ from finloop.io.movie import Movie
 
 
 class WebmWriter(Movie):
-    """VP9 with a second, equally coded picture for alpha: what browsers and editors overlay.
+    """Writer of a transparent WebM, which browsers and editors overlay: VP9 with alpha.
 
-    4:2:0 needs even sides: an odd side gets one more transparent row or column. Quality of libvpx:
-    0 = best, 63 = worst.
+    Frames are (h, w, 4) RGBA. 4:2:0 needs even sides: an odd side gets one more transparent row or
+    column. Quality of libvpx: 0 = best, 63 = worst.
     """
 
     def __enter__(self) -> Self:
@@ -53,9 +53,10 @@ class WebmWriter(Movie):
 
 
 class AlphaWebpWriter(Movie):
-    """An animated WebP with alpha that repeats for ever; alpha is kept without loss.
+    """Writer of a transparent animated WebP that repeats for ever; alpha is kept without loss.
 
-    Frames begin at whole milliseconds. Quality of the colours: 0 = worst, 100 = best.
+    Frames are (h, w, 4) RGBA and begin at whole milliseconds. Quality of the colours: 0 = worst,
+    100 = best.
     """
 
     def __enter__(self) -> Self:

@@ -10,20 +10,20 @@ NUMBERS_NAME = "numbers.csv"
 
 
 def save_numbers(folder: Path, numbers: Mapping[str, float | int]) -> None:
-    """Write the numbers of a stage into its folder of reports."""
+    """Write a stage's numbers by name to `folder`/numbers.csv, sorted by name."""
     with whole_file(folder / NUMBERS_NAME) as part:
         lines = ["number,value", *(f"{name},{value!r}" for name, value in sorted(numbers.items()))]
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def load_numbers(folder: Path) -> dict[str, float]:
-    """Return the numbers of a stage by name; none where the stage has not run."""
+    """Return a stage's numbers by name from `folder`/numbers.csv; empty if there is no file."""
     path = folder / NUMBERS_NAME
     return parse_numbers(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 
 def parse_numbers(text: str) -> dict[str, float]:
-    """Return numbers by name from the text of a file; whole ones stay whole."""
+    """Return the numbers by name in the text of a numbers.csv; whole numbers become int."""
     rows = csv.DictReader(text.splitlines())
     return {row["number"]: _number(row["value"]) for row in rows}
 

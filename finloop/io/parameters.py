@@ -11,7 +11,7 @@ from finloop.base.settings import check, variants
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
-    """Read params.yaml: values by stage word; FinloopError if it cannot be read."""
+    """Read params.yaml as parameters by stage word; FinloopError if it cannot be read."""
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -26,9 +26,10 @@ def read_parameters(path: Path) -> dict[str, Any]:
 
 
 def parameters(word: str, values: Mapping[str, Any]) -> Any:
-    """Convert the parameters of a stage word to its settings dataclass.
+    """Check one stage word's parameters and return them as its settings dataclass.
 
-    FinloopError lists all parameters that are refused, by dotted name.
+    word: such as "extract". values: those of params.yaml, by stage word. FinloopError lists all
+    parameters that are refused, by dotted name.
     """
     group, problems = check(word, variants(word), values.get(word, {}))
     if problems:
@@ -37,7 +38,7 @@ def parameters(word: str, values: Mapping[str, Any]) -> Any:
 
 
 def refusal(problems: list[str]) -> FinloopError:
-    """Return one error about all refused parameters."""
+    """Return one error that lists all refused parameters; problems: a sentence on each."""
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
     return FinloopError(
         f"{count} refused:\n    " + "\n    ".join(problems),

@@ -15,7 +15,10 @@ if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
 
 
 def save_picture(path: Path, picture: Picture) -> None:
-    """Write (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA uint8 in the format of the ending."""
+    """Write a uint8 picture in the format of the ending of `path`, completely or not at all.
+
+    picture: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA.
+    """
     if picture.ndim == 3:
         code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         picture = cv2.cvtColor(picture, code)
@@ -39,7 +42,10 @@ def load_picture(path: Path) -> Picture:
 
 
 def save_figure(path: Path, figure: "Figure") -> None:
-    """Write a figure; the same figure gives the same bytes."""
+    """Write a matplotlib figure in the format of the ending of `path`, at 110 dots per inch.
+
+    The same figure gives the same bytes. Ticks of hidden axes are removed from the figure.
+    """
     for axes in figure.axes:
         if not axes.axison:  # hidden ticks would still be laid out, in half of the time
             axes.set(xticks=[], yticks=[])

@@ -24,14 +24,15 @@ _SIZE = 8  # bytes of the size in front of a piece
 
 @dataclass(frozen=True)
 class Pieces:
-    """The stored pieces of one run; can be sent to another process."""
+    """The stored pieces of one run, a file each in `folder`; it can be sent to another process."""
 
     folder: Path
 
     def load_or_make(self, name: str, make: Callable[[], T]) -> T:
-        """Load the piece with a name, or store and return the result of `make()`.
+        """Return the piece with a name from its file, or else make it, store it and return it.
 
-        FinloopError if the disk is full.
+        make: computes the piece; it is called where the file is missing or damaged. FinloopError if
+        the disk is full.
         """
         path = self.folder / name
         try:
@@ -42,30 +43,30 @@ class Pieces:
         return piece
 
     def size(self) -> int:
-        """Return the bytes of all stored pieces."""
+        """Return the size [bytes] of all stored pieces together."""
         return sum(path.stat().st_size for path in self.folder.glob("*"))
 
     def remove(self) -> None:
-        """Remove all stored pieces."""
+        """Remove all stored pieces and their folder."""
         shutil.rmtree(self.folder, ignore_errors=True)
         with suppress(OSError):  # another run has pieces there
             self.folder.parent.rmdir()
 
 
 def pack_piece(piece: object) -> bytes:
-    """Compress a result to bytes, its size in front."""
+    """Pickle and compress a result to the bytes of a piece: its plain size first, then zstd."""
     plain = pickle.dumps(piece, pickle.HIGHEST_PROTOCOL)
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
 def unpack_piece(content: bytes) -> Any:
-    """Restore a result; ValueError or an error of pickle if it is damaged."""
+    """Restore a result from the bytes of a piece; ValueError or an error of pickle if damaged."""
     size = int.from_bytes(content[:_SIZE])
     return pickle.loads(_CODEC.decompress(content[_SIZE:], size))
 
 
 def keep_only(folder: Path, names: Iterable[str]) -> None:
-    """Remove all pieces in a folder but `names`, and the folder if it is empty."""
+    """Remove what lies in `folder` except `names`, and `folder` itself if it is then empty."""
     names = set(names)
     for path in folder.glob("*"):
         if path.name not in names:

@@ -14,7 +14,10 @@ MOST_BYTES = 100_000_000
 
 
 def save_json(path: Path, content: Any, indent: int = 2) -> None:
-    """Write dictionaries, lists, numbers and text, completely or not at all."""
+    """Write plain values (dictionaries, lists, numbers, text) as JSON, completely or not at all.
+
+    indent: spaces per level.
+    """
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
     save_bytes(path, f"{text}\n".encode())
 
@@ -22,10 +25,11 @@ def save_json(path: Path, content: Any, indent: int = 2) -> None:
 def load_json(
     path: Path, build: Callable[[Any], T], wanted: str, do: str, most_bytes: int = MOST_BYTES
 ) -> T:
-    """Return `build(content)` of a JSON file.
+    """Read a JSON file and return `build(content)`.
 
-    FinloopError if the file is missing, larger than `most_bytes`, no JSON, or `build` refuses its
-    content by ValueError, TypeError, KeyError or AttributeError.
+    wanted, do: those lines of the error's message. FinloopError if the file is missing, larger than
+    `most_bytes`, no JSON, or `build` refuses its content by ValueError, TypeError, KeyError or
+    AttributeError.
     """
     try:
         if path.stat().st_size > most_bytes:
@@ -41,7 +45,10 @@ def save_record(path: Path, record: Any) -> None:
 
 
 def load_record(path: Path, kind: Callable[..., T], stage: str) -> T:
-    """Return `kind(**content)` of a JSON object that a stage wrote; errors as in `load_json`."""
+    """Read a JSON object that a stage wrote and return `kind(**content)`, such as a dataclass.
+
+    stage: its name, for messages. FinloopError if the file is missing or `kind` refuses it.
+    """
     return load_json(path, lambda content: kind(**content), *remake_hint(stage))
 
 
@@ -51,13 +58,16 @@ def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
 
 
 def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
-    """Return `kind(**content)` of each object in a JSON list; errors as in `load_json`."""
+    """Read a JSON list of objects that a stage wrote and return `kind(**object)` of each.
+
+    stage: its name, for messages. FinloopError if the file is missing or `kind` refuses an object.
+    """
     return load_json(
         path, lambda content: [kind(**record) for record in content], *remake_hint(stage)
     )
 
 
 def remake_hint(stage: str) -> tuple[str, str]:
-    """Return `wanted` and `do` of the error for a file that differs from what a stage writes."""
+    """Return the texts `wanted` and `do` of the error about a damaged file of a stage."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

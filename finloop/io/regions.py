@@ -28,14 +28,21 @@ _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each 
 
 
 class Regions(NamedTuple, Generic[T]):
-    """By frame: the value of each id's region, or None; and the number of the first frame."""
+    """Regions of limbs in consecutive frames; first: the number in the first frame's file name.
+
+    frames: for each frame, a value for each limb's id, such as its contour; None where it is
+    hidden.
+    """
 
     frames: list[dict[str, T | None]]
     first: int
 
 
 def save_masks(folder: Path, frames: Iterable[Mapping[str, Mask]]) -> None:
-    """Write masks (h, w) by id, frame after frame."""
+    """Write masks as `folder`/<id>/<frame>.png, frames numbered from 0; the folder is replaced.
+
+    frames: for each frame, a boolean mask (h, w) for each limb's id.
+    """
     with whole_folder(folder) as part:
         for k, frame in enumerate(frames):
             for name, mask in frame.items():
@@ -49,7 +56,7 @@ def load_regions(
     of_mask: Callable[[Mask], T],
     of_trace: Callable[[Curve, float, float], T],
 ) -> Regions[T]:
-    """Load regions from masks or traces.
+    """Load each limb's region in each frame from masks or traces, converted to values.
 
     FinloopError if there is no folder or nothing in it, masks and traces are mixed, a file's name
     has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.

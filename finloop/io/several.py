@@ -25,9 +25,10 @@ Frames = NDArray[np.intp]
 
 
 class FilmPart(NamedTuple):
-    """One of several films: its folder's name, its path, and its frames in the common count.
+    """One of several films that a clip joins; path: of its file, name: of its folder below films/.
 
-    error: why it is left out; "" if it is used.
+    start, stop: its frames in the count that runs on from film to film, `stop` excluded. error: why
+    it is left out; "" if it is used.
     """
 
     name: str
@@ -38,28 +39,33 @@ class FilmPart(NamedTuple):
 
 
 def parts_of(clip: Path) -> list[FilmPart]:
-    """Return the readable films of a clip's folder; none if it holds a single film."""
+    """Return the readable films that a clip joins; an empty list if it holds a single film.
+
+    clip: the folder of the clip.
+    """
     return [part for part in all_parts(clip) if not part.error]
 
 
 def all_parts(clip: Path) -> list[FilmPart]:
-    """Return all films of a clip's folder, including those that could not be read."""
+    """Return all films that a clip joins, also those that could not be read; see `parts_of`."""
     return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
 
 
 def folders(clip: Path) -> list[tuple[str, Path]]:
-    """Return each film's name and its folder in the folders of the clip and of the tracks.
+    """Return each readable film's name and relative folder, below that of the clip or the tracks.
 
-    A single film has the name "", and lies in those folders themselves.
+    clip: the folder of the clip. A single film has the name "" and the path ".": it lies in those
+    folders themselves.
     """
     return [(part.name, Path(FILMS) / part.name) for part in parts_of(clip)] or [("", Path())]
 
 
 def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
-    """Write the facts, the arena and the list of several films beside their folders.
+    """Write facts.json, arena.png and films.json of several films as one clip; return its facts.
 
-    The common rate is the lowest, so no frame is shown twice; a faster film is thinned. The count
-    of frames continues from film to film. FinloopError if no film could be read.
+    clip: the folder that holds films/<name>/. parts: all films. The common rate is the lowest, so
+    no frame is shown twice; a faster film is thinned. The count of frames continues from film to
+    film. FinloopError if no film could be read.
     """
     facts = {
         part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -98,7 +104,10 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
 
 
 def frames_at(frames: int, rate: Fraction, common: Fraction) -> Frames:
-    """Return the film's frames (ticks,) shown at the ticks of the common rate, ascending."""
+    """Return which of a film's frames each tick of a lower, common rate shows: (ticks,).
+
+    frames: their number. rate, common: of the film and of the ticks, per second.
+    """
     step = float(rate / common)
     if abs(step - 1) <= _SAME_RATE:
         return np.arange(frames)

@@ -9,7 +9,10 @@ from finloop.base.errors import FinloopError
 
 
 def refuse_small(folder: Path, size: float, what: str, do: str) -> None:
-    """Raise FinloopError if a folder's disk has less than `size` bytes free for `what`."""
+    """Raise FinloopError if a folder's disk has less than `size` bytes free.
+
+    what, do: for the message: what needs the space, and what the user can do instead of freeing it.
+    """
     above = (folder.absolute(), *folder.absolute().parents)
     home = next(path for path in above if path.exists() and path.suffix != ".part")
     free = shutil.disk_usage(home).free

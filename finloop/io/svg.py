@@ -32,7 +32,7 @@ _GRADIENT = "#808080"  # stands for gradients and patterns
 
 
 def load_svg(path: Path) -> Drawing:
-    """Load the contours of an SVG file in px of its viewport, by id, in drawing order.
+    """Load the contours of an SVG file as polylines by id, in drawing order, in px of its viewport.
 
     A contour without an id takes that of the nearest group or `use` around it, else "contour"; if
     several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is

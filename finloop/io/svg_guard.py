@@ -32,10 +32,11 @@ _NO_CONTOURS = {
 
 
 def load_tree(path: Path) -> ElementTree.Element:
-    """Load the `svg` element of a file, reduced to contours; a `symbol` becomes a `g` in `defs`.
+    """Load an SVG file's root element; remove what is no contour, such as text and pictures.
 
-    FinloopError if the file is missing, huge, no SVG, declares entities, points to another file for
-    a shape, or would draw more than MOST_DRAWN.
+    A `symbol` becomes a `g` (with a viewBox: an `svg`) in `defs`. FinloopError if the file is
+    missing, huge, no SVG, declares entities, points to another file for a shape, or would draw more
+    than MOST_DRAWN.
     """
     try:
         with path.open("rb") as file:
@@ -123,7 +124,10 @@ def _tidy(root: ElementTree.Element) -> None:
 
 
 def target(path: Path, element: ElementTree.Element) -> str | None:
-    """Return the id that a `use` shows; None for another element or an empty `use`."""
+    """Return the id of the shape that a `use` shows; None for another element or an empty `use`.
+
+    path: of the SVG, for messages. FinloopError if the shape is in another file.
+    """
     if _tag(element) != "use":
         return None
     for name in _HREFS:

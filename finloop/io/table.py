@@ -30,7 +30,7 @@ def _arrow_type(column: Column) -> pa.DataType:
 
 
 def arrow_schema(schema: Schema) -> pa.Schema:
-    """Convert a schema to Arrow, with units in the fields' metadata."""
+    """Convert a table's schema to an Arrow schema; each field's metadata holds its unit."""
     return pa.schema(
         [
             pa.field(column.name, _arrow_type(column), column.nullable, {"unit": column.unit})
@@ -40,7 +40,7 @@ def arrow_schema(schema: Schema) -> pa.Schema:
 
 
 def parquet_coding(schema: Schema) -> dict[str, Any]:
-    """Return the arguments of pyarrow's writers that code a table's columns.
+    """Return keyword arguments for pyarrow's Parquet writers: compression, coding of columns.
 
     Measured floats rarely repeat: a dictionary of them would take three quarters of the writing
     time. Splitting their bytes into streams halves their size.
@@ -68,7 +68,10 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
 
 
 def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
-    """Convert a whole frame to Arrow; FinloopError, which mentions `name`, lists all faults."""
+    """Convert a whole table to Arrow, checked against its schema as in `save_table`.
+
+    name: of the table, for messages. FinloopError lists all faults at once.
+    """
     problems = list(_names_off(list(frame.columns), schema))
     arrays = {}
     for column in schema.columns:
@@ -93,7 +96,10 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
 
 
 def as_loaded(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
-    """Return the table as `load_table` would read it after `save_table`; errors as there."""
+    """Return the table as it would come back from disk: converted and checked against its schema.
+
+    That is `load_table` after `save_table`, without a file. FinloopError lists all faults at once.
+    """
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
@@ -108,9 +114,10 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
 
 
 def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
-    """Read list columns of a table as arrays (rows, length), without an object for every row.
+    """Read list columns of a table, each as one array (rows, length), in the order of `names`.
 
-    FinloopError as in `load_table`, and if the lists of a column have several lengths.
+    This is faster than `load_table`, which makes an object of every row. FinloopError as in
+    `load_table`, and if the lists of a column have several lengths.
     """
     table, schema = _read_columns(path, schema, names)
     arrays, ragged = [], []
@@ -129,10 +136,10 @@ def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
 def read_lists(
     path: Path, schema: Schema, names: Sequence[str], rows: int
 ) -> Iterator[list[NDArray[Any]]]:
-    """Yield list columns of a table as arrays (k, length), at most `rows` rows at a time.
+    """Yield a table's list columns in blocks of `rows` rows: for each name an array (k, length).
 
     All lists of a column have the schema's length. Only the columns' names are checked.
-    FinloopError if the file is missing, unreadable, or has other columns.
+    FinloopError if the file is missing, unreadable, or lacks a column.
     """
     try:
         with pq.ParquetFile(path) as file:
@@ -178,10 +185,10 @@ def _read_columns(
 
 
 def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:
-    """Write a small table for people and for plots, rounded, completely or not at all.
+    """Write a small table as CSV for people and plots, rounded, completely or not at all.
 
-    No number has more than `decimals`. Only an `exact` table (mathematical constants, places in a
-    film) has more significant digits than all processors share.
+    decimals: at most so many in a number. exact: keep all other digits (mathematical constants,
+    places in a film); else floats also lose the digits that not all processors share.
     """
     frame = frame.round(decimals)
     if not exact:
@@ -263,7 +270,10 @@ def _schema_error(what: str, problems: list[str], do: str) -> FinloopError:
 
 
 def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int) -> None:
-    """Write a long table with its index, block after block, completely or not at all."""
+    """Write a long table with its index as CSV, block after block, completely or not at all.
+
+    blocks: tables of the same columns. decimals: of every float.
+    """
     with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         for number, block in enumerate(blocks):
             block.to_csv(
@@ -273,7 +283,7 @@ def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int
 
 @contextmanager
 def table_writer(path: Path, schema: Schema) -> Iterator[Callable[[pd.DataFrame], None]]:
-    """Yield a function that appends rows to a table too long to hold in memory.
+    """Yield a function that appends rows, a data frame, to a Parquet file too long for memory.
 
     The file appears at `path` when the block succeeds. FinloopError as in `save_table`.
     """

@@ -77,13 +77,13 @@ class VideoFacts:
 
 
 def save_facts(path: Path, facts: VideoFacts) -> None:
-    """Write `facts` as JSON, with `frame_rate_hz` as a plain number beside the exact fraction."""
+    """Write a clip's facts as JSON; add the frame rate as a plain number, `frame_rate_hz`."""
     fractions = {"frame_rate": str(facts.frame_rate), "pixel_aspect": str(facts.pixel_aspect)}
     save_json(path, asdict(facts) | fractions | {"frame_rate_hz": facts.frame_rate_hz})
 
 
 def load_facts(path: Path) -> VideoFacts:
-    """Read the facts that `save_facts` wrote; FinloopError as in `load_json`."""
+    """Read the facts of a clip that `save_facts` wrote; FinloopError if missing or damaged."""
     keys = ", ".join(field.name for field in fields(VideoFacts))
     do = "make the clip again: `dvc repro --force clip`"
     return load_json(path, _facts, f"the facts of a clip: JSON with {keys}", do)
@@ -132,7 +132,7 @@ def _number(frame: VideoFrame, step: Fraction) -> int:
 
 
 def luma(frame: VideoFrame) -> np.ndarray:
-    """Return the Y plane, (h, w) uint8, without the padding at the end of its rows.
+    """Return the grey levels of a decoded frame, its Y plane (h, w) uint8, without row padding.
 
     It is a read-only view of the decoder's memory: the decoder predicts later frames from it.
     """
@@ -162,7 +162,7 @@ def read_frames(
     stop: int | None = None,
     threads: int = THREADS,
 ) -> Iterator[np.ndarray]:
-    """Stream the frames `start` … `stop` - 1 of a normalised clip.
+    """Yield the frames `start` … `stop` − 1 of a normalised clip, grey or RGB, one after the other.
 
     FinloopError if the clip cannot be read; UndecodableError if a frame cannot, or it ends early.
 
@@ -194,14 +194,12 @@ def read_frames(
 def read_spread(
     path: Path, frames: Sequence[int], *, colour: bool = False, threads: int = THREADS
 ) -> Iterator[np.ndarray]:
-    """Read the frames with the numbers `frames` (ascending, repeats allowed), by seeking.
+    """Yield single frames of a normalised clip by number, (h, w) grey or (h, w, 3) RGB uint8.
 
-    Raises
-    ------
-    FinloopError
-        If the clip cannot be read; UndecodableError if a frame cannot, or it ends early.
-    ValueError
-        If `frames` does not ascend.
+    frames: their numbers, ascending, repeats allowed. colour: RGB instead of grey. threads: of the
+    decoder, which seeks where frames are far apart. FinloopError if the clip cannot be read;
+    UndecodableError if a frame cannot, or the clip ends early; ValueError if `frames` does not
+    ascend.
     """
     if any(b < a for a, b in pairwise(frames)):
         raise ValueError("frames must ascend")

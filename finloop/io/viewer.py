@@ -103,10 +103,11 @@ _PAGE = """<!doctype html>
 def save_viewer(
     path: Path, glb: bytes, title: str, alt: str, way: list[list[float]], rate_hz: float
 ) -> None:
-    """Write the page that shows the .glb, with a camera that can follow the fish.
+    """Write an HTML page that shows a 3-D scene (.glb), with a camera that can follow the fish.
 
-    way: the fish's place at every tick, in units of the .glb. FinloopError if the viewer is not
-    installed.
+    glb: the file's bytes. alt: a description of the scene for screen readers. way: the fish's place
+    x, y, z at every tick, in units of the .glb. rate_hz: ticks per second. FinloopError if the
+    viewer is not installed.
     """
     page = _PAGE.format(
         title=html.escape(title),

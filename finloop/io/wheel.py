@@ -29,9 +29,9 @@ _INSTEAD = "or use the drawn carp, which needs no network: dvc exp run -S clip=c
 
 
 def cache_folder() -> Path:
-    """Return the footage's folder: `$XDG_CACHE_HOME/finloop`, by default `~/.cache/finloop`.
+    """Return the folder for downloads: `$XDG_CACHE_HOME/finloop`, or else `~/.cache/finloop`.
 
-    FinloopError if there is no home directory either.
+    FinloopError if neither that variable nor a home directory is set.
     """
     variable = os.environ.get("XDG_CACHE_HOME", "")
     if Path(variable).is_absolute():
@@ -47,10 +47,10 @@ def cache_folder() -> Path:
 
 
 def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
-    """Return the paths of the clips "A", "B"; download those that are not complete in `folder`.
+    """Return the paths of zebrafish clips in `folder`; download those that it lacks.
 
-    FinloopError if the package cannot be downloaded, does not hold the known clips, or the folder
-    cannot be written. No partial file is left.
+    parts: which clips, "A", "B" or both. FinloopError if the package cannot be downloaded, does not
+    hold the known clips, or the folder cannot be written. No partial file is left.
     """
     paths = [folder / f"{PACKAGE.replace('==', '-')}-test_{part}.avi" for part in parts]
     if all(_is_known(path, part) for path, part in zip(paths, parts, strict=True)):

@@ -18,7 +18,10 @@ FULL_FROM_LIMITED = np.clip(np.rint((np.arange(256) - 16) * (255 / 219)), 0, 255
 
 @dataclass(frozen=True)
 class Turn:
-    """One of the eight orientations of a picture: (x′, y′) = (a x + c y, b x + d y)."""
+    """One of the eight orientations of a picture, by which it becomes upright.
+
+    A pixel goes from (x, y) to (a x + c y, b x + d y); each of a, b, c, d is −1, 0 or 1.
+    """
 
     a: int = 1
     b: int = 0
@@ -27,7 +30,7 @@ class Turn:
 
     @property
     def rotation_deg(self) -> int:
-        """Return the rotation anticlockwise, after the mirroring; 0, 90, 180 or 270."""
+        """Return the anticlockwise rotation, after the mirroring: 0, 90, 180 or 270 degrees."""
         return round(np.degrees(np.arctan2(self.c, self.d))) % 360
 
     @property
@@ -46,9 +49,10 @@ UPRIGHT = Turn()
 
 
 def turn_of(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
-    """Return the orientation nearest to a display matrix, and whether the matrix is exactly that.
+    """Return the orientation nearest to a film's display matrix, and whether it is exact.
 
-    The matrix has nine numbers, row by row; x′ = a x + c y, y′ = b x + d y.
+    matrix: nine numbers, row by row: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d
+    y.
     """
     a, b, _, c, d = (float(value) for value in matrix[:5])
     upright = abs(a) + abs(d) >= abs(b) + abs(c)
@@ -63,9 +67,9 @@ def _sign(value: float) -> int:
 
 
 def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
-    """Return the share of pixels whose colour differs clearly from their frame's own tint.
+    """Return the share (0 … 1) of pixels whose colour differs clearly from their frame's own tint.
 
-    `frames` are RGB. An even tint, as of an infrared camera, does not count as colour.
+    frames: (h, w, 3) RGB. An even tint, as of an infrared camera, does not count as colour.
     """
     parts = []
     for frame in frames:
@@ -76,7 +80,7 @@ def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
 
 
 def deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Return the levels of a film of more than 8 bits that become 0 and 255.
+    """Return the two grey levels that become 0 and 255 in a film of more than 8 bits.
 
     These are robust percentiles over all pixels of the sampled `frames`: cameras rarely fill their
     16 bits, and a few hot pixels must not decide.
@@ -87,6 +91,6 @@ def deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
 
 
 def stretch_levels(frame: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Map `low` … `high` to 0 … 255, rounded, and clip what lies outside."""
+    """Map a frame's levels `low` … `high` to 0 … 255, clip others; return the frame as uint8."""
     scaled = (frame.astype(np.float32) - low) * (255 / (high - low))
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)

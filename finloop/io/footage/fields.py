@@ -14,7 +14,10 @@ Order = Literal["", "auto", "tff", "bff"]
 def deinterlace(
     frames: Iterator[VideoFrame | None], stream: VideoStream, order: Order
 ) -> Iterator[VideoFrame | None]:
-    """Fill in the rows of the later field of each frame; a damaged frame stays None."""
+    """Yield the frames deinterlaced: the rows of each frame's later field are interpolated.
+
+    order: which field is earlier. A damaged frame, None, stays None.
+    """
     graph = Graph()
     source = graph.add_buffer(template=stream)
     weave = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")

@@ -47,7 +47,10 @@ _BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
 @contextmanager
 def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """Open a film and choose its picture stream."""
+    """Open a film for a block; yield its container and its first stream of moving pictures.
+
+    FinloopError if it is no film.
+    """
     try:
         if path.stat().st_size == 0:
             raise FinloopError(f"{path} is empty: 0 bytes", WANTED, "copy or record it again")
@@ -111,7 +114,10 @@ class CodingSurvey(NamedTuple):
 
 
 def survey(path: Path, stamps: np.ndarray) -> CodingSurvey:
-    """Decode some frames and measure how the film is coded."""
+    """Decode some frames spread over a film and measure how it is coded.
+
+    stamps: time stamps [s] of its frames, ascending. FinloopError if no frame can be decoded.
+    """
     chroma, outside, deep = [], [], []
     low, high = OUTSIDE_LEVELS
     first: VideoFrame | None = None
@@ -159,7 +165,7 @@ def _good(frames: Iterator[VideoFrame | None], count: int) -> Iterator[VideoFram
 
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
-    """Return the facts of a film before it is read, and its frames' times [s] from 0."""
+    """Return a film's facts and its frames' times [s] from 0; rate, colour: None = as the film."""
     with open_stream(path) as (container, stream):
         stamps, promised = time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
@@ -222,7 +228,10 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
 def decode_film(
     container: InputContainer, stream: VideoStream, loss: Loss
 ) -> Iterator[VideoFrame | None]:
-    """Decode from the present position on; yield None for a damaged frame."""
+    """Decode a film from its present position on; yield frames, None for each damaged one.
+
+    loss: counts the damaged frames.
+    """
     packets = container.demux(stream)
     while True:
         try:
@@ -245,7 +254,7 @@ def decode_film(
 
 
 def film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
-    """Stream a film; see `Footage.stream_numbered`."""
+    """Yield the frames of a film, upright, with times and numbers as `Footage.stream_numbered`."""
     step = 1 / float(footage.frame_rate)
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded

@@ -16,7 +16,7 @@ _LUMA_FIRST = ("yuv4", "yuvj4", "yuva4", "nv1", "nv2", "gray")  # formats whose 
 
 
 def display_matrix(frame: VideoFrame) -> np.ndarray:
-    """Return the nine numbers by which a player turns the picture upright; see `coding.turn_of`."""
+    """Return the matrix (9 numbers) by which a player turns a frame upright; see `turn_of`."""
     side: Any
     for side in frame.side_data:
         if side.type == SideDataType.DISPLAYMATRIX:
@@ -30,12 +30,16 @@ def is_yuv(frame: VideoFrame) -> bool:
 
 
 def is_deep(frame: VideoFrame) -> bool:
-    """Return whether a grey frame has more than 8 bits; it does not state how many are used."""
+    """Return whether a frame is grey with more than 8 bits; it does not state how many are used."""
     return len(frame.format.components) == 1 and frame.format.components[0].bits > 8
 
 
 def grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None) -> np.ndarray:
-    """Convert to (h, w) uint8, 0 = black, 255 = white; limited range is expanded."""
+    """Convert a decoded frame to grey (h, w) uint8, 0 = black, 255 = white.
+
+    full_range: read Y as 0 … 255 even if the frame does not say so; else limited range is expanded.
+    levels: of a frame of more than 8 bits, those that become 0 and 255; None for 8 bits.
+    """
     if levels:
         return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
     name, bits = frame.format.name, frame.format.components[0].bits
@@ -51,7 +55,10 @@ def grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None
 
 
 def rgb(frame: VideoFrame, full_range: bool) -> np.ndarray:
-    """Convert to (h, w, 3) uint8 RGB by the range and matrix that the frame states."""
+    """Convert a decoded frame to RGB (h, w, 3) uint8, by the range and matrix that it states.
+
+    full_range: read it as full range even if it does not say so.
+    """
     matrix = frame.colorspace
     if matrix not in list(Colorspace):
         matrix = Colorspace.ITU709 if frame.height >= HD_HEIGHT else Colorspace.ITU601

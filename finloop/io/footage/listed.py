@@ -72,7 +72,7 @@ def names(paths: Iterable[Path]) -> list[str]:
 
 
 class Stamp(NamedTuple):
-    """The stamp of a file: it changes with the file, without reading the file."""
+    """What changes when a file changes: its name, size [bytes] and time of modification [ns]."""
 
     name: str
     size: int
@@ -87,7 +87,7 @@ def stamps(path: Path) -> list[Stamp]:
 
 
 def refuse_grown(path: Path, before: list[Stamp]) -> None:
-    """Raise FinloopError if a film has changed since its stamps `before` were taken."""
+    """Raise FinloopError if a film's files have changed since `stamps(path)` returned `before`."""
     if stamps(path) != before:
         raise FinloopError(
             came=f"{path} has changed while it was read",

@@ -36,7 +36,11 @@ SUFFIXES |= {".pgm", ".ppm", ".pnm"}
 
 
 class Album(NamedTuple):
-    """The pictures of a folder, or the pages of a stack, by number."""
+    """The pictures of a folder, or the pages of a TIFF stack, by number from 0.
+
+    length: how many; name(k): of picture k, for messages; load(k): its pixels; threads: that may
+    load.
+    """
 
     length: int
     name: Callable[[int], str]
@@ -66,7 +70,11 @@ def _album(path: Path) -> Iterator[Album]:
 def open_pictures(
     path: Path, rate: Fraction | None, colour: bool | None
 ) -> tuple[Footage, np.ndarray]:
-    """Return the facts of a folder or stack before it is read, and the times [s] of its frames."""
+    """Return the facts of a folder of pictures or a TIFF stack, and its frames' times [s].
+
+    The first time is 0. rate: frames per second, required. colour: whether frames will be RGB; None
+    = where they have colours. FinloopError without a rate, or for fewer than two pictures.
+    """
     with _album(path) as album:
         if album.length < 2:
             raise too_few(path, album.length)
@@ -125,7 +133,7 @@ def _list_pictures(folder: Path) -> list[Path]:
 
 
 def natural(path: Path) -> list[tuple[int, str]]:
-    """Return a sort key in which frame2 comes before frame10."""
+    """Return a sort key for a path's name in which frame2 comes before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts] + [
         (0, path.name)
@@ -178,7 +186,7 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
 
 
 def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
-    """Stream a folder or stack; see `Footage.stream_numbered`."""
+    """Yield the frames of a folder or stack with times, numbers as `Footage.stream_numbered`."""
     size = footage.width_px, footage.height_px
     with _album(footage.path) as album:
 

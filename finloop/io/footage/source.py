@@ -26,7 +26,7 @@ NumberedFrames = Iterator[tuple[float, tuple[int, np.ndarray]]]
 
 @dataclass
 class Loss:
-    """Counts of frames that the source promises and that cannot be read, as the film runs."""
+    """Counts of promised frames that cannot be read; they grow as frames are streamed."""
 
     damaged: int = 0
     missing_at_end: int = 0
@@ -38,7 +38,7 @@ class Loss:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return sentences about the loss, for the user."""
+        """Return sentences for the user about the lost frames; empty if there are none."""
         rest = "the clip holds what could be read"
         notes = []
         if self.damaged:
@@ -50,7 +50,7 @@ class Loss:
 
 @dataclass(frozen=True)
 class Footage:
-    """A source of frames and its facts before they are read."""
+    """A film, folder of pictures or TIFF stack, and what is known before reading its frames."""
 
     path: Path  # the film, the folder or the stack
     # width_px, height_px: of the upright picture
@@ -79,19 +79,22 @@ class Footage:
     last_s: float = 0.0  # time of the last frame that the file promises; 0 = the first frame
 
     def frames(self, loss: Loss) -> Frames:
-        """Stream the frames of the range, upright, as (time, picture); see `stream_numbered`."""
+        """Yield (time [s], picture) for each frame of the range, upright; see `stream_numbered`."""
         return ((time_s, picture) for time_s, (_, picture) in self.stream_numbered(loss))
 
     def stream_numbered(self, loss: Loss) -> NumberedFrames:
-        """Stream the frames of the range, upright, with their numbers in the source.
+        """Yield (time [s], (number in the source, picture)) for each frame of the range, upright.
 
-        `loss` counts the frames that cannot be read. FinloopError if frames change their size, or a
-        picture of a folder cannot be read.
+        Pictures are (h, w) grey or (h, w, 3) RGB uint8. `loss` counts the frames that cannot be
+        read. FinloopError if frames change their size, or a picture of a folder cannot be read.
         """
         return self.reader(self, loss)
 
     def facts(self, source: str, crf: int) -> VideoFacts:
-        """Return the facts of the clip before the frames are read."""
+        """Return the facts of the clip to be made that are known before frames are read.
+
+        source: "zebrafish", "carp" or "file". crf: quality of the coding, 0 = lossless.
+        """
         return VideoFacts(
             source=source,
             width_px=self.width_px,
@@ -112,9 +115,10 @@ class Footage:
 
 
 def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
-    """Restrict a source to a range of time; `times` [s] are those of its frames.
+    """Return the source restricted to the times start_s … end_s, `end_s` excluded.
 
-    FinloopError if the range is empty, reaches beyond the source, or holds fewer than two frames.
+    times (frames,): of its frames, s from 0. FinloopError if the range is empty, reaches beyond the
+    source, or holds fewer than two frames.
     """
     step = 1 / float(footage.frame_rate)
     length = float(times[-1]) + step
@@ -137,20 +141,23 @@ def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float
 
 
 def in_range(footage: Footage, time_s: float | Fraction) -> bool:
-    """Return whether a time lies in the range of the footage."""
+    """Return whether a time, s from the first frame, lies in the range start_s … end_s."""
     slack = 0.01 / float(footage.frame_rate)  # makes up for rounded time stamps
     return footage.start_s - slack <= time_s < footage.end_s - slack
 
 
 def too_few(path: Path, count: int) -> FinloopError:
-    """Return the error for a source of fewer than two frames."""
+    """Return the error for a source of `count` frames, fewer than two."""
     came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
     folder = f", or the folder of pictures: {path.parent}"
     return FinloopError(came, WANTED_TWO, "give a whole film" + (folder if count else ""))
 
 
 def other_size(what: str, size: tuple[int, int], first: tuple[int, int]) -> FinloopError:
-    """Return the error for a frame whose size (width, height) is not that of the first."""
+    """Return the error for a frame whose size differs from that of the first frame.
+
+    what: the frame, for the message. size, first: (width, height) in px of it and of the first.
+    """
     return FinloopError(
         came=f"{what} is {size[0]}×{size[1]} pixels, those before it {first[0]}×{first[1]} pixels",
         wanted="frames of one size",

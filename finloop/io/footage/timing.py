@@ -20,7 +20,7 @@ CUT_S, CUT_FRAMES = 1.0, 5.0  # whichever is longer
 def frame_rate_of(
     times_s: Sequence[float] | np.ndarray, candidates: Sequence[Fraction]
 ) -> Fraction:
-    """Return the constant rate that a film's time stamps are nearest to.
+    """Return the constant frame rate (frames per second) that a film's time stamps are nearest to.
 
     Each gap counts as the whole number of frames that it lasts at the median gap, so dropped frames
     do not lower the rate; cuts are left out. Of the rates that the file states (`candidates`), the
@@ -43,7 +43,11 @@ def frame_rate_of(
 
 @dataclass
 class Timing:
-    """Counts of re-timing, as the film runs; `cuts` are the first frames of segments."""
+    """Counts that grow while a film is re-timed to a constant rate.
+
+    frames: written; repeated, dropped: frames shown twice and left out. cuts: the first frame of
+    each segment filmed without a cut.
+    """
 
     frames: int = 0
     repeated: int = 0
@@ -95,5 +99,8 @@ def nearest_in_time(
 
 
 def segments_of(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
-    """Return half-open ranges of frames, from the first frames of the segments."""
+    """Return the half-open ranges of frames [start, stop) that lie between cuts.
+
+    cuts: the first frame of every segment. frames: number of all frames.
+    """
     return tuple(zip(cuts, [*cuts[1:], frames], strict=True))

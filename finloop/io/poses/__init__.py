@@ -22,7 +22,7 @@ _OWN: dict[Software, Callable[[Path], Poses]] = {"idtracker.ai": idtracker.read,
 def load_poses(
     path: Path, software: Software | None, rate_hz: float, parameter: str = "extract.tracks_path"
 ) -> Poses:
-    """Load the poses in a file, or in a folder with a file for each animal.
+    """Load the named points of all animals from a tracking program's file, or a folder of files.
 
     Frames are those of the film that the program tracked, from 0. FinloopError if there is nothing,
     the format is unknown or not that of `software`, the file is damaged, is three-dimensional, or

@@ -12,7 +12,11 @@ from finloop.io.poses.extra import extra, not_installed, unreadable
 
 
 def read(path: Path, software: Software, rate_hz: float) -> Poses:
-    """Load the poses in a file, or in a folder of NWB files with an animal each."""
+    """Load poses with `movement` from a file, or from a folder of NWB files, one per animal.
+
+    rate_hz: frames per second of the film, for a file that has times and no rate. FinloopError if
+    it is not what `software` writes.
+    """
     files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
     sets = [_dataset(file, software) for file in files]
     if len({tuple(dataset.keypoints.values) for dataset in sets}) > 1:

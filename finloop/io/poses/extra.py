@@ -7,9 +7,9 @@ from finloop.base.errors import FinloopError
 
 
 def extra(module: str, path: object) -> ModuleType:
-    """Import a module of the extra `tracks` to read or write the file at `path`.
+    """Import a module of the optional packages (extra `tracks`) and return it.
 
-    FinloopError if it is not installed.
+    path: the file to be read or written, for the message. FinloopError if it is not installed.
     """
     try:
         return import_module(module)
@@ -18,7 +18,10 @@ def extra(module: str, path: object) -> ModuleType:
 
 
 def not_installed(path: object, error: ImportError) -> FinloopError:
-    """Return the error for a package of the extra that is missing."""
+    """Return the error for a missing package of the extra `tracks`.
+
+    path: the file that needs it; error: of the import. Both are for the message.
+    """
     return FinloopError(
         f"{path} needs packages that are not all installed: {error}",
         "the optional packages of the extra `tracks` (pyproject.toml)",
@@ -27,7 +30,7 @@ def not_installed(path: object, error: ImportError) -> FinloopError:
 
 
 def unreadable(path: object, software: str, why: object) -> FinloopError:
-    """Return the error for a file that is not what `software` writes."""
+    """Return the error for a file that is not what `software` writes, with the reason `why`."""
     return FinloopError(
         f"{path} cannot be read as tracks of {software}: {why}",
         f"a complete file that {software} wrote",

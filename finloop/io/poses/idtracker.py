@@ -34,7 +34,10 @@ _HARMLESS = {  # the parts of a pickle of arrays, numbers and words; none of the
 
 
 def read(path: Path) -> Poses:
-    """Load the poses of a session's folder, its folder `trajectories`, or a file in it."""
+    """Load poses of idtracker.ai from a session's folder, its `trajectories`, or a file in it.
+
+    The only keypoint is each animal's centre. FinloopError if nothing there can be read.
+    """
     path = _file(path)
     try:
         places, names = _places(path)

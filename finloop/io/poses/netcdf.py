@@ -16,9 +16,9 @@ SOFTWARE = "finloop"
 
 
 def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
-    """Write poses, completely or not at all; `rate`: frames per second.
+    """Write poses as netCDF of `movement`, completely or not at all; rate: frames per second.
 
-    If the scale is known, the variable `position_mm` has the places in mm. FinloopError if the
+    If `mm_per_px` is known, the variable `position_mm` has the places in mm. FinloopError if the
     extra `tracks` is not installed.
     """
     h5netcdf, words = extra("h5netcdf", path), extra("h5py", path).string_dtype()

@@ -21,10 +21,11 @@ _ABOUT = (
 
 
 def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
-    """Write <animal>.nwb for every animal into a new folder; `rate`: frames per second.
+    """Write poses as NWB, a file <animal>.nwb each, in a new folder; rate: frames per second.
 
-    Places are in px; if the scale is known, each series' `conversion` gives millimetres. Characters
-    that a file's name cannot hold become _. FinloopError if the extra `tracks` is not installed.
+    Places are in px; if `mm_per_px` is known, each series' `conversion` gives millimetres.
+    Characters that a file's name cannot hold become _. FinloopError if the extra `tracks` is not
+    installed.
     """
     load, save = extra("movement.io.load_poses", folder), extra("movement.io.save_poses", folder)
     config, pynwb = extra("movement.io.nwb", folder).NWBFileSaveConfig, extra("pynwb", folder)

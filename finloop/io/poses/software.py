@@ -19,7 +19,10 @@ _BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
 
 
 def software_of(path: Path) -> Software:
-    """Return the program that made a file or folder of tracks; FinloopError if it is unknown."""
+    """Return the name of the tracking program that made a file or folder of tracks.
+
+    FinloopError if it is unknown.
+    """
     suffix = path.suffix.lower()
     if path.is_dir():
         software = _folder_software(path)

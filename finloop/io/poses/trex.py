@@ -20,7 +20,10 @@ _CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
 
 
 def read(path: Path) -> Poses:
-    """Load the poses in a file, in a folder of files, or in the folder `data` of a folder."""
+    """Load poses of TRex, head and centre, from a file, a folder of files or its folder `data`.
+
+    FinloopError if nothing there can be read.
+    """
     files = _files(path)
     tracks = {file: _fields(file) for file in files}
     tracks = {file: fields for file, fields in tracks.items() if "frame" in fields}
