@@ -34,7 +34,11 @@ _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
 
 
 def new_weights(hidden: int, rng: np.random.Generator) -> Floats:
-    """Draw flat random weights, uniform within ±√(6 / (units before + units after)); biases 0."""
+    """Draw the network's first weights as one flat vector, (7 hidden + 2,); `layers` splits it.
+
+    Each layer is uniform within ±√(6 / (units before + units after)); biases are 0. hidden: units
+    of the hidden layer.
+    """
     weights = np.zeros((_IN + _OUT) * hidden + _OUT)
     for layer in layers(weights):
         before = layer[:, :-1].T
@@ -45,7 +49,10 @@ def new_weights(hidden: int, rng: np.random.Generator) -> Floats:
 
 @for_kernels
 def layers(weights):  # type: ignore[no-untyped-def]
-    """Return both layers of flat weights, (hidden, 5) and (2, hidden + 1): views, a unit a row."""
+    """Split flat weights into the hidden and the output layer: views (hidden, 5), (2, hidden + 1).
+
+    A row has the weights of one unit, its bias last.
+    """
     hidden = (len(weights) - _OUT) // (_IN + _OUT)
     first, second = weights[: _IN * hidden], weights[_IN * hidden :]
     return first.reshape(hidden, _IN), second.reshape(_OUT, hidden + 1)
@@ -53,7 +60,10 @@ def layers(weights):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def unit_output(weights, signals):  # type: ignore[no-untyped-def]
-    """Return the output of a unit (Fig. 6): the sigmoid of the weighted sum of its signals."""
+    """Return a unit's output, 0 … 1: the sigmoid of its weighted signals' sum (Fig. 6).
+
+    weights, signals: (k,); the last signal is 1, so the last weight is the bias.
+    """
     z = 0.0
     for i in range(len(signals)):
         z += weights[i] * signals[i]
@@ -62,11 +72,13 @@ def unit_output(weights, signals):  # type: ignore[no-untyped-def]
 
 @kernel
 def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
-    """Learn from rows x (n, 5), targets t (n, 2) in their order (§3.1); change weights in place.
+    """Learn once from every row by back-propagation (§3.1); change weights and velocity in place.
 
+    x (n, 5): scaled inputs and a 1; t (n, 2): scaled targets, in 0 … 1; both are used in their
+    order. weights, velocity: flat (see `new_weights`). rule: rows a batch, learning rate, momentum.
     After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and weights ←
-    weights + velocity. rule: rows a batch, learning rate, momentum. step, back: learning rate ·
-    ∂E/∂(sum that goes into an output, into a hidden unit).
+    weights + velocity. step, back: learning rate · ∂E/∂(sum that goes into an output, into a hidden
+    unit).
     """
     size, learning_rate, momentum = rule
     first, second = layers(weights)
@@ -101,7 +113,11 @@ def train_network(
     rate_hz: float,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """Call `train` on the first of two masks of rows; the second, held out, gives the curve."""
+    """Train the network on some of a film's rows; return model and learning curve (see `train`).
+
+    sides: masks (n,) of rows to learn from, and of held-out rows for the curve; rate_hz: frames per
+    second; advance: called after each epoch.
+    """
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
     return train(*training, held_out, p, rows.delta_frames / rate_hz, rng, advance)
@@ -116,12 +132,13 @@ def train(
     rng: np.random.Generator,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """Learn from inputs (n, 4) and outputs (n, 2), which are `delta_s` later.
+    """Train the network; return it with the table of its errors after each epoch (Fig. 15).
 
-    held_out: inputs and outputs for the curve only; rng: draws the first weights and the order of
-    rows, and the same rng gives the same bits; advance: called after each epoch.
-
-    Return the model, and the errors after each epoch (Fig. 15); epoch 0: the untaught network.
+    inputs (n, 4), outputs (n, 2): in the units of INPUTS, OUTPUTS; outputs are `delta_s` seconds
+    later. held_out: inputs and outputs of other rows, for the errors only. rng: draws the first
+    weights and the order of rows; the same rng gives the same bits. advance: called after each
+    epoch. The table has the errors COMPARED of both sets, as train_… and held_out_…; in epoch 0 the
+    network is untrained.
     """
     low, high = input_range(inputs)
     x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
@@ -143,7 +160,10 @@ def train(
 
 
 def model_of(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
-    """Return the model with a copy of flat weights; low, high: the range (4,) of its inputs."""
+    """Return a motion model with a copy of flat weights (see `new_weights`).
+
+    low, high (4,): the inputs that are scaled to -1 and 1, in the units of INPUTS; delta_s: Δ [s].
+    """
     first, second = (layer.T.copy() for layer in layers(weights))
     return MotionModel(
         delta_s, low, high, OUTPUT_LOW, OUTPUT_HIGH, MARGIN,

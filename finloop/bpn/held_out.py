@@ -30,13 +30,20 @@ COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
 
 
 def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFrame:
-    """Return the table HELD_OUT of predicted and true states."""
+    """Return the table HELD_OUT: a model's predicted and the true states Δ after held-out rows.
+
+    held_out: mask (n,) of `rows`.
+    """
     states = np.hstack([model.predict(rows.inputs[held_out]), rows.outputs[held_out]])
     return pd.DataFrame(states, columns=HELD_OUT.names)
 
 
 def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
-    """Predict by linear least squares with an intercept: (n, 4) → (n, 2)."""
+    """Fit linear least squares with an intercept, and predict outputs (n, 2) for `inputs` (n, 4).
+
+    train_inputs (m, 4), train_outputs (m, 2): the rows of the fit. Predictions are clipped to the
+    range of the outputs.
+    """
     design = np.column_stack([train_inputs, np.ones(len(train_inputs))])
     solution = np.linalg.lstsq(design, train_outputs, rcond=None)[0]
     predicted = np.column_stack([inputs, np.ones(len(inputs))]) @ solution
@@ -44,9 +51,12 @@ def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Float
 
 
 def errors(predicted: Floats, true: Floats) -> dict[str, float]:
-    """Return errors of states (n, 2): area on its 0-1 scale, type as a number and as a class.
+    """Return the errors of predicted motion area and swimming type, by name.
 
-    The recall of a type that does not occur is NaN.
+    predicted, true: (n, 2), columns OUTPUTS. area_rmse, type_rmse: root mean squares, of areas
+    0 … 1 and of types -1 … 1. type_error_pct, type_accuracy_pct: rows whose rounded type is wrong,
+    right. …_recall_pct: rows of one true type that are predicted as it; NaN if the type does not
+    occur.
     """
     area, kind = np.sqrt(np.mean((predicted - true) ** 2, axis=0))
     counts = confusion(predicted, true)
@@ -66,15 +76,19 @@ def errors(predicted: Floats, true: Floats) -> dict[str, float]:
 
 
 def confusion(predicted: Floats, true: Floats) -> Ints:
-    """Count true type by predicted type, (3, 3), both in the order of WORDS."""
+    """Count rows by true type (first axis) and predicted type (second axis): (3, 3).
+
+    predicted, true: (n, 2), columns OUTPUTS. Types are rounded, in the order straight, left, right.
+    """
     answer, truth = type_class(predicted[:, 1]), type_class(true[:, 1])
     return np.array([[np.sum((truth == a) & (answer == b)) for b in WORDS] for a in WORDS])
 
 
 def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> dict[str, float]:
-    """Return numbers for metrics.json; NaN for a skill against a baseline without error.
+    """Return a model's errors, its skills against the baselines, and numbers of rows, by name.
 
-    If no row is held out, there are no skills, and the errors are those of the rows learnt from.
+    train, held_out: masks (n,) of `rows`. A skill against a baseline without error is NaN. Without
+    held-out rows there are only the errors on the training rows.
     """
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
     training = rows.inputs[train], rows.outputs[train]

@@ -36,7 +36,10 @@ LEAST_TRAIN, LEAST_HELD_OUT = 20, 5  # rows
 
 @dataclass(frozen=True, eq=False)
 class MotionModel:
-    """A trained network 4-hidden-2, sigmoid in both layers; it includes the scaling."""
+    """A trained network with 4 inputs, one hidden layer and 2 outputs, and the scaling of both.
+
+    Hidden and output units are sigmoids.
+    """
 
     delta_s: float  # the time Δ in seconds from the state that goes in to the state that comes out
     # (4,) the inputs that become -1 and 1 before the first layer; others are clipped to them
@@ -51,7 +54,7 @@ class MotionModel:
     output_bias: Floats  # (2,)
 
     def record(self) -> dict[str, Any]:
-        """Return every number, unit and name as plain values; `motion_model` restores them."""
+        """Return the model as plain values that JSON can hold; `motion_model` restores it."""
         return {
             **_HEADER,
             **{name: float(getattr(self, name)) for name in _NUMBERS},
@@ -59,9 +62,10 @@ class MotionModel:
         }
 
     def predict(self, inputs: Reals) -> Floats:
-        """Predict by Eq. 4: (n, 4) states and controls (INPUTS) → (n, 2) states Δ later (OUTPUTS).
+        """Predict the states (n, 2) Δ later from states and controls (n, 4), by Eq. 4.
 
-        Motion area in [0, 1]; swimming type as a real number in [-1, 1]: `type_class` rounds it.
+        inputs: columns and units INPUTS; the result: OUTPUTS. Motion area is in 0 … 1, swimming
+        type a real number in -1 … 1: `type_class` rounds it.
         """
         scaled = to_scale(inputs, self.input_low, self.input_high)
         hidden = scipy.special.expit(scaled @ self.hidden_weights + self.hidden_bias)
@@ -78,10 +82,9 @@ _WEIGHTS = ("hidden_weights", "hidden_bias", "output_weights", "output_bias")
 
 
 def motion_model(**content: Any) -> MotionModel:
-    """Restore the model from the fields of `MotionModel.record`.
+    """Restore a motion model from the fields of `MotionModel.record`.
 
-    KeyError, TypeError or ValueError if the content is no motion model: something is missing, of
-    another size or out of range.
+    KeyError, TypeError or ValueError if a field is missing, of another size or out of range.
     """
     for name, value in _HEADER.items():
         if content[name] != value:
@@ -103,20 +106,21 @@ def motion_model(**content: Any) -> MotionModel:
 
 
 def to_scale(values: Reals, low: Floats, high: Floats) -> Floats:
-    """Clip values (n, k) to [low, high] and scale them to [-1, 1]."""
+    """Clip values (n, k) to [low, high] and scale them to [-1, 1]; low, high: (k,)."""
     return 2 * (np.clip(np.asarray(values, float), low, high) - low) / (high - low) - 1
 
 
 def type_class(swimming_type: Reals) -> NDArray[np.int8]:
-    """Round a swimming type to -1 right, 0 straight or 1 left."""
+    """Round swimming types (any shape) to -1 right, 0 straight or 1 left."""
     return np.rint(swimming_type).astype(np.int8)
 
 
 def input_range(inputs: Floats) -> tuple[Floats, Floats]:
-    """Return the range (low, high), (4,) each, that scales the inputs.
+    """Return the inputs, (4,) each, that the network scales to -1 and to 1.
 
-    Area and type have fixed ranges; displacement and angle take theirs from the rows (n, 4),
-    without the TAIL, so that a wild frame does not squeeze the rest. 0° stays in the middle.
+    inputs (n, 4): columns and units INPUTS. Motion area and swimming type have fixed ranges.
+    Displacement and angle take theirs from the rows, without the extreme share TAIL, so that a wild
+    frame does not squeeze the rest. 0° stays in the middle.
     """
     near, far = np.quantile(inputs[:, 2], [TAIL, 1 - TAIL])
     wide = np.quantile(np.abs(inputs[:, 3]), 1 - TAIL)
@@ -127,7 +131,11 @@ def input_range(inputs: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows to learn from: inputs (n, 4), outputs (n, 2), and the origin of each row."""
+    """The n rows that the network can learn from: inputs (n, 4), and outputs (n, 2) Δ later.
+
+    Columns and units: INPUTS, OUTPUTS. track_id, frame: (n,) of the inputs; delta_frames: Δ in
+    frames.
+    """
 
     inputs: Floats
     outputs: Floats
@@ -137,7 +145,11 @@ class Rows:
 
 
 def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
-    """Return the rows of a feature table whose inputs and outputs exist, both in the same track."""
+    """Pair every row of a feature table with the row of the same track Δ later.
+
+    features: track_id, frame and the columns INPUTS; delta_frames: Δ in frames. A row without a
+    later one, or with a missing number, is left out.
+    """
     now = features[["track_id", "frame", *INPUTS]]
     later = features[["track_id", "frame", *OUTPUTS]]
     later = later.assign(frame=later["frame"] - delta_frames)
@@ -155,10 +167,11 @@ def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
 def split_by_blocks(
     rows: Rows, block_frames: int, held_out: float, rng: np.random.Generator
 ) -> tuple[Mask, Mask]:
-    """Return the rows to learn from and those held out, (n,) each, by stretches of time.
+    """Return masks (n,) of the rows to learn from and of those held out, by stretches of time.
 
-    A stretch holds all tracks. A row whose window t … t + Δ reaches from one side into the other is
-    in neither.
+    block_frames: length of a stretch, which holds all tracks; held_out: about this share of the
+    rows, 0 … 1. A row whose window t … t + Δ reaches from one side into the other is in neither.
+    FinloopError if blocks are shorter than Δ, or rows too few.
     """
     if block_frames < rows.delta_frames:  # a window would reach over a whole block
         raise FinloopError(
@@ -181,7 +194,10 @@ def split_by_blocks(
 
 
 def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tuple[Mask, Mask]:
-    """Return the rows to learn from and those held out, (n,) each, by whole tracks."""
+    """Return masks (n,) of the rows to learn from and of those held out, by whole tracks.
+
+    held_out: about this share of the rows, 0 … 1. FinloopError if there are too few tracks or rows.
+    """
     tracks = len(np.unique(rows.track_id))
     if tracks < 2:
         raise FinloopError(
@@ -194,9 +210,10 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
 
 
 def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Return the rows to learn from and those held out, (n,) each, by "blocks" or by "tracks".
+    """Return masks (n,) of the rows to learn from and of those held out, by "blocks" or "tracks".
 
-    In a long film `p.most_rows` of them are learnt from.
+    At most `p.most_rows` are learnt from: a random sample in a long film. FinloopError if the film
+    is too short.
     """
     rng = np.random.default_rng((p.seed, 0))
     if by == "tracks":
@@ -214,7 +231,7 @@ def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
 
 
 def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Apply `split` by `p.held_out_by`; if the film is too short for that, hold no row out.
+    """Return the masks (n,) of `split` by `p.held_out_by`; in too short a film hold no row out.
 
     FinloopError if the film has no rows, or if `p` is the reason for too few rows: whole tracks, or
     blocks shorter than Δ.

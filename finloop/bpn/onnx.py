@@ -21,7 +21,7 @@ TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives about
 
 
 def to_onnx(model: MotionModel) -> onnx.ModelProto:
-    """Build the graph of `MotionModel.predict`: (n, 4) float → (n, 2) float."""
+    """Build the ONNX graph of `MotionModel.predict`: float32 (n, 4) → (n, 2), in physical units."""
     reach = (model.input_high - model.input_low) / 2
     span = (model.output_high - model.output_low) / (1 - 2 * model.margin)
     constants = {
@@ -72,7 +72,10 @@ def to_onnx(model: MotionModel) -> onnx.ModelProto:
 
 
 def onnx_bytes(model: MotionModel) -> bytes:
-    """Convert `model` to an ONNX file; FinloopError if its graph gives other numbers."""
+    """Convert a model to the bytes of an ONNX file, and check the graph against the model.
+
+    FinloopError if their outputs differ by more than TOLERANCE.
+    """
     proto = to_onnx(model)
     onnx.checker.check_model(proto, full_check=True)
     off = largest_difference(proto, model)
@@ -86,9 +89,10 @@ def onnx_bytes(model: MotionModel) -> bytes:
 
 
 def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
-    """Return the largest difference between graph and model, in ranges of the output.
+    """Return the largest difference of a graph's outputs from the model's, over their range.
 
-    They are compared at and beyond the corners of the input range, and at points spread over it.
+    Both predict from the corners of the input range, from beyond them, and from points spread over
+    it.
     """
     points = _probes(model.input_low, model.input_high)
     inputs = points.astype(np.float32)

@@ -10,7 +10,7 @@ from finloop.base.settings import Count, Positive, Seed, Share
 
 @dataclass(frozen=True)
 class BpnSettings:
-    """The network 4-hidden-2, how it learns, and what it never learns from."""
+    """The size of the motion network, how it learns, and which rows it never learns from."""
 
     hidden_units: Count
     learning_rate: Positive

@@ -41,9 +41,11 @@ _LEAST = 5  # least members of an ensemble
 
 
 class Ensemble(NamedTuple):
-    """Forecasts of held-out rows (k,).
+    """Predicted states after k held-out rows, each from an ensemble of similar film motions.
 
-    mean, spread: (k, d); rank: (k, d) of the true state, the share of members below it; rows: (k,).
+    rows: (k,) of the film. mean, spread: (k, d), of a row's members; rank: (k, d), the share of
+    members below the true state, 0 … 1. The d state numbers and their units are those of
+    `FilmStates`.
     """
 
     rows: Ints
@@ -55,9 +57,10 @@ class Ensemble(NamedTuple):
 def ensembles(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator
 ) -> Ensemble:
-    """Predict the next states of held-out rows, from the training rows alone.
+    """Predict the states after held-out rows, each by an ensemble built from training rows alone.
 
-    A member is the mean plus the departure of a similar training row. rng draws the rank of the
+    A member is the network's mean plus the film's departure from it after a similar training row;
+    rows with fewer than 5 members are left out. swim: sampler of `film`. rng draws the rank of the
     true state between two members.
     """
     in_train = np.zeros(len(film.states), bool)
@@ -88,7 +91,12 @@ def ensembles(
 def measure_predictions(
     film: FilmStates, ensemble: Ensemble, swim: Sampler, parts: Partition
 ) -> dict[str, float]:
-    """Return errors, log likelihoods [nats per state number] and coverage on held-out rows."""
+    """Return errors, log likelihoods and coverage of predictions on held-out rows, by name.
+
+    Errors: root mean squares in standard deviations of the film, of posture codes (pose) and of
+    speeds (motion); likelihoods: nats per state number; coverage: % of true numbers in the inner 50
+    or 80 % of their ensemble. persistence_…: the same where no change is predicted.
+    """
     rows, true = parts.held_out, film.states[parts.held_out + 1]
     numbers = {}
     for name, part in {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}.items():
@@ -121,7 +129,10 @@ def _log_likelihood(error: Floats, deviation: Floats) -> float:
 
 
 def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
-    """Predict the states (k, d) Δ after rows (k,) by a roll-out of means."""
+    """Predict the states (k, d) Δ after rows (k,): each predicted mean is the next input.
+
+    The controls are those of the film.
+    """
     past = film.states[rows[:, None] - np.arange(film.lags[-1] + 1)]
     for tick in range(film.delta):
         later = model.mean(past[:, film.lags], film.control[rows + tick])
@@ -130,9 +141,10 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
 
 
 def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict[str, float]:
-    """Measure how well a fish follows a control over Δ: slopes of its motion against the control.
+    """Return how well a fish follows controls over Δ: slopes of its motion against the control.
 
-    It starts at random rows of the film; the controls are those of similar rows.
+    displacement_slope, angle_slope: 1 if it does as controlled, 0 if it ignores the control; left
+    out if the control never varies. The fish starts at random rows, with controls of similar rows.
     """
     controls, motions = [], []
     delta, step_s = film.delta, 1 / film.rate_hz
@@ -165,20 +177,23 @@ def _net_displacement(way: Floats) -> tuple[float, float]:
 
 
 def motion_area(postures: Floats) -> Floats:
-    """Return the motion areas (k,) [squared body length] of postures (k, 2 + 2 n)."""
+    """Return motion areas (k,) [squared body length] of postures (k, 2 + 2 n) (`puppet.pose`)."""
     none = np.zeros(len(postures))
     lines = Pose(none, none, none, none + 1, postures).backbone_px()
     return np.abs(bend(lines, steps(postures).sum(1)))
 
 
 def held_out_table(ensemble: Ensemble) -> pd.DataFrame:
-    """Return the table HELD_OUT of ranks."""
+    """Return the table HELD_OUT: the ranks of the true first code and speeds, per held-out row."""
     ranks = dict(zip(HELD_OUT.names[1:], ensemble.rank[:, [0, -3, -2, -1]].T, strict=True))
     return pd.DataFrame({"row": ensemble.rows, **ranks})
 
 
 def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
-    """Return the table FREE of a free swim."""
+    """Return the table FREE of a free swim: speeds, first code and film row at each tick.
+
+    states (t, d), rows (t,): from `sampling.free_run`.
+    """
     return pd.DataFrame({
         "row": rows, "forward": states[:, -3], "sideways": states[:, -2], "turning": states[:, -1],
         "pose": states[:, 0],
@@ -188,7 +203,11 @@ def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
 def measure_free_run(
     states: Floats, rows: Ints, film: FilmStates, swim: Sampler
 ) -> dict[str, float]:
-    """Return the spread of a freely swimming fish relative to the film's, and its repeats."""
+    """Compare a free swim with the film: its spread, how often it is clamped, its longest repeats.
+
+    states (t, d), rows (t,): from `sampling.free_run`. …_spread_of_film: standard deviation over
+    the film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: seconds.
+    """
     usual = film.states[film.rows]
     clamped = (states <= swim.low) | (states >= swim.high)
     spread = states.std(0) / usual.std(0)
@@ -203,7 +222,10 @@ def measure_free_run(
 
 
 def longest_repeat(values: NDArray[np.generic]) -> int:
-    """Return the longest run of rows (n, k) that comes twice, the second after the first."""
+    """Return the length, in rows, of the longest run of `values` (n, k) that occurs twice.
+
+    The second occurrence begins after the first ends.
+    """
     number = np.unique(values, axis=0, return_inverse=True)[1].ravel()
     longest = 0
     for lag in range(1, len(number)):
@@ -215,9 +237,9 @@ def longest_repeat(values: NDArray[np.generic]) -> int:
 
 
 def autocorrelation(values: Floats, follows: Mask, lags: int) -> Floats:
-    """Return the autocorrelation (lags,) of a series (n,).
+    """Return the autocorrelation (lags,) of a series (n,), at lags 0 … lags − 1.
 
-    follows (n - 1,): whether i + 1 continues i.
+    follows (n − 1,): whether value i + 1 continues value i; pairs across a gap do not count.
     """
     centred, run = values - values.mean(), np.append(0, np.cumsum(~follows))
     square = float((centred**2).mean())

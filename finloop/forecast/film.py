@@ -35,13 +35,14 @@ _LEAST = 1e-6  # least standard deviation
 
 @dataclass(frozen=True)
 class FilmStates:
-    """All rows (m) of a film: its n rows, and their n mirror images if its sides are alike.
+    """The states and controls of a film's n rows and, if they may be mirrored, of the images.
 
-    states: (m, d); control: (m, 2); both NaN where the track does not reach. usable: (m,), whether
-    the past, the control and the next state exist. mirror: (d, d), states @ mirror are those of the
-    mirror image; the identity where the sides differ, and side (2,), for controls, ones. lags: (l,)
-    frames, rising from 0. scale: (d,), control_scale: (2,) standard deviations. frame: (m,). delta:
-    Δ in frames. count: n. memory: frames after which a posture is half forgotten.
+    m = n or 2 n rows. states: (m, d); control: (m, 2); units above; both NaN where the track does
+    not reach. usable: (m,) whether past, control and next state exist. mirror: (d, d), states @
+    mirror are the mirrored states; side: (2,), control * side the mirrored controls; identity and
+    ones where the sides differ. lags: (l,) frames, rising from 0. scale: (d,) standard deviations;
+    control_scale: (2,) root mean squares. frame: (m,) numbers. delta: Δ in frames. rate_hz: frames
+    per second. count: n. memory: frames after which a posture is half forgotten.
     """
 
     states: Floats
@@ -60,23 +61,23 @@ class FilmStates:
 
     @property
     def rows(self) -> Ints:
-        """Return the usable rows (m,), from which the network can learn."""
+        """Return the numbers (k,) of the usable rows, from which the network can learn."""
         return np.flatnonzero(self.usable)
 
     def past(self, rows: Ints) -> Floats:
-        """Return the pasts (m, l, d) of rows."""
+        """Return the pasts (k, l, d) of rows (k,): states at the l lags, the present one first."""
         return self.states[np.asarray(rows)[:, None] - self.lags]
 
 
 def film_states(
     features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: ForecastSettings
 ) -> FilmStates:
-    """Compute the states of a film.
+    """Compute the states and controls of all rows of a film and of their mirror images.
 
     features: columns of `FEATURES` (n rows); codes: (n, c) of their postures, the most important
     first; mirror: (c, c), codes @ mirror are those of the mirror image; None for a fish that may
-    not be mirrored. FinloopError if too few rows have a past and a future, or no fish turns or
-    moves in them.
+    not be mirrored; rate_hz: frames per second. FinloopError if too few rows have a past and a
+    future, or no fish turns or moves in them.
     """
     delta, n = delta_of(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
@@ -106,7 +107,10 @@ def film_states(
 
 
 def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
-    """Return the mirror of postures if `look` has rows of mirror images, else None."""
+    """Return the matrix (c, c) that mirrors posture codes; None if the fish may not be mirrored.
+
+    look: light and skin (table LOOK); 2 n rows, more than `poses` has, if the fish may be mirrored.
+    """
     return poses.shapes.mirror if len(look) > len(poses.codes) else None
 
 

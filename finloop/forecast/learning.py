@@ -57,10 +57,11 @@ def train_predictor(
     p: ForecastSettings,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[Forecast, pd.DataFrame]:
-    """Train on the rows to learn from; the held-out rows decide when to stop.
+    """Train the network of the next state; return it with its learning curve.
 
-    advance: called after each epoch. Return the model, and per epoch the errors on both sets of
-    rows in units of the error of persistence (mean squares).
+    The model is that of the epoch with the least held-out error. advance: called after each epoch.
+    The curve: columns epoch, train_error, held_out_error, mean squares; 1 is the error of
+    persistence.
     """
     with _one_thread(p.seed) as chance:
         network = _Network(film, p.hidden_units)

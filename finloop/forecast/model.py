@@ -23,7 +23,10 @@ _UNITS = ("lags", "scale", "control_scale", "mirror", "side")
 
 
 class Net(NamedTuple):
-    """Layers of g and of its mirror image, (2, in, out), and their biases (2, out)."""
+    """The weights (2, in, out) and biases (2, out) of g [0] and its mirrored network [1].
+
+    Kernels use them; the scales of states and controls are folded in.
+    """
 
     first: Weights
     second: Weights
@@ -35,11 +38,11 @@ class Net(NamedTuple):
 
 @dataclass(frozen=True)
 class Forecast:
-    """The trained network: weights of g, and what its numbers mean.
+    """The trained network of the next state: weights of g, and what its numbers mean.
 
-    layers: (l d + 2, h), (h, h), (h, d); biases: (h,), (h,), (d,); lags: (l,) frames; scale: (d,)
-    and control_scale: (2,) units of states and controls; mirror: (d, d) and side: (2,) mirror
-    states and controls, ones on the diagonal where nothing is mirrored.
+    With l lags, d state numbers and h hidden units: layers: (l d + 2, h), (h, h), (h, d); biases:
+    (h,), (h,), (d,); lags: (l,) frames; scale: (d,) and control_scale: (2,) units of states and
+    controls; mirror: (d, d) and side: (2,) mirror states and controls (see `FilmStates`).
     """
 
     layers: tuple[Reals, Reals, Reals]
@@ -51,7 +54,7 @@ class Forecast:
     side: Floats
 
     def net(self) -> Net:
-        """Return the kernel's weights: raw states in and out, beside those of the mirror image."""
+        """Return the weights for the kernel, which takes states and controls in their own units."""
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
         d, lags = len(self.scale), len(self.lags)
         unit = np.concatenate([np.tile(self.scale, lags), self.control_scale])
@@ -68,7 +71,11 @@ class Forecast:
         return Net(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in both))
 
     def mean(self, past: Reals, control: Reals) -> Floats:
-        """Predict the means (m, d) of the next states; past: (m, l, d), control: (m, 2)."""
+        """Predict the means (k, d) of the next states, in the units of `FilmStates`.
+
+        past: (k, l, d), the present state first; control: (k, 2), displacement [body lengths] and
+        included angle [rad] over the next Δ.
+        """
         net = self.net()
         x = np.concatenate([past.reshape(len(past), -1), control], 1)
         mean = past[:, 0].astype(float)
@@ -79,7 +86,7 @@ class Forecast:
         return mean
 
     def record(self) -> dict[str, Any]:
-        """Return every number as plain values; `forecast_model` restores the model from them."""
+        """Return the network as plain values that JSON can hold; `forecast_model` restores it."""
         weights = dict(zip(_LAYERS, self.layers, strict=True))
         weights |= {f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)}
         rest = {name: getattr(self, name) for name in _UNITS}
@@ -93,10 +100,9 @@ _FORMAT = "finloop forecast 1"
 
 
 def forecast_model(**content: Any) -> Forecast:
-    """Restore the model from the fields of `Forecast.record`.
+    """Restore the network from the fields of `Forecast.record`.
 
-    KeyError, TypeError or ValueError if the content is no model: missing, of another size, not
-    finite.
+    KeyError, TypeError or ValueError if a field is missing, of another size or not finite.
     """
     if content["format"] != _FORMAT:
         raise ValueError(f"no forecast: {_FORMAT!r} is wanted, got {content['format']!r}")
@@ -121,9 +127,10 @@ def silu(x: Reals) -> Reals:
 
 @finite_leaf
 def next_mean(net: Net, past: Weights, out: Floats, hidden: Weights) -> None:
-    """Write the mean of the next state into `out` (d,).
+    """Write the predicted mean of the next state into `out` (d,).
 
-    past: (l d + 2,) raw, the control last; hidden (2, h): space for the layers.
+    past: (l d + 2,), the states at all lags, the present first, then the control, in the units of
+    `FilmStates`; hidden (2, h): space for the two hidden layers.
     """
     d, h, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
     for j in range(d):

@@ -34,7 +34,7 @@ _FEWEST = 2  # ... but at least so many times as many
 
 
 def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
-    """Return pasts (m, l d) of rows, scaled so that Euclidean distance measures similarity.
+    """Return vectors (k, l d) for rows (k,); their Euclidean distance is how unlike the pasts are.
 
     fade: in Δ; a state this long ago counts half.
     """
@@ -51,14 +51,14 @@ VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 def similar_rows(
     film: FilmStates, look: Reals, visible: VisibleDistance, p: ForecastSettings
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`.
+    """Return the graph of similar rows, start (m + 1,) and to (e,).
 
-    start (m + 1,), to (e,). A row has at most `p.neighbours`, each of another passage: apart from
-    the row and from each other by Δ and by the film's memory. The relation is then made symmetric,
-    and mirror images get the mirror images. look: (m, k) of all rows of the film, together with the
-    deviation 1. The rows after two neighbours, which a fish shows next, are at most `p.look` apart
-    in it, and have a visible distance of at most `p.max_discontinuity` natural steps. FinloopError
-    if no two rows are similar.
+    The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most `p.neighbours`, Δ
+    and the film's memory apart from itself and each other; then the relation is made symmetric, and
+    mirror images get the mirror images. The rows after two neighbours, which a fish shows next,
+    differ in look by at most `p.look`, and visibly by at most `p.max_discontinuity` natural steps.
+    look: (m, k) of all rows, of total variance 1; visible: measures that visible distance.
+    FinloopError if no two rows are similar.
     """
     every = [_alike(pairs, film.count, visible, p) for pairs in _similar(film, look, p)]
     there = np.concatenate([np.empty((0, 2), np.int64), *every])

@@ -13,17 +13,17 @@ from finloop.forecast.settings import ForecastSettings
 
 @dataclass(frozen=True)
 class Partition:
-    """Rows to learn from and rows held out, (m,) and (k,)."""
+    """The numbers of a film's rows to learn from, (k,), and of those held out, (q,)."""
 
     train: Ints
     held_out: Ints
 
 
 def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
-    """Split rows by stretches of time across all fish; a held-out row shares no past with others.
+    """Split usable rows by stretches of time, of all fish together; the sides share no past.
 
-    In a long film both sides together have `p.most_rows`. FinloopError if the film is shorter than
-    two such stretches.
+    Each side has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is
+    shorter than two stretches.
     """
     rows, least = film.rows, int(film.lags[-1]) + 2
     block = block_frames(

@@ -31,14 +31,14 @@ Similar = NDArray[np.int32]
 
 
 class Sampler(NamedTuple):
-    """The data of a sampler; kernels take it as a whole. Rows are as in `FilmStates`.
+    """All data that drive a simulated fish, as kernels take them; m rows as in `FilmStates`.
 
-    states, mean: (m, d) of rows, and the means predicted from them; control: (m, 2); usable: (m,);
-    low, high: (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) the share of a
-    difference that remains after a tick; start, to: the graph of similar rows; follow: mean ticks
-    for which a row is followed; obey: (2,) the difference of a row's control from the given one at
-    which the row's likelihood is exp(−1/2); rests: (m,) whether a fish at the row rests: it moves
-    as in the film, not as predicted.
+    net: the network's weights; states, mean: (m, d) of rows, and the next states predicted from
+    them; control: (m, 2); usable: (m,); low, high: (d,) the range of the film's states; lags: (l,)
+    ticks; settle: (d,) the share of a difference that remains after a tick; start, to: the graph of
+    `similar_rows`; follow: mean ticks for which a row is followed; obey: (2,) the difference of a
+    row's control from the given one at which the row's likelihood is exp(−1/2); rests: (m,) whether
+    a fish at the row rests: it moves as in the film, not as predicted.
     """
 
     net: Net
@@ -58,14 +58,17 @@ class Sampler(NamedTuple):
 
 
 class RolloutState(NamedTuple):
-    """A fish's past (L + 1, d), the present first, and the row that it follows."""
+    """A simulated fish: its past states (L + 1, d), the present first, and the film row it follows.
+
+    L: the longest lag.
+    """
 
     past: Floats
     row: int
 
 
 def means(film: FilmStates, model: Forecast) -> Floats:
-    """Predict the next states (m, d) of all usable rows; 0 for the others."""
+    """Predict the next states (m, d) of all rows with their own controls; 0 where unusable."""
     mean = np.zeros_like(film.states)
     for start in range(0, len(film.rows), _LOT):
         lot = film.rows[start : start + _LOT]
@@ -77,9 +80,9 @@ def sampler(
     film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: ForecastSettings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
-    """Build the sampler of a film and its model.
+    """Build the sampler, which drives a simulated fish, from a film, its network and a graph.
 
-    graph: from `neighbours.similar_rows`; mean: from `means`, None to call it.
+    graph: from `neighbours.similar_rows`; mean: from `means`, None to compute it.
     """
     rows, d = film.rows, len(film.scale)
     mean = means(film, model) if mean is None else mean
@@ -97,21 +100,22 @@ def sampler(
 
 
 def begin(swim: Sampler, rng: np.random.Generator) -> RolloutState:
-    """Return the state of a random row of the film, all equally likely."""
+    """Return a fish that starts as filmed at a random usable row, all equally likely."""
     return at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
 
 
 def at_row(swim: Sampler, row: int) -> RolloutState:
-    """Return the state of a row."""
+    """Return a fish that swims as filmed at a row: its past is that of the film."""
     return RolloutState(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
 
 
 def step(
     swim: Sampler, state: RolloutState, control: Floats | None, rng: np.random.Generator
 ) -> RolloutState:
-    """Return the state a tick later, under a control (2,), or freely.
+    """Return the fish one tick later, under a control (2,), or freely if that is None.
 
-    Only `rng` changes: the same state, control and draws give the same next state.
+    control: displacement [body lengths] and included angle [rad] over Δ. Only `rng` changes: the
+    same state, control and draws give the same next state.
     """
     row = state.row
     if not swim.usable[row] or rng.random() < 1 / swim.follow:
@@ -122,7 +126,10 @@ def step(
 
 
 def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
-    """Draw a similar row, or the row itself; one with a similar control is more likely."""
+    """Draw the row that a fish follows next: a row similar to `row`, or `row` itself.
+
+    control (2,): rows with a similar control are more likely; None: the control does not matter.
+    """
     rows, chance = ways(swim, row)
     if control is not None:
         chance = chance * likeness(swim, rows, control)
@@ -130,16 +137,22 @@ def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Gene
 
 
 def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
-    """Return the likeness (k,) of rows' controls to a control, 1 for the most similar one."""
+    """Return how alike the controls of rows (k,) are to a control (2,): 1 for the most similar row.
+
+    With q the squared difference of a row's control, in units of `swim.obey`: exp(−½ (q − least
+    q)).
+    """
     square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
     return np.exp(-0.5 * (square - square.min(initial=np.inf)))
 
 
 def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
-    """Return the rows (k,) that may follow, the row itself last; their probability (Metropolis).
+    """Return the rows (k,) that a fish at `row` may follow next, and their weights (k,) in a draw.
 
-    A row that cannot be followed has only its neighbours. If it has none, they are those of the
-    last row before it that has some, shifted by the rows between.
+    The weights (Metropolis) let all rows be visited equally often; their sum may be below 1. The
+    last one is `row` itself. A row that is not usable leads only to its similar rows. If it has
+    none, these are those of the last earlier row that has some, shifted by the rows between; that
+    row comes last.
     """
     last = row
     while not swim.usable[last] and swim.start[last] == swim.start[last + 1]:
@@ -155,7 +168,7 @@ def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
 
 
 def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-    """Swim freely: return the states (ticks, d) and the film's rows (ticks,) that were followed."""
+    """Let a fish swim freely; return its states (ticks, d) and the rows (ticks,) they follow."""
     (past, row), states, rows, n = begin(swim, rng), [], [], 0
     while n < ticks:
         row = go_over(swim, row, None, rng)
@@ -170,10 +183,10 @@ def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Float
 
 @finite_kernel
 def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
-    """Return the states (ticks, d), the last one first, of a fish that follows a row.
+    """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
-    There are fewer if the film of the row ends. control: (2,) of the first tick; its difference
-    from the row's own stays constant.
+    They are fewer if the row's film ends. past (L + 1, d): the present first. control (2,): of the
+    first tick; its difference from the row's own control stays constant.
     """
     d, lags, deep = swim.states.shape[1], swim.lags, len(past)
     while ticks > 1 and not swim.usable[row : row + ticks].all():

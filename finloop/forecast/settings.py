@@ -8,7 +8,7 @@ from finloop.base.settings import Count, NotNegative, Positive, Seed, Share
 
 @dataclass(frozen=True)
 class ForecastSettings:
-    """The network of the next pose and motion, how it learns, and what is sampled beside it."""
+    """The network of the next state, how it learns, and which rows count as similar."""
 
     pose_variance_ratio: Share
 

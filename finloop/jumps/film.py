@@ -23,9 +23,10 @@ _TURN = 2000  # rows whose jumps lead to one part of a long film
 
 
 class FilmJumps(NamedTuple):
-    """jumps: columns of `JUMPS`; look: (n, k), or (2 n, k) with mirror images.
+    """The jumps of a film of n rows, how its rows look, and metrics.
 
-    visible: the visible distance of any two rows; numbers: about jumps and looks, for metrics.
+    jumps: the table `JUMPS`; look: (n, k), or (2 n, k) with mirror images, the table `LOOK`;
+    visible: measures the visible distance of any two rows; numbers: metrics by name.
     """
 
     jumps: pd.DataFrame
@@ -38,9 +39,10 @@ def film_jumps(
     source: RowSource, settings: JumpsSettings, workers: Workers = ALONE,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
-    """Find the jumps of a film; `advance(n)`: n more rows are done.
+    """Find the jumps from every row of a film, and measure how its rows look.
 
-    A fish whose sides differ is not mirrored, unless the settings say so.
+    A fish whose sides differ is not mirrored, unless the settings say so. advance(n): called when n
+    more rows are done.
     """
     reel, _ = source.film()
     track = reel.features["track_id"].to_numpy()

@@ -17,13 +17,14 @@ _SPARE = 8  # times `count`: nearest rows that are searched first for `count` pa
 
 @dataclass(frozen=True)
 class Search:
-    """The search for the `count` nearest neighbours of rows, one of each passage of film.
+    """The search for the `count` nearest neighbours of each row, one of each passage of film.
 
     Of successive rows only the nearest counts, and none within `least` rows of a nearer one. A jump
     leads neither into the last `least` rows of a track nor within `least` rows of its own place.
 
-    targets (m, d): of the n rows, and of their mirror images if these are searched; goals: numbers
-    of possible targets, which are in `index`. track (n,): rising; part (n,): from `parts_of`.
+    targets (m, d): signatures of the n rows, then of their mirror images if these are searched;
+    goals: numbers of the targets to which a jump may lead; index: of these; track (n,): ids,
+    rising; part (n,): the film's part, from `parts_of`.
     """
 
     targets: Floats
@@ -38,7 +39,11 @@ class Search:
     def from_values(
         cls, values: Floats, track: Ints, count: int, least: int, mirror: bool = True
     ) -> "Search":
-        """Make the search from values (2, n, d): of rows [0] and mirror images [1]."""
+        """Build the search from signatures (2, n, d): of rows [0] and of their mirror images [1].
+
+        track (n,): rising ids; count, least: see `Search`; mirror: whether jumps may lead to mirror
+        images.
+        """
         targets = np.ascontiguousarray(values[: 1 + mirror].reshape(-1, values.shape[-1]))
         stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
         goals = np.flatnonzero(np.tile(stays, 1 + mirror))
@@ -48,15 +53,19 @@ class Search:
 
     @property
     def parts(self) -> int:
-        """Return the number of the film's parts."""
+        """Return the number of parts into which a long film is divided."""
         return 1 + int(self.part.max())
 
     def __call__(self, rows: Ints) -> pd.DataFrame:
-        """Return neighbours of rows (k,), rising: row, to, mirrored, far; the nearest first."""
+        """Return the neighbours of rows (k,), rising, as a table: row, to, mirrored, far.
+
+        far: the distance of the two signatures, in natural steps; a row's nearest neighbour comes
+        first.
+        """
         return self._nearest(rows, self.goals, self.index)
 
     def in_part(self, rows: Ints, part: int) -> pd.DataFrame:
-        """Return neighbours of rows as `__call__` does, but only in one part of the film."""
+        """Return the neighbours of rows (k,) in one part of the film, as `__call__` does."""
         goals = self.goals[self.part[self.goals % len(self.track)] == part]
         return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
 
@@ -87,9 +96,9 @@ class Search:
 def best_jumps(near: pd.DataFrame, visible: Floats, count: int) -> pd.DataFrame:
     """Return the `count` jumps of every row with the least discontinuity: columns of `JUMPS`.
 
-    The discontinuity (column seam) is the sum of `far` and the visible distance squared, which is
-    small below a natural step, where the motion hides it. near: as `Search` gives it; visible: (k,)
-    natural steps.
+    The discontinuity (column seam) is `far` plus the square of the visible distance. That square is
+    small below a natural step, where the motion hides it. near: from `Search`, k rows; visible:
+    (k,) natural steps.
     """
     table = near.assign(seam=near["far"] + np.square(visible))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)

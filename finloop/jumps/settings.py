@@ -8,7 +8,7 @@ from finloop.base.settings import Count, NotNegative, Positive
 
 @dataclass(frozen=True)
 class JumpsSettings:
-    """Which frames are neighbours."""
+    """How many jumps a frame has, how far they lead in time, and what is compared to find them."""
 
     jumps_per_frame: Count
     min_jump_deltas: Positive

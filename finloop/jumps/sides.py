@@ -11,11 +11,11 @@ _ROWS = 300  # most pictures that are compared
 
 
 def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
-    """Return the distance of a fish from its mirror image, over that of two pictures of its track.
+    """Return how much a fish differs from its mirror image, over how much its pictures differ.
 
-    All pictures are drawn in one posture and compared by Eq. 5. Both distances are medians over
-    rows spread over the film; the second picture is a random row of the same track (n,). About 1 or
-    less: the sides are alike.
+    1 or less: the sides are alike. All pictures are drawn in one posture; their distance is
+    Euclidean (Eq. 5). Both distances are medians over rows spread over the film; the second picture
+    is of a random row of the same track. track (n,): rising ids; seed: of the random rows.
     """
     n = len(track)
     rng = np.random.default_rng(seed)
@@ -29,10 +29,10 @@ def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
 def handedness(parts: SignatureParts, block: int) -> float:
     """Return how much more a fish bends, drifts or turns to one side than to the other, 0 … 1.
 
-    It is a lower limit. The odd part of each changes sign in the mirror. It is the part's mean,
-    less twice the standard error of that, over its root mean square; the largest of the three. 0:
-    both sides alike, as far as the film can show; 1: only one side. The error is that of means over
-    `block` rows: within a block a circling fish repeats itself. A single block gives 0.
+    0: both sides alike, as far as the film can show; 1: only one side. It is a lower limit, the
+    largest of the three. Each takes the odd part, which changes sign in the mirror: its mean, less
+    twice that mean's standard error, over its root mean square. The error is that of means over
+    `block` rows, since a circling fish repeats itself within a block. A single block gives 0.
     """
     largest = 0.0
     for both in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):

@@ -25,11 +25,11 @@ _SAMPLE = 600  # most pictures to which the principal components are fitted
 
 
 class SignatureParts(NamedTuple):
-    """The parts of the comparison of rows, each (2, n, k): of the film [0], mirrored [1].
+    """The parts by which rows are compared, each (2, n, k): of rows [0], of mirror images [1].
 
-    pose: codes of principal shapes; change: of these in a frame; motion: speeds ahead and aside,
-    body lengths a frame, and of turning, ° a frame, anticlockwise; look: principal components of
-    the pictures drawn straight.
+    pose: codes of principal shapes; change: of these codes, per frame; motion: speeds ahead and to
+    the left, body lengths a frame, and turning, ° a frame, anticlockwise; look: principal
+    components of the pictures drawn straight.
     """
 
     pose: Floats
@@ -40,16 +40,20 @@ class SignatureParts(NamedTuple):
 
 @dataclass(frozen=True)
 class Straight:
-    """Pictures of rows, all drawn straight, headed right: they differ only in light and skin.
+    """Draws rows in one straight posture, headed right: pictures differ in light and skin only.
 
-    The posture is the mean posture, which is its own mirror image. size: px across.
+    The posture is the film's mean posture, which is its own mirror image. size: px across a
+    picture.
     """
 
     source: RowSource
     size: int
 
     def __call__(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Draw pictures (k, size, size, c) of some rows. Upside down they are the mirror images."""
+        """Draw pictures (k, size, size, c) of rows (k,), premultiplied, 0 … 1.
+
+        Turned upside down they are the mirror images.
+        """
         reel, poses = self.source.film()
         middle = (self.size - 1) / 2
         place = (np.array(number) for number in (middle, middle, 0.0, self.size / _SPAN))
@@ -78,12 +82,12 @@ def _along(straight: Straight, mean: Reals, axes: Floats, rows: Ints) -> Floats:
 
 
 def blocks(n: int, most: int) -> list[Ints]:
-    """Return the rows 0 … n − 1 in blocks of at most `most`."""
+    """Split the row numbers 0 … n − 1 into blocks of at most `most` successive rows."""
     return np.split(np.arange(n), range(most, n, most))
 
 
 def parts(source: RowSource, settings: JumpsSettings, workers: Workers) -> SignatureParts:
-    """Compute the signature parts of all rows."""
+    """Compute the signature parts pose, change, motion, look of all rows and mirror images."""
     reel, poses = source.film()
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
@@ -96,10 +100,10 @@ def parts(source: RowSource, settings: JumpsSettings, workers: Workers) -> Signa
 def signatures(
     row_parts: SignatureParts, ends: tuple[Ints, Ints], settings: JumpsSettings
 ) -> Floats:
-    """Return the signatures of rows [0] and of mirror images [1], (2, n, d), in natural steps.
+    """Return the signatures (2, n, d), in natural steps, of rows [0] and mirror images [1].
 
-    They are the parts side by side, each divided by its deviation over the film, times its weight.
-    A natural step is the median distance between the rows `ends`, each (k,), that are a step apart.
+    A signature has all parts side by side, each standardized and times its weight in `settings`.
+    ends: rows (k,), and rows (k,) a step later; their median distance is the natural step.
     """
     weights = (
         settings.pose_weight, settings.change, settings.motion_weight, settings.appearance_weight,
@@ -112,19 +116,29 @@ def signatures(
 
 
 def standardize(part: Floats, each: bool = False) -> Floats:
-    """Return deviations from the mean in units of the part's deviation, or of each number's."""
+    """Return a part (2, n, k) about its mean, scaled: the variances of its k numbers sum to 1.
+
+    each: whether all k numbers get the same variance; else one factor scales them all.
+    """
     return (part - part.mean((0, 1))) / deviation(part, each)
 
 
 def deviation(part: Floats, each: bool = False) -> Floats:
-    """Return the deviation (k,) of a part (2, n, k), of all its numbers together or of `each`."""
+    """Return the divisors (k,) that `standardize` applies to the k numbers of a part (2, n, k).
+
+    Without `each` it is the root of the summed variances; with it a number's deviation times √k.
+    """
     square = ((part - part.mean((0, 1))) ** 2).mean((0, 1))
     total = square * len(square) if each else np.full_like(square, square.sum())
     return np.sqrt(np.maximum(total, 1e-24))
 
 
 def slope(values: Floats, goes_on: Mask, span: int) -> Floats:
-    """Return the change (n, k) per row of values, over `span` rows before and after, in a track."""
+    """Return the change (n, k) per row of values (n, k), from `span` rows before to `span` after.
+
+    goes_on (n,): whether the next row is of the same track. Near a track's end the span is shorter,
+    on one side only at the end itself.
+    """
     last = np.flatnonzero(~goes_on)
     rows = np.arange(len(values))
     end = last[np.searchsorted(last, rows)]
@@ -134,7 +148,10 @@ def slope(values: Floats, goes_on: Mask, span: int) -> Floats:
 
 
 def film_motion(reel: Reel, span: int) -> Floats:
-    """Return speeds ahead and aside (+ = left) and of turning (2, n, 3) of rows, mirror images."""
+    """Return the speeds (2, n, 3) of rows [0] and mirror images [1]: ahead, left, turning.
+
+    Body lengths a frame through the water, and ° a frame, anticlockwise; averaged over ± span rows.
+    """
     features = reel.features
     place = through_water(features) / reel.lengths_px[:, None]
     speed = motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span)
@@ -142,7 +159,10 @@ def film_motion(reel: Reel, span: int) -> Floats:
 
 
 def motion(place: Floats, heading_deg: Floats, goes_on: Mask, span: int) -> Floats:
-    """Return speeds (n, 3) per row, ahead, aside and of turning. place (n, 2): in body lengths."""
+    """Return the speeds (n, 3): ahead and to the left [body lengths a row], turning [° a row].
+
+    place (n, 2): x, y in body lengths; heading_deg (n,): anticlockwise; goes_on, span: see `slope`.
+    """
     unwrapped = np.concatenate([
         np.unwrap(track, period=360)
         for track in np.split(heading_deg, np.flatnonzero(~goes_on)[:-1] + 1)

@@ -13,17 +13,17 @@ Pictures = NDArray[np.uint8]
 
 
 class RowSource(Protocol):
-    """Rows of a film, their postures, and space for their pictures.
+    """Access to a film's rows, their postures, and the array in which their pictures are drawn.
 
-    It is called again for every block. A cluster pickles it, once for all blocks.
+    Each block of rows calls it again. A cluster pickles it, once for all blocks.
     """
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """Return the rows and their postures."""
+        """Return the film's rows and, in the same order, their postures."""
         ...
 
     def pictures(self) -> Pictures:
-        """Return space for pictures of all rows; `shape_of` gives its shape."""
+        """Return the array, uint8 (n, s, s, c), in which the rows' pictures are drawn."""
         ...
 
     def keep(self) -> None:
@@ -32,7 +32,7 @@ class RowSource(Protocol):
 
 
 def shape_of(reel: Reel, size: int) -> tuple[int, ...]:
-    """Return the shape (n, s, s, c) of pictures of all rows, `size` px across."""
+    """Return the shape (n, s, s, c) of the array of all rows' pictures, s = `size` px across."""
     return len(reel), size, size, reel.film[0].pixels.shape[2]
 
 
@@ -46,15 +46,15 @@ class InMemory:
 
     @classmethod
     def from_reel(cls, reel: Reel, poses: FilmPoses, size: int) -> "InMemory":
-        """Make the source with space for pictures `size` px across. poses: of the reel's rows."""
+        """Make the source with an empty array for pictures `size` px across; poses: of its rows."""
         return cls(reel, poses, np.empty(shape_of(reel, size), np.uint8))
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """Return the rows and their postures."""
+        """Return the film's rows and, in the same order, their postures."""
         return self.reel, self.poses
 
     def pictures(self) -> Pictures:
-        """Return the space for pictures."""
+        """Return the array, uint8 (n, s, s, c), in which the rows' pictures are drawn."""
         return self.drawn
 
     def keep(self) -> None:

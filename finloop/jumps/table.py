@@ -7,7 +7,7 @@ from finloop.base.schema import ANY, Column, Schema, columns
 
 @dataclass(frozen=True)
 class VisibleFacts:
-    """`VisibleDistance` without pictures and postures; natural: see there."""
+    """What restores `VisibleDistance` beside pictures and postures. natural: see there."""
 
     natural: float
 

@@ -21,10 +21,10 @@ _LOT = 1000  # pictures at a time
 
 @dataclass(frozen=True)
 class VisibleDistance:
-    """The visible distance of rows of a film: Eq. 5 of two rows drawn in one pose.
+    """The visible distance of a film's rows: how far apart two pictures are in one pose (Eq. 5).
 
-    pictures: (n, s, s, c) of the rows, in their own postures (n, d), headed right; natural: the
-    median of Eq. 5 from a row to the one a natural step later in its track.
+    pictures: uint8 (n, s, s, c) of the rows, in their own postures (n, d), headed right; natural:
+    the median distance from a row's picture to that a natural step later in its track.
     """
 
     pictures: Pictures
@@ -33,7 +33,7 @@ class VisibleDistance:
 
     @classmethod
     def from_source(cls, source: RowSource, workers: Workers) -> "VisibleDistance":
-        """Draw the rows of a film into the source's space for pictures."""
+        """Draw the pictures of all rows into the source's array, and measure the natural step."""
         reel, poses = source.film()
         pictures, rows = source.pictures(), blocks(len(reel), _LOT)
         drawn = ordered_map(partial(_draw_rows, source, pictures.shape[1]), rows, workers)
@@ -49,7 +49,10 @@ class VisibleDistance:
         return cls(pictures, poses.pose.posture, max(natural, 1e-12))
 
     def __call__(self, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
-        """Return natural steps (k,) from rows (k,) to rows `to`, mirrored or not, in one pose."""
+        """Return the visible distances (k,), in natural steps, from rows (k,) to rows `to` (k,).
+
+        The rows `to`, mirrored (k,) or not, are drawn in the poses of `rows`.
+        """
         rows, to = np.asarray(rows, np.int64), np.asarray(to, np.int64)
         mirrored = np.asarray(mirrored, bool)
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
@@ -59,11 +62,11 @@ class VisibleDistance:
             return np.concatenate(list(steps)) / self.natural
 
     def best(self, near: pd.DataFrame, count: int) -> Floats:
-        """Return natural steps (k,) of the jumps `near`: columns row, to, mirrored, far.
+        """Return the visible distances (k,), in natural steps, of jumps that can be a row's best.
 
-        A jump costs the sum of `far`, which rises within each row, and the visible distance
-        squared. The distance is infinite, and not measured, where `count` other jumps of the row
-        cost less.
+        near: k rows row, to, mirrored, far; `far` rises within each row. A jump costs `far` plus
+        the square of its visible distance. The distance is infinite, and not measured, where
+        `count` other jumps of the row cost less.
         """
         rows, to = (near[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)

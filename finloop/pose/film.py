@@ -33,8 +33,8 @@ class ShapeFacts:
     """`FilmPoses` without its codes, as plain lists: the content of shapes.json.
 
     mean (d), shapes (c, d), weights (d), variance (c), total_variance, gap: see `PoseShapes`.
-    trunk: whether body and tail are separate; tail_spread: the number that decides it.
-    memory_frames: see `FilmPoses`.
+    trunk: whether body and tail have backbone points of their own; tail_spread: the number that
+    decides it (`puppet.tail.tail_spread`). memory_frames: see `FilmPoses`.
     """
 
     mean: list[float]
@@ -50,11 +50,11 @@ class ShapeFacts:
 
 @dataclass(frozen=True)
 class FilmPoses:
-    """The postures of a film (n rows). codes: (n, c); shapes: what they mean.
+    """The postures of a film's n rows, each as c codes of the film's principal shapes.
 
-    pose: places, headings and sizes of the rows, and the postures of their codes. trunk,
-    tail_spread: see `ShapeFacts`. memory_frames: the frames after which a posture is half as far
-    from itself, in mean squares, as any two postures of the film are.
+    pose: places, headings, sizes and postures of the rows. codes: (n, c); shapes: turn codes into
+    postures and back. trunk, tail_spread: see `ShapeFacts`. memory_frames: the frames after which a
+    posture is half as far from itself, in mean squares, as any two postures of the film are.
     """
 
     pose: Pose
@@ -66,7 +66,7 @@ class FilmPoses:
 
     @cached_property
     def facts(self) -> ShapeFacts:
-        """Return the data that `restore_poses` needs beside the codes."""
+        """Return the facts that `restore_poses` needs beside the codes, as plain lists."""
         shapes = self.shapes
         return ShapeFacts(
             shapes.mean.tolist(), shapes.shapes.tolist(), shapes.weights.tolist(),
@@ -75,17 +75,17 @@ class FilmPoses:
         )  # fmt: skip
 
     def pose_from_codes(self, row: int, codes: Floats) -> Pose:
-        """Return a row's pose with the posture of these codes (c,)."""
+        """Return the pose of a row, with its posture replaced by that of `codes` (c,)."""
         return replace(self.pose[row], posture=self.shapes.decode(codes))
 
     def table(self, features: pd.DataFrame) -> pd.DataFrame:
-        """Return the table of `POSES`; features: the feature table of the same rows."""
+        """Return the codes as the table `POSES`; features: the feature table of the same rows."""
         codes = pd.Series(list(self.codes.astype(np.float32)), features.index, dtype=object)
         return features[["track_id", "frame"]].assign(codes=codes)
 
 
 def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) -> FilmPoses:
-    """Compute the postures of a film.
+    """Compute the postures of all rows of a film, their principal shapes and their codes.
 
     tracks: columns `USED`; features: columns of `FEATURES`, the same rows. FinloopError if the film
     has fewer than two rows.
@@ -107,11 +107,11 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
 def restore_poses(
     features: pd.DataFrame, codes: Reals, facts: dict[str, Any], posture: Floats | None = None
 ) -> FilmPoses:
-    """Restore the postures that the stage `pose` stored.
+    """Restore a film's postures from the codes and facts that the stage `pose` stored.
 
     features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): the table POSES;
     facts: the fields of `ShapeFacts`; posture (n, d): the postures of the codes, None to compute
-    them. ValueError if they do not belong together.
+    them. ValueError if codes, features and facts differ in size.
     """
     values, shape = codes.astype(float), ShapeFacts(**facts)
     mean, shapes = np.array(shape.mean), np.array(shape.shapes)

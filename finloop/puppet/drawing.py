@@ -23,22 +23,22 @@ def draw(
     mirrored: bool = False,
     sharp: bool = True,
 ) -> Premultiplied:
-    """Draw a fish of the film in another pose: (height, width, c) premultiplied, 0 … 1.
+    """Draw an animal in another pose: a picture (height, width, c), premultiplied, 0 … 1.
 
     Drawn in its own pose at its own place it is the frame itself.
 
     Parameters
     ----------
     cutout
-        Of the film, c = 2 or 4.
+        The film's picture of the animal; c = 2 (grey, alpha) or 4 (red, green, blue, alpha).
     pose
-        The fish's own, px of the film.
+        The animal's pose in the film, px of the film.
     target
         The new pose, px of the new picture.
     size
         Height and width of the new picture, px; what lies outside is cut off.
     mirrored
-        The fish's left is drawn as its right; `target` is the visible pose and is not mirrored.
+        Whether the animal's left is drawn as its right; `target` is as visible, not mirrored.
     sharp
         Keys' cubic filter, as in `render.painter`; else a linear one, as in `distance.picture`.
     """
@@ -48,9 +48,9 @@ def draw(
 
 
 class Laid:
-    """A film's picture in another pose, not drawn yet; any part of the new picture can be drawn.
+    """A film's picture planned in another pose; `in_box` draws any part of the new picture.
 
-    box: rows and columns that the animal may cover, half open: top, left, bottom, right.
+    box: rows and columns [px] that the animal may cover, half open: top, left, bottom, right.
     """
 
     def __init__(
@@ -61,7 +61,11 @@ class Laid:
         mirrored: bool,
         sharp: bool = True,
     ) -> None:
-        """Take a picture (h, w, c), its animal's backbone, and that in the new picture."""
+        """Plan the drawing of a picture (h, w, c), 0 … 255, premultiplied.
+
+        source, target: the animal's backbone in it and in the new picture; mirrored, sharp: see
+        `draw`.
+        """
         across = source.size_px / target.size_px
         self._how = How(across, mirrored, sharp)
         self._film = blur_for_shrinking(pixels.astype(np.float32), 1 / across)
@@ -69,7 +73,10 @@ class Laid:
         self.box: tuple[int, int, int, int] = self._plan.box
 
     def in_box(self, box: tuple[int, int, int, int]) -> Premultiplied:
-        """Draw the part of the new picture in a box: (bottom - top, right - left, c), 0 … 1."""
+        """Draw part of the new picture: (bottom - top, right - left, c), premultiplied, 0 … 1.
+
+        box: its rows and columns [px], half open: top, left, bottom, right.
+        """
         top, left, bottom, right = box
         canvas = np.zeros((bottom - top, right - left, self._film.shape[2]), np.float32)
         paint(canvas, self._film, self._plan, self._how, (top, left))
@@ -85,7 +92,7 @@ def blend(first: Premultiplied, second: Premultiplied, weight: float) -> Premult
 
 
 def line(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
-    """Return a pose's backbone in a picture whose first pixel is at (x0_px, y0_px)."""
+    """Return one pose's backbone, placed in a picture whose first pixel is at (x0_px, y0_px)."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
     return PlacedBackbone(
         float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture

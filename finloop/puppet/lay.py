@@ -26,7 +26,11 @@ _UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)
 
 
 class How(NamedTuple):
-    """How to draw. across: px of film per px of picture; sharp: Keys' cubic filter, else linear."""
+    """The way in which a picture is drawn in another pose.
+
+    across: px of film per px of the new picture; mirrored: whether left is drawn as right; sharp:
+    Keys' cubic filter, else a linear one.
+    """
 
     across: float
     mirrored: bool
@@ -36,9 +40,9 @@ class How(NamedTuple):
 class StripLayout(NamedTuple):
     """The strips of a film's picture and of the new one, and how far the animal reaches.
 
-    there, here: in the film and in the new picture; reach: (m - 1, 2) px beside each step of the
-    new one, left and right, 0 where nothing is visible. box: rows and columns of the new picture
-    that the animal may cover, half open: top, left, bottom, right.
+    there, here: strips of m cross-sections, in the film and in the new picture; reach: (m - 1, 2)
+    px beside each step of the new one, left and right, 0 where nothing is visible. box: rows and
+    columns of the new picture that the animal may cover, half open: top, left, bottom, right.
     """
 
     there: Strip
@@ -51,7 +55,10 @@ class StripLayout(NamedTuple):
 def plan(
     film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, how: How
 ) -> StripLayout:
-    """Plan how to lay a film's picture from the backbone `source` along the backbone `target`."""
+    """Plan how to draw a film's picture along another backbone: both strips, and the area to draw.
+
+    film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
+    """
     there, here = strip(source), strip(target)
     reach = _reach(film, there) / how.across
     low_x = low_y = HIDDEN
@@ -87,10 +94,10 @@ def paint(
     canvas: NDArray[np.float32], film: NDArray[np.float32], to: StripLayout, how: How,
     corner: tuple[int, int],
 ) -> None:  # fmt: skip
-    """Draw a strip as planned in the canvas, whose first pixel is at `corner`, row and column.
+    """Draw the film's picture into the canvas as planned; `corner`: its first row and column.
 
-    canvas: (H, W, c), zero; film: (h, w, c) 0 … 255, premultiplied. Where two parts of the body
-    meet, the one with more alpha is visible.
+    canvas: (H, W, c), zero, becomes 0 … 1; film: (h, w, c) 0 … 255; both premultiplied, alpha last;
+    to: from `plan`. Where two parts of the body meet, the one with more alpha is visible.
     """
     for i in range(len(to.reach)):
         if to.reach[i, 0] + to.reach[i, 1] > 0:

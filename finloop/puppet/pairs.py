@@ -13,7 +13,7 @@ from finloop.puppet.strip import PlacedBackbone
 
 
 class PictureSet(NamedTuple):
-    """Pictures (n, s, s, c) premultiplied, each in its own posture (n, d), headed right.
+    """Pictures (n, s, s, c), premultiplied, 0 … 255, and their postures (n, d), headed right.
 
     Mass centres are in the middle; size_px: typical length of the animals in them.
     """
@@ -25,10 +25,10 @@ class PictureSet(NamedTuple):
 
 @finite_kernel
 def apart_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
-    """Compute Eq. 5 (k,) from pictures `rows` (k,) to pictures `to` (k,), mirrored (k,) or not.
+    """Return the distances (k,) of pictures `rows` and `to`, (k,), drawn in one pose (Eq. 5).
 
-    The pictures `to` are drawn in the postures of `rows`. If they are nearer undrawn, that distance
-    counts.
+    The distance is Euclidean, of pixels 0 … 1. Pictures `to` are drawn in the postures of `rows`,
+    mirrored (k,) or not. If a picture is nearer as filmed, that distance counts.
     """
     apart = np.empty(len(rows))
     canvas = np.empty(film.pictures.shape[1:], np.float32)
@@ -42,11 +42,11 @@ def apart_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Flo
 def nearest_in_pose(
     film: PictureSet, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
-    """Compute `apart_in_pose` only for pairs that can be among the `count` best of their row.
+    """Return the distances (k,) of `apart_in_pose`, −1 for pairs that cannot be among the best.
 
-    rows: rising. to: the second pictures (k,), whether they are mirrored, and the least cost (k,)
-    of each pair, rising within each row. The cost of a pair is the sum of that and the square of
-    Eq. 5 in `unit`. −1 for pairs that are not drawn.
+    Each row keeps its `count` cheapest pairs. A pair costs its least cost plus the square of
+    (distance / unit). rows: (k,), rising. to: the second pictures, whether they are mirrored, and
+    the least costs, which rise within each row; (k,) each.
     """
     partner, mirrored, least = to
     apart = np.full(len(rows), -1.0)

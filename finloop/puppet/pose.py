@@ -38,7 +38,7 @@ class Pose:
         return len(self.posture)
 
     def __getitem__(self, rows: Any) -> "Pose":
-        """The poses of some rows, or of one."""
+        """Return the poses of some rows, or the pose of one row."""
         return Pose(
             self.x_px[rows], self.y_px[rows], self.heading_rad[rows], self.size_px[rows],
             self.posture[rows],
@@ -47,7 +47,11 @@ class Pose:
     def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """Return the same posture elsewhere; a single number applies to all poses."""
+        """Return the same postures at other places, headings and sizes; a number applies to all.
+
+        x_px, y_px: mass centre; heading_rad: anticlockwise, 0 = to the right; size_px: typical
+        length.
+        """
         place = (x_px, y_px, heading_rad, size_px)
         x, y, heading, size = (
             np.broadcast_to(np.asarray(part, float), self.posture.shape[:-1]) for part in place
@@ -55,12 +59,12 @@ class Pose:
         return Pose(x, y, heading, size, self.posture)
 
     def mirror(self) -> "Pose":
-        """Mirror the poses about the line through the mass centre along the heading."""
+        """Return the poses mirrored about the line through the mass centre along the heading."""
         return replace(self, posture=mirror_posture(self.posture))
 
     @property
     def head_px(self) -> Points:
-        """Return the head end (…, 2) x, y of the backbone, px."""
+        """Return the head end (…, 2) of the backbone: x, y in px."""
         ahead, left = self.posture[..., _AHEAD], self.posture[..., _LEFT]
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         x = self.x_px + self.size_px * (cos * ahead - sin * left)
@@ -69,16 +73,19 @@ class Pose:
 
     @property
     def angles_rad(self) -> Floats:
-        """Return the directions (…, n) on screen of the backbone's steps, towards the head."""
+        """Return the directions (…, n) of the backbone's steps in the picture, towards the head.
+
+        Radians, anticlockwise, 0 = to the right.
+        """
         return bends(self.posture) + self.heading_rad[..., None]
 
     @property
     def steps_px(self) -> Floats:
-        """Return the lengths (…, n) of the backbone's steps."""
+        """Return the lengths (…, n) of the backbone's steps, px."""
         return steps(self.posture) * self.size_px[..., None]
 
     def backbone_px(self) -> Points:
-        """Return the backbone (…, n + 1, 2) x, y, from head to tail, px."""
+        """Return the backbone's n + 1 points (…, n + 1, 2), from head to tail: x, y in px."""
         angles, length = self.angles_rad, self.steps_px[..., None]
         way = np.stack([-np.cos(angles), np.sin(angles)], -1) * length
         head = self.head_px[..., None, :]
@@ -86,17 +93,23 @@ class Pose:
 
 
 def bends(posture: Floats) -> Floats:
-    """Return the directions (…, n) of postures (…, 2 + 2 n), as a view."""
+    """Return the directions (…, n) [rad] of backbone steps in postures (…, 2 + 2 n), as a view.
+
+    They point towards the head and count from the heading, + = to the animal's left.
+    """
     return posture[..., _STEPS : _STEPS + posture.shape[-1] // 2 - 1]
 
 
 def steps(posture: Floats) -> Floats:
-    """Return the lengths (…, n) of postures (…, 2 + 2 n), as a view."""
+    """Return the lengths (…, n) of backbone steps in postures (…, 2 + 2 n), as a view.
+
+    The unit is the animal's typical length.
+    """
     return posture[..., posture.shape[-1] // 2 + 1 :]
 
 
 def mirror_posture(posture: Floats) -> Floats:
-    """Exchange left and right in postures (…, 2 + 2 n)."""
+    """Return postures (…, 2 + 2 n) with left and right exchanged."""
     copy = posture.copy()
     copy[..., _LEFT] *= -1
     bends(copy)[...] *= -1

@@ -22,14 +22,14 @@ _ROUNDING = 1e-6  # relative difference of a shape's components that counts as e
 
 
 class NearestPostures(NamedTuple):
-    """Possible postures (…, d), and whether (…) they had to be changed."""
+    """Postures (…, d) that the film almost shows, and whether (…) each was moved to be so."""
 
     posture: Floats
     clamped: Mask
 
 
 class NearestCodes(NamedTuple):
-    """Codes (…, c) of possible postures, and whether (…) they had to be changed."""
+    """Codes (…, c) of postures that the film almost shows, and whether (…) each was moved."""
 
     codes: Floats
     clamped: Mask
@@ -55,10 +55,11 @@ class PoseShapes:
 
     @classmethod
     def fit(cls, postures: Floats, share: float, gap_quantile: float = 0.99) -> "PoseShapes":
-        """Compute the shapes of postures (k, d) that explain `share` of their variance.
+        """Compute the principal shapes that explain a share (0 … 1) of the postures' variance.
 
-        gap_quantile: quantile of the distance from a posture to its nearest other one; this becomes
-        the gap. FinloopError if there are fewer than two postures, or one is not finite.
+        postures (k, d): of a film. gap_quantile: quantile of the distance from a posture to its
+        nearest other one; this becomes the gap. FinloopError if there are fewer than two postures,
+        or one is not finite.
         """
         broken = int((~np.isfinite(postures)).any(1).sum())
         if len(postures) < 2 or broken:
@@ -88,7 +89,7 @@ class PoseShapes:
 
     @property
     def variance_shares(self) -> Floats:
-        """Return the share (c,) of the variance that each shape explains; 0 without variance."""
+        """Return the share (c,) of the postures' variance that each shape explains, 0 … 1."""
         return self.variance / (self.total_variance or 1.0)
 
     @cached_property
@@ -115,20 +116,20 @@ class PoseShapes:
         return scipy.spatial.cKDTree(self.codes)
 
     def nearest(self, postures: Floats) -> NearestPostures:
-        """Return the nearest postures (…, d) that the film shows, or almost shows.
+        """Move postures (…, d) that are far from all filmed ones until they are within `gap`.
 
         A posture whose codes are within `gap` of a filmed one stays unchanged. Any other one moves
-        straight towards the nearest filmed one until it is within `gap`.
+        straight towards the nearest filmed one. Mirror images count as filmed.
         """
         codes, clamped = self.nearest_codes(self.encode(postures))
         return NearestPostures(np.where(clamped[..., None], self.decode(codes), postures), clamped)
 
     def far(self, codes: Floats) -> Mask:
-        """Return which codes (…, c) are farther than `gap` from all filmed ones, or almost."""
+        """Return whether (…) codes (…, c) are about `gap` or more away from all filmed ones."""
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """Apply `nearest` to codes (…, c)."""
+        """Move codes (…, c) that are far from all filmed ones until they are within `gap`."""
         near, most = np.array(codes, float), self.gap + _EXACT
         clamped = np.asarray(np.isinf(self._tree.query(near, distance_upper_bound=most)[0]))
         if clamped.any():

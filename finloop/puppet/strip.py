@@ -27,7 +27,7 @@ _FREE = 0.5  # inner share of a cross-section that is not squeezed
 
 
 class PlacedBackbone(NamedTuple):
-    """An animal's backbone in a picture, px; in the terms of `puppet.pose.Pose`."""
+    """An animal's backbone at its place in a picture; fields as in one `puppet.pose.Pose`."""
 
     x_px: float
     y_px: float
@@ -37,10 +37,10 @@ class PlacedBackbone(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """The m = n + 1 + 2 BEYOND cross-sections of a strip.
+    """The m = n + 1 + 2 BEYOND cross-sections of a strip, along a backbone of n steps.
 
-    points: (m, 2) px on the backbone; normals: (m, 2) unit vectors to the animal's left; limits:
-    (m, 2) px, how long a section is on its left and right.
+    points: (m, 2) px on the backbone or beyond its ends, head first; normals: (m, 2) unit vectors
+    to the animal's left; limits: (m, 2) px, how long a section is on its left and right.
     """
 
     points: Floats
@@ -50,7 +50,7 @@ class Strip(NamedTuple):
 
 @finite_kernel
 def strip(line: PlacedBackbone) -> Strip:
-    """Return the strip along a backbone, straight beyond its ends."""
+    """Return the cross-sections along a backbone and straight on beyond its ends."""
     n = len(line.posture) // 2 - 1
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]
     m = n + 1 + 2 * BEYOND
@@ -111,10 +111,11 @@ def _free(points, i, end):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def squeeze_offset(t: float, limit: float) -> float:
-    """Return the distance o [px] from the backbone of the place t ≥ 0 [px], or HIDDEN.
+    """Return how far [px] from the backbone a place t ≥ 0 [px] of the strip is drawn, or HIDDEN.
 
-    With f = r = limit / 2 [px]: o = t up to f; beyond it o = f + r (q − q²/4), q = (t − f) / r,
-    which leaves f with slope 1 and reaches the limit, with slope 0, at q = 2. More is hidden.
+    limit: length [px] of the cross-section. With f = r = limit / 2: o = t up to f; beyond it o = f
+    + r (q − q²/4), q = (t − f) / r, which leaves f with slope 1 and reaches the limit, with slope
+    0, at q = 2. What lies farther out is hidden.
     """
     free = _FREE * limit
     if t <= free:
@@ -126,9 +127,10 @@ def squeeze_offset(t: float, limit: float) -> float:
 
 @finite_kernel
 def unsqueeze_offset(o: float, limit: float) -> float:
-    """Return the place t [px] at a distance o ≥ 0 [px], or HIDDEN; invert `squeeze_offset`.
+    """Return the place t [px] of the strip that is drawn o ≥ 0 [px] from the backbone, or HIDDEN.
 
-    Beyond f it is t = f + 2 r (1 − √(1 − (o − f) / r)).
+    limit: length [px] of the cross-section; f, r as in `squeeze_offset`, which this inverts: t = o
+    up to f; beyond it t = f + 2 r (1 − √(1 − (o − f) / r)).
     """
     free = _FREE * limit
     if o <= free:

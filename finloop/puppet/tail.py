@@ -19,8 +19,9 @@ class Tail(NamedTuple):
     """Where a body ends and its tail begins, and how both are made alike in all frames.
 
     thin: the body ends where its width falls to this share of its largest. smoothing: of the
-    backbone, a standard deviation in half widths of the body. body: the share of the points that
-    the body has. whole: quantile of the tails' lengths that counts as the whole tail.
+    backbone, a standard deviation in half widths of the body. body: the share of the backbone's
+    points that lie on the body. whole: quantile of the tails' lengths that counts as the whole
+    tail.
     """
 
     thin: float
@@ -30,9 +31,10 @@ class Tail(NamedTuple):
 
 
 def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
-    """Return the range of tail lengths of rows (k), quantiles 0.05 to 0.95, in body lengths.
+    """Return how much the visible tail varies: its length's quantile 0.95 less 0.05, over all rows.
 
-    tracks, backbones: as in `trunk`; thin: as in `Tail`.
+    The unit is the median length of the body without the tail. tracks, backbones: see `trunk`;
+    thin: see `Tail`.
     """
     end = _body_end(_half_widths(tracks, backbones), thin)
     step, last = _steps(backbones.astype(float)), backbones.shape[1] - 1
@@ -41,11 +43,12 @@ def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
 
 
 def trunk(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
-    """Return backbones (k, n, 2) px, head first, with the same body part at every point.
+    """Return backbones (k, n, 2) px of body and tail; a point has the same place in all rows.
 
-    tracks: backbone_x_px, backbone_y_px, half_width_px of the rows. backbones: (k, n, 2) of the
-    same, head first, as `features.table.measure_features` gives them. Where no tail is visible, the
-    line continues straight.
+    The head comes first. The first points divide the body, the others the whole tail; where no tail
+    is visible, the line continues straight. tracks: backbone_x_px, backbone_y_px, half_width_px of
+    k rows. backbones: (k, n, 2) of the same, head first, as `features.table.measure_features` gives
+    them.
     """
     widths = _half_widths(tracks, backbones)
     lines = np.stack([
