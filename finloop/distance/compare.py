@@ -30,24 +30,27 @@ _STRETCHES = 20  # least stretches of a film that is too long for a complete map
 
 
 class PictureSource(Protocol):
-    """Pictures by row of the feature table, see `finloop.distance.reel.Reel`."""
+    """Pictures of a film's animals by feature row, as `finloop.distance.reel.Reel` has them."""
 
     @property
     def features(self) -> pd.DataFrame:
-        """Return the feature table (n rows)."""
+        """Return the feature table: a row for each of the n animals in frames."""
         ...
 
     def frames(self, rows: Ints, size: int, pose: str) -> Picture:
-        """Return pictures (k, size, size, c) of rows (k,) in a pose."""
+        """Return pictures (k, size, size, channels), 0 … 1, of rows (k,); pose: FILM or BODY."""
         ...
 
     def steps(self, size: int, pose: str, rows: Ints) -> np.ndarray:
-        """Return Eq. 5 from each of the rows (k,) to the next one."""
+        """Return the picture distance (k,) (Eq. 5) from each row to the next one; NaN at a gap."""
         ...
 
 
 class Similar(NamedTuple):
-    """Tables with the columns of `PAIRS` and `STEPS`, and how they were made."""
+    """The comparison of a film's frames: similar pairs, natural steps, and how they were made.
+
+    pairs: schema `PAIRS`; steps: schema `STEPS`.
+    """
 
     pairs: pd.DataFrame
     steps: pd.DataFrame
@@ -55,14 +58,20 @@ class Similar(NamedTuple):
 
 
 def part(features: pd.DataFrame, most: int) -> Ints:
-    """Return the rows (k,) that are mapped: all, or stretches spread over a longer film."""
+    """Return the feature rows (k,) to compare: all, or stretches spread over a longer film.
+
+    most: the largest number of rows.
+    """
     track = features["track_id"].to_numpy()
     every = stretches(track, max(2, most // _STRETCHES), most, seed=0)
     return np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in every])
 
 
 def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
-    """Return the blocks of the map that `compare_frames` computes, rows in `order`."""
+    """Return the blocks of the distance map that `compare_frames` computes, one after the other.
+
+    Their rows and columns count the compared rows, sorted by `order`.
+    """
     features = features.iloc[part(features, p.max_pictures)]
     kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
     rows = order(kind, area)
@@ -70,7 +79,11 @@ def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
 
 
 def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
-    """Return Eq. 5 from rows (k,) to those a natural step later, both headed to the right."""
+    """Return picture distances (k,) (Eq. 5) from rows (k,) to those a natural step later.
+
+    The pictures, size px wide, are turned so that the fish heads right. NaN where `rows` lacks the
+    later one.
+    """
     features = film.features.iloc[rows]
     x = about_mean(film.frames(rows, size, BODY))
     table = step_table(features, x, np.arange(len(rows)), step_of(film.features))
@@ -80,9 +93,10 @@ def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
 def compare_frames(
     film: PictureSource, p: DistanceSettings, advance: Callable[[], object] = lambda: None
 ) -> Similar:
-    """Compare frames with similar ones (Eqs. 5-8); `advance()` after each block.
+    """Return the film's pairs of similar frames (Eqs. 5-8), and its natural steps.
 
-    In a film of more than `p.max_pictures` frames only stretches are compared, see `part`.
+    advance(): called after each block. In a film of more than `p.max_pictures` frames only
+    stretches are compared, see `part`.
 
     FinloopError if the film does not move.
     """

@@ -56,7 +56,8 @@ without turning the fish.
 class MapFacts:
     """How a distance map was made, and its unit: the median natural step.
 
-    `keep` [median natural steps] None: all pairs that Eq. 6 compares are stored.
+    pose: FILM or BODY; size: px, side of the pictures; keep: largest distance stored, in median
+    natural steps, None: all pairs that Eq. 6 compares; step_median, step_p95: distances (Eq. 5).
     """
 
     pose: str
@@ -68,14 +69,14 @@ class MapFacts:
 
 
 class Block(NamedTuple):
-    """A rectangle of a map: ranges of its rows and its columns."""
+    """A rectangle of a distance map: its range of rows and its range of columns."""
 
     rows: slice
     columns: slice
 
 
 class PicturePairs(NamedTuple):
-    """Pairs of pictures by their numbers in x, and their distances (Eq. 5)."""
+    """Pairs of pictures (k,): the row numbers a and b in x, and their picture distance (Eq. 5)."""
 
     a: Ints
     b: Ints
@@ -83,14 +84,17 @@ class PicturePairs(NamedTuple):
 
 
 def about_mean(pictures: Picture) -> Picture:
-    """Return x of pictures (n, …), which are changed in place to save memory."""
+    """Return x (n, k): pictures (n, …) as rows, minus their mean; the input is overwritten.
+
+    That saves the memory of a copy.
+    """
     x = pictures.reshape(len(pictures), -1)
     x -= x.mean(axis=0)
     return x
 
 
 def pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
-    """Return the distances of Eq. 5 between pictures a[k] and b[k], one by one."""
+    """Return the picture distances (k,) (Eq. 5) between rows a (k,) and b (k,) of x."""
     distances = np.empty(len(a), np.float32)
     lot = max(1, _CHUNK // x.shape[1])
     for start in range(0, len(a), lot):
@@ -103,7 +107,7 @@ def pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
 
 
 def full(pictures: Picture) -> Picture:
-    """Compute Eq. 5 for all pairs of pictures (n, …), as (n, n)."""
+    """Return the complete distance map (n, n) of pictures (n, …): Eq. 5 for all pairs."""
     x = pictures.reshape(len(pictures), -1)
     x = x - x.mean(axis=0)
     norms = _norms(x)
@@ -169,17 +173,20 @@ def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) 
 
 
 def kinds(features: pd.DataFrame, pose: str) -> Ints:
-    """Return the kind (Eq. 7) of every row: frames are compared if their kinds are equal.
+    """Return a number (n,) for each row's kind: Eq. 6 compares only frames of equal kind (Eq. 7).
 
-    The orientation counts only where fish are compared as filmed: there, pictures also differ
-    because one is turned.
+    It stands for the swimming type; in the pose FILM also for the orientation, for there pictures
+    differ because a fish is turned.
     """
     swims = features["swimming_type"].to_numpy(np.intp)
     return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
 
 
 def alike(kind: Ints, area: Reals, threshold: float) -> Mask:
-    """Return State(i, j) of Eq. 6 for all pairs, (n, n): True where Eqs. 7 and 8 are 1, not MAX."""
+    """Return which pairs (n, n) Eq. 6 compares: equal kinds (Eq. 7), similar motion areas (Eq. 8).
+
+    kind (n,): from `kinds`; area (n,): relative motion areas; threshold: their largest difference.
+    """
     return (kind[:, None] == kind) & _near(area, area, threshold)
 
 
@@ -188,12 +195,15 @@ def _near(a: Reals, b: Reals, threshold: float) -> Mask:
 
 
 def order(kind: Ints, area: Reals) -> Ints:
-    """Return the rows sorted by kind, then area: then Eq. 6 is a band along the diagonal."""
+    """Return row numbers (n,) sorted by kind, then motion area: Eq. 6 becomes a diagonal band."""
     return np.lexsort((area, kind))
 
 
 def bands(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
-    """Yield blocks that hold every pair a < b that Eq. 6 compares, each once; frames in `order`."""
+    """Yield the blocks of the map that hold every pair a < b that Eq. 6 compares, each pair once.
+
+    kind, area (n,): of frames sorted by `order`; threshold: largest difference of motion area.
+    """
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
     for start, stop in pairwise(edges):
@@ -205,7 +215,7 @@ def bands(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
 
 
 def count_pairs(blocks: Iterable[Block]) -> int:
-    """Count the pairs a < b that lie in blocks."""
+    """Count the pairs a < b (row number less than column number) that lie in blocks."""
     count = 0
     for rows, columns in blocks:
         a = np.arange(rows.start, rows.stop)
@@ -216,10 +226,11 @@ def count_pairs(blocks: Iterable[Block]) -> int:
 def similar(
     x: Picture, kind: Ints, area: Reals, threshold: float, most: float = np.inf
 ) -> Iterator[PicturePairs]:
-    """Yield the pairs a < b of Eq. 6 that Eqs. 7 and 8 accept and that are at most `most` apart.
+    """Yield, block by block, the pairs a < b that Eq. 6 compares and that are at most `most` apart.
 
-    `x` is from `about_mean`, its frames in `order`. Other pairs are not computed, but for a few at
-    the rim of a band. Pairs come block by block, so memory does not grow with their number.
+    x: from `about_mean`; kind, area (n,): of its frames, which are sorted by `order`; threshold: of
+    the motion area (Eq. 8); most: a distance (Eq. 5). Memory does not grow with the number of
+    pairs.
     """
     norms = _norms(x)
     for at in bands(kind, area, threshold):
@@ -233,7 +244,10 @@ def similar(
 
 
 def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
-    """Return the table PAIRS of frames that are `rows` of the feature table: i < j, sorted."""
+    """Return pairs as a table (schema `PAIRS`): i < j are feature rows, sorted by i, then by j.
+
+    pairs: numbers of compared frames; rows: the feature row of each of these.
+    """
     row = rows.astype(np.int32)  # before indexing: a long film has tens of millions of pairs
     parts = [(row[a], row[b], distance) for a, b, distance in pairs]
     a, b, distance = map(np.concatenate, zip(*parts, strict=True))
@@ -248,7 +262,11 @@ def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
 
 
 def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1) -> pd.DataFrame:
-    """Return the table STEPS: Eq. 5 from every row, at x[place], to the one `frames` later."""
+    """Return the natural steps: Eq. 5 from each row to that `frames` later in its track.
+
+    features (n rows); x: pictures as rows; place (n,): each row's place in x. Columns: track_id,
+    frame, step; step is NaN where the track has no such frame.
+    """
     here = features[["track_id", "frame"]]
     follows = here["track_id"].diff(frames).eq(0) & here["frame"].diff(frames).eq(frames)
     after = np.flatnonzero(follows)
@@ -258,7 +276,7 @@ def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1)
 
 
 def map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
-    """Return the rows (k,) of a feature table that are mapped: those in STEPS."""
+    """Return the feature rows (k,) that the distance map holds: those that STEPS lists."""
     here, there = (
         table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
         for table in (features, steps)
@@ -267,7 +285,7 @@ def map_rows(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
 
 
 def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
-    """Return median and 95th percentile of the natural steps (STEPS).
+    """Return the median and the 95th percentile of the natural steps (Eq. 5), column step of STEPS.
 
     FinloopError if the film does not move, or no frame follows another: then steps are no unit.
     """

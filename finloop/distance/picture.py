@@ -21,14 +21,14 @@ SPAN = 1.5  # body lengths across a centred picture: room for a fish in any dire
 
 
 class Place(NamedTuple):
-    """A mass centre, px of the film."""
+    """A mass centre in px of the film: x to the right, y down."""
 
     x_px: float
     y_px: float
 
 
 def places(table: pd.DataFrame) -> list[Place]:
-    """Return the mass centre of every row of a table."""
+    """Return the mass centre of every row of a table with the columns x_px and y_px."""
     return [Place(x, y) for x, y in table[["x_px", "y_px"]].to_numpy(float)]
 
 
@@ -39,10 +39,10 @@ def centre_cutout(
     size: int,
     turn_deg: float = 0.0,
 ) -> NDArray[np.float32]:
-    """Draw a premultiplied cut-out (h, w, c), 0 … 1, with its centre in the middle of a square.
+    """Draw a cut-out with its centre in the middle of a picture (size, size, channels), 0 … 1.
 
-    The square is (size, size, c). `centre` is x, y in the cut-out, `length_px` its body length: all
-    fish come out equally long. `turn_deg` turns it anticlockwise as seen.
+    pixels (h, w, channels): premultiplied, 0 … 255; centre: x, y px in the cut-out; length_px: its
+    body length there (all fish come out equally long); turn_deg: turns it anticlockwise as seen.
     """
     scale = size / (SPAN * length_px)
     matrix = cv2.getRotationMatrix2D(centre, turn_deg, scale)
@@ -52,9 +52,10 @@ def centre_cutout(
 
 
 def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
-    """Blur a picture (h, w, c) so that drawing it `scale` times as large loses nothing.
+    """Blur a picture (h, w, channels) so that drawing it `scale` times as large loses nothing.
 
-    A linear filter skips pixels where it shrinks; the blur replaces an area filter.
+    A linear filter skips pixels where it shrinks; the blur replaces an area filter. From a scale of
+    0.75 on, the picture stays as it is.
     """
     return cv2.GaussianBlur(pixels, (0, 0), 0.4 / scale) if scale < 0.75 else pixels
 
@@ -62,7 +63,11 @@ def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
 def picture(
     cutout: Cutout, at: Place, length_px: float, size: int, turn_deg: float = 0.0
 ) -> NDArray[np.float32]:
-    """Return a centred picture of a cut-out whose mass centre is `at` in the film."""
+    """Draw a film cut-out in the middle of a picture (size, size, channels), 0 … 1.
+
+    at: its mass centre in the film; length_px: its body length there (all fish come out equally
+    long); turn_deg: turns it anticlockwise as seen.
+    """
     centre = at.x_px - cutout.x0_px, at.y_px - cutout.y0_px
     return centre_cutout(cutout.pixels, centre, length_px, size, turn_deg)
 
@@ -104,17 +109,24 @@ def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
 
 
 def apart(a: Reals, b: Reals) -> Floats:
-    """Compute Eq. 5 between pictures (…, size, size, c), one by one, as (…)."""
+    """Return the picture distance (Eq. 5) between a and b, pair by pair, as (…).
+
+    a, b (…, size, size, channels): values 0 … 1. The distance is the root of the summed squared
+    differences.
+    """
     return np.linalg.norm((a - b).reshape(*np.shape(a)[:-3], -1), axis=-1).astype(float)
 
 
 def steps(pictures: Reals) -> Floats:
-    """Compute Eq. 5 from each picture (n, size, size, c) to the next, as (n − 1,)."""
+    """Return the picture distance (n − 1,) (Eq. 5) from each picture to the next.
+
+    pictures (n, size, size, channels): values 0 … 1.
+    """
     return apart(pictures[1:], pictures[:-1])
 
 
 def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
-    """Compute Eq. 5 between all pictures (n, …) and (m, …) of one size, as (n, m).
+    """Return the picture distances (n, m) (Eq. 5) between all pictures a (n, …) and all b (m, …).
 
     For whole films `finloop.distance.map` computes it, by matrix products.
     """

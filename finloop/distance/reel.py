@@ -26,13 +26,13 @@ _LOT = 500  # pictures at a time
 
 
 def sprite_row(sprite: int, orientation: int, orientations: int) -> int:
-    """Return a sprite's row in the store, for an orientation 1 … orientations."""
+    """Return the row of a sprite in an orientation (1 … orientations) in the store of sprites."""
     return sprite * orientations + orientation - 1
 
 
 @dataclass(frozen=True)
 class Reel:
-    """A film and, once they have been made, its sprites.
+    """A film's cut-outs and features, and, once they have been made, its sprites.
 
     features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; film: the n
     cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations; size: how
@@ -90,16 +90,16 @@ class Reel:
 
     @cached_property
     def length_px(self) -> float:
-        """Return the length at which every fish is drawn: the film's median, times `size`."""
+        """Return the body length [px] at which every fish is drawn: the median times `size`."""
         return self.size * float(self.features["body_length_px"].median())
 
     @cached_property
     def lengths_px(self) -> Reals:
-        """Return the typical length (n,) of each row's track."""
+        """Return the typical body length (n,) [px], as filmed, of the animal in each row."""
         return typical_length(self.features).to_numpy()
 
     def place(self, row: int) -> Place:
-        """Return the mass centre of a row."""
+        """Return the mass centre of a row, px of the film."""
         return Place(*self._places[row].tolist())
 
     @cached_property
@@ -109,42 +109,45 @@ class Reel:
 
     @cached_property
     def goes_on(self) -> Mask:
-        """Return whether the next row (n,) is the next frame of the same track."""
+        """Return for each row (n,) whether the next row is the next frame of the same track."""
         follows = (np.diff(self.features[_KEY].to_numpy(), axis=0) == (0, 1)).all(axis=1)
         return np.append(follows, False)
 
     @cached_property
     def step_ends(self) -> tuple[Rows, Rows]:
-        """Return rows, and beside them those a natural step later in the same track."""
+        """Return the first rows (k,) and the last rows (k,) of all natural steps of the tracks."""
         keys, frames = self.features[_KEY].to_numpy(), step_of(self.features)
         first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
         return first, first + frames
 
     def next_rows(self, row: ArrayLike) -> Rows:
-        """Return the row of the track's next frame; the row itself at the end of a track."""
+        """Return the row (…) of each row's next frame; at the end of a track the row itself."""
         rows = np.asarray(row, np.intp)
         return rows + self.goes_on[rows]
 
     # --- pictures
 
     def frame(self, row: int, size: int, length_px: float, turn_deg: float) -> Pictures:
-        """Return a row's picture (size, size, c), turned anticlockwise as seen.
+        """Return a row's centred picture (size, size, channels), turned anticlockwise as seen.
 
-        All fish come out equally long; this one is `length_px` long as filmed.
+        length_px: its body length as filmed; all fish come out equally long. Values are 0 … 1.
         """
         return picture(self.film[int(row)], self.place(row), length_px, size, turn_deg)
 
     def frames(self, rows: Rows, size: int, pose: str) -> Pictures:
-        """Return pictures (k, size, size, c) of some rows, at least one.
+        """Return centred pictures (k, size, size, channels), 0 … 1, of rows (k,), at least one.
 
-        A track's typical length is that of all its rows. `pose` FILM: as filmed; BODY: headed to
-        the right.
+        pose: FILM, as filmed, or BODY, turned to head right. All fish come out equally long, by the
+        typical length of the animal.
         """
         heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
         return self.align_pictures(rows, heading, size)
 
     def align_pictures(self, rows: Rows, heading_deg: Reals, size: int) -> Pictures:
-        """Return pictures (k, size, size, c) of rows, turned so that these headings point right."""
+        """Return centred pictures (k, size, size, channels), 0 … 1, of rows (k,), turned.
+
+        heading_deg (k,): the direction in the film that points right in each picture.
+        """
         channels = self.film[0].pixels.shape[2]
         pictures = np.empty(
             (len(rows), size, size, channels), np.float32
@@ -154,9 +157,10 @@ class Reel:
         return pictures
 
     def steps(self, size: int, pose: str, rows: Rows | None = None) -> Floats:
-        """Compute Eq. 5 from each of some rising rows (k,), None for all, to the next one.
+        """Return the picture distance (k,) (Eq. 5) from each row to the next one of `rows`.
 
-        NaN where that is not the next frame of its track.
+        rows (k,): rising, None for all; size: px, side of the pictures; pose: FILM or BODY. NaN
+        where the next one is not the next frame of the same track.
         """
         some = np.arange(len(self)) if rows is None else rows
         step = np.full(len(some), np.nan)
@@ -169,37 +173,41 @@ class Reel:
     # --- sprites
 
     def sprite(self, number: int, orientation: int = 1) -> Cutout:
-        """Return a sprite's picture in an orientation, as stored."""
+        """Return the stored cut-out of sprite `number` in an orientation, 1 …."""
         if self.store is None:
             raise ValueError("this reel has no sprites")
         return self.store[sprite_row(int(number), int(orientation), self.orientations)]
 
     @cached_property
     def sprite_places(self) -> list[Place]:
-        """Return the mass centre of every sprite."""
+        """Return the mass centre of every sprite, px of the film."""
         return places(self.sprites)
 
     @cached_property
     def sprite_lengths_px(self) -> Reals:
-        """Return the length (s,) as filmed of each sprite's fish."""
+        """Return the body length (s,) [px], as filmed, of each sprite's fish."""
         return self.length_px / self.sprites["scale"].to_numpy()
 
     def sprite_picture(
         self, number: int, size: int, orientation: int = 1, turn_deg: float = 0.0
     ) -> Pictures:
-        """Return a sprite (size, size, c) in an orientation, turned further by `turn_deg`."""
+        """Return a sprite's centred picture (size, size, channels) in an orientation.
+
+        turn_deg: turns it further, anticlockwise as seen. Values are 0 … 1.
+        """
         place, length = self.sprite_places[number], self.sprite_lengths_px[number]
         return picture(self.sprite(number, orientation), place, length, size, turn_deg)
 
     def sprite_pictures(self, size: int, orientation: int = 1) -> Pictures:
-        """Return every sprite (s, size, size, c) in an orientation."""
+        """Return pictures (s, size, size, channels), 0 … 1, of all sprites in an orientation."""
         count = len(self.sprites)
         return np.stack([self.sprite_picture(n, size, orientation) for n in range(count)])
 
     def after_sprites(self, size: int, orientation: int = 1) -> Pictures:
-        """Return the film's next picture after every sprite, turned like the next sprite.
+        """Return pictures (s, size, size, channels) of what the film shows after each sprite.
 
-        At the end of a track it is the frame itself.
+        They are turned, and mirrored, as the next sprite would be in this orientation. At the end
+        of a track it is the sprite's own frame.
         """
         ahead = float(direction_deg(orientation, self.orientations))
         pictures = []

@@ -22,14 +22,14 @@ Rows = NDArray[np.intp]
 
 
 class Body(NamedTuple):
-    """Rows (…) of the film as drawn: mirrored or not, and their heading on screen in degrees."""
+    """Filmed bodies (…) as drawn: feature row, mirrored or not, heading on screen in degrees."""
 
     row: Rows
     mirrored: Mask
     heading_deg: Floats
 
     def select(self, which: Any) -> "Body":
-        """Return the bodies that an index selects."""
+        """Return the bodies that a NumPy index (numbers, mask or slice) selects."""
         return Body(self.row[which], self.mirrored[which], self.heading_deg[which])
 
 
@@ -38,7 +38,7 @@ class Bodies:
     """The film's postures, which rows are followed by another, and the rows behind the sprites.
 
     poses: of n rows; goes_on (n,): whether the next row is the next frame of the same track;
-    sprites: columns row, mirrored, heading_deg, turn_deg, orientations, or an empty table.
+    sprites (s rows): columns row, mirrored, heading_deg, turn_deg, orientations, or an empty table.
     """
 
     poses: FilmPoses
@@ -47,12 +47,12 @@ class Bodies:
 
     @cached_property
     def heading_deg(self) -> Floats:
-        """Return the heading (n,) of every row as filmed."""
+        """Return the heading (n,) [°] of every row as filmed, anticlockwise."""
         return np.degrees(self.poses.pose.heading_rad)
 
     @cached_property
     def movement(self) -> Movement:
-        """Return how far the body moves from each row to the next."""
+        """Return how far [body lengths] the body turns and bends from each row to the next."""
         return movement(self.poses.pose)
 
     @cached_property
@@ -78,14 +78,18 @@ class Bodies:
         return orientations_of(self.sprites)
 
     def line_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """Return the direction of a sprite's line on screen: as stored, plus the rotation."""
+        """Return the direction [°] in which a sprite swims on screen.
+
+        It is that of the stored orientation (1 …) plus the rotation with which the sprite is drawn.
+        """
         return direction_deg(orientation, self._orientations) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """Return the bodies (…) of pictures.
+        """Return the filmed bodies (…) that pictures show.
 
-        frame: whether each picture is a frame; number: its frame or sprite number; turn_deg: by how
-        much a frame is turned, or the direction of a sprite's line; mirrored: whether a frame is.
+        frame (…): whether each picture is a frame, else a sprite; number: its row or sprite number;
+        turn_deg: by how much a frame is turned, or the direction of a sprite's line; mirrored:
+        whether a frame is mirrored.
         """
         rows, flips, axis, _ = self._sprite_bodies
         sprite = np.where(frame, 0, number)
@@ -100,7 +104,10 @@ class Bodies:
     def edit_row_body(
         self, kind: str, source: int, orientation: int, rotation_deg: float, mirrored: bool
     ) -> Body:
-        """Return the body of one picture of an edit list."""
+        """Return the filmed body that a row of an edit list shows.
+
+        The arguments are columns of `EDIT`; source: a feature row or, for kind SPRITE, a sprite.
+        """
         turn = rotation_deg if kind == FRAME else self.line_deg(int(orientation), rotation_deg)
         frame = np.array(kind == FRAME)
         return self.picture_bodies(
@@ -108,28 +115,34 @@ class Bodies:
         )
 
     def next_body(self, body: Body) -> Body:
-        """Return the body that the film shows next, or the same body where nothing follows."""
+        """Return the bodies that the film shows next, or the same bodies where nothing follows."""
         row = body.row + self.goes_on[body.row]
         side = np.where(body.mirrored, -1, 1)
         turn = side * wrap_deg(self.heading_deg[row] - self.heading_deg[body.row])
         return Body(row, body.mirrored, body.heading_deg + turn)
 
     def line_turn_deg(self, frame: Mask, number: Rows) -> Floats:
-        """Return by how much a sprite's line turns to the next frame; 0 for frames."""
+        """Return by how much (…) [°] each sprite's line turns to the next frame; 0 for frames.
+
+        frame (…): whether each picture is a frame; number (…): its row or sprite number.
+        """
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
     def same_moment(self, one: Body, other: Body, frames: int) -> Mask:
-        """Return whether two bodies are of the same track, and at most `frames` frames apart."""
+        """Return whether (…) two bodies show nearly the same moment, both mirrored or both not.
+
+        That is: rows of one track, at most `frames` frames apart.
+        """
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
         near = np.abs(one.row - other.row) <= frames
         return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
 
     def codes(self, body: Body) -> Floats:
-        """Return the codes (…, c) of bodies as drawn."""
+        """Return the pose codes (…, c) of bodies as drawn, after mirroring."""
         return self._mirror_codes(self.poses.codes[body.row], body.mirrored)
 
     def speed(self, body: Body) -> Floats:
-        """Return by how much the codes (…, c) of bodies change a frame."""
+        """Return by how much the pose codes (…, c) of bodies, as drawn, change per frame."""
         return self._mirror_codes(self._speed[body.row], body.mirrored)
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:

@@ -23,8 +23,8 @@ class EditInputs:
 
     rate_hz: ticks a second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,):
     drawn size / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_scale
-    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: number that a
-    sprite has; modes: the one that plays frames, and the one that plays sprites.
+    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: the number that
+    each sprite has; modes: the one that plays frames, and the one that plays sprites.
     """
 
     rate_hz: float
@@ -39,14 +39,20 @@ class EditInputs:
     modes: tuple[str, str]
 
     def following(self, kind: str, number: int) -> int:
-        """Return the number of the next picture, or of this one where none follows."""
+        """Return the number of the picture after this one, or this one's where none follows.
+
+        kind: SPRITE or FRAME; number: of the sprite or the feature row.
+        """
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])
 
 
 def edit_list(found: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
-    """Return the first `ticks` ticks as an edit list, columns of `EDIT`; fish: its number."""
+    """Return the first `ticks` ticks of one animation as an edit list (schema `EDIT`).
+
+    found: the stretches that the planner chose; fish: the fish's number, from 0.
+    """
     table = pd.DataFrame(edit_columns(found.stretches, found.names, ticks, sources))
     faded = table["weight"] > 0
     table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
@@ -59,13 +65,16 @@ def edit_list(found: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd
 
 
 def edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
-    """Return the edit lists of several fish, one after the other, in one table."""
+    """Return the edit list (schema `EDIT`) of several fish: `ticks` rows each, fish after fish."""
     each = [edit_list(one, ticks, sources, fish) for fish, one in enumerate(swims)]
     return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
 
 
 def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
-    """Return the columns (ticks,) that say why, filled on the first tick of each stretch."""
+    """Return the columns (ticks,) that say why, filled on the first tick of each stretch.
+
+    They are the columns `WHY` of `EDIT`, by name.
+    """
     start = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
     first = start[start < ticks]
     decisions = [s.decision for s in stretches[: len(first)]]
@@ -93,7 +102,10 @@ def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]
 def edit_columns(
     stretches: Sequence[Stretch], names: Sequence[str], ticks: int, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns (ticks,) of what is drawn, those of the partner where `weight` > 0."""
+    """Return the columns (ticks,) of `EDIT` that say what is drawn, as arrays without nulls.
+
+    names: the goal of each stretch. The partner's columns have a meaning where `weight` > 0.
+    """
     lengths = np.array([len(s.way) for s in stretches])
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
@@ -134,10 +146,12 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Return pictures (ticks,) whose frame numbers from n on become mirrored frames.
+    """Return pictures (ticks,) whose mirror images have their row's number and `mirrored` set.
 
-    Before, number n + i is row i upside down. Drawn, row i is mirrored about its own heading.
-    heading_deg (n,): of the rows as filmed.
+    frame: whether each picture is a frame; number: its row i, n + i for the mirror image of row i,
+    or a sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Number n
+    + i is row i upside down. Drawn, row i is mirrored about its own heading, so its rotation
+    changes.
     """
     rows = len(heading_deg)
     mirrored = frame & (number >= rows)
@@ -151,10 +165,10 @@ def resolve_mirror_images(
 def join_columns(
     pictures: PictureSequence, heading: Floats, new: Ints, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns (ticks,) of pictures, partners and poses.
+    """Return the columns (ticks,) of pictures, cross-fade partners and poses.
 
-    heading (ticks,): of the fish; new: ticks whose picture does not continue the one before. For
-    inertialization the joins are found in the pictures themselves.
+    heading (ticks,): of the fish, degrees; new: ticks whose picture does not continue the one
+    before. For inertialization the joins are found in the pictures themselves.
     """
     how, own = sources.joins, picture_columns(pictures, heading, sources)
     pose = np.full(len(heading), None, object)
@@ -175,7 +189,10 @@ def join_columns(
 def picture_columns(
     pictures: PictureSequence, heading: Floats, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns kind, source, orientation (0: frame), rotation_deg, scale, mirrored."""
+    """Return the columns (ticks,) kind, source, orientation, rotation_deg, scale, mirrored.
+
+    heading (ticks,): of the fish, degrees. The orientation of a frame is 0.
+    """
     count = sources.orientations
     sector = orientation(heading, count)
     residual = wrap_deg(heading - direction_deg(sector, count))

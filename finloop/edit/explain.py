@@ -22,9 +22,9 @@ _LEAST_S = 0.05  # a term that costs less would be shown as 0.0
 
 
 def in_words(decision: Decision, goal: str, motion_area: float) -> str:
-    """Return why a stretch was chosen.
+    """Return a sentence that says why a stretch was chosen.
 
-    goal: its name or ""; motion_area: requested of the network.
+    goal: its name or ""; motion_area: the relative one that the network asked for.
     """
     why = _reason(decision, goal or "a place", motion_area)
     if not decision.exit:

@@ -8,7 +8,10 @@ from finloop.edit.schema import EDIT, FILM, FRAME, STATES
 
 
 def as_filmed(source: Ints, places_px: Floats) -> pd.DataFrame:
-    """Return an edit list (columns of `EDIT`) that shows film rows (n,) at their places (n, 2)."""
+    """Return an edit list (schema `EDIT`) that shows feature rows (n,), one a tick, as filmed.
+
+    places_px (n, 2): x, y at which each is drawn.
+    """
     empty = {"string": "", "bool": False}
     rest = {
         column.name: None if column.nullable else empty.get(column.dtype, 0)

@@ -36,7 +36,11 @@ Helps = Callable[[int, int, bool, bool], bool]
 
 
 class JoinTimes(Protocol):
-    """The parameters of joins, as in `animate`: times in Δ; `rest` a share of the movement."""
+    """The parameters of joins, as in `animate`.
+
+    join_time_deltas, join_least, join_most, cross_fade_deltas: Δ; join_frames: ticks; rest: a share
+    of the film's root mean square movement.
+    """
 
     @property
     def join_time_deltas(self) -> Literal["auto"] | float: ...
@@ -57,8 +61,8 @@ class Joins:
     """How pictures are joined. kind: INERTIAL, FADE or CUT; fade: ticks of a cross-fade.
 
     decay: ticks after which 5 % of an offset are left; bodies: the film's; helps(row, other,
-    mirrored, other_mirrored): whether a row looks more like another in that one's posture;
-    rests (n,): whether the film rests at each row.
+    mirrored, other_mirrored): whether a row looks more like another in that one's posture; rests
+    (n,): whether the animal rests at each row of the film.
     """
 
     kind: str
@@ -70,7 +74,7 @@ class Joins:
 
     @property
     def reach(self) -> int:
-        """Return for how many moving ticks a join is visible, or an earlier one that affects it."""
+        """Return over how many ticks, at which the film moves, a join can affect later pictures."""
         return max(self.fade, self._ticks) + 3
 
     @property
@@ -78,18 +82,27 @@ class Joins:
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
 
     def moving(self, kind: str, number: Ints) -> int:
-        """Return how many pictures of a kind count towards the time of a join."""
+        """Return how many of some pictures count towards the time of a join: those that move.
+
+        kind: SPRITE (all count) or FRAME; number (k,): rows, plus n for mirror images.
+        """
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring(self) -> tuple[Floats, Floats]:
-        """Return what is left after 0, 1, 2 … ticks of offset 1, and of velocity 1 a tick."""
+        """Return what is left after 0, 1, 2 … ticks (k,) of an offset of 1, and of a velocity of 1.
+
+        Both are offsets; the velocity is 1 a tick. See x(τ) in this module's text.
+        """
         rate, ticks = _DECAY / self.decay, np.arange(self._ticks)
         left = np.exp(-rate * ticks)
         return (1 + rate * ticks) * left, ticks * left
 
 
 def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> Joins:
-    """Return the joins for the parameters, with times in ticks; delta: Δ in ticks."""
+    """Return how pictures are joined, with the parameters' times in ticks.
+
+    kind: INERTIAL, FADE or CUT; delta: Δ in ticks; helps: see `Joins`.
+    """
     if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
         ticks = max(time * delta, float(p.join_frames))
@@ -104,7 +117,7 @@ def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> 
 class PictureSequence:
     """Pictures (ticks,): whether each is a frame, its number, and a frame's rotation in degrees.
 
-    mirrored: whether a frame is mirrored.
+    number: the row of a frame, else the sprite; mirrored: whether a frame is mirrored.
     """
 
     frame: Mask
@@ -114,7 +127,7 @@ class PictureSequence:
 
 
 def sum_past(weights: Floats, values: Floats) -> Floats:
-    """Return Σ_k weights[k] · values[t − k] (n, c) at every tick t of values (n, c).
+    """Return Σ_k weights[k] · values[t − k] at every tick t, as (n, c) like values.
 
     `scipy.signal.lfilter` does the same, but its import takes 0.9 s in every process.
     """
@@ -124,8 +137,9 @@ def sum_past(weights: Floats, values: Floats) -> Floats:
 class Inertial(NamedTuple):
     """What inertialization adds to pictures (ticks,).
 
-    begins: ticks of joins between pictures of different moments, whose light may differ; codes
-    (ticks, c): of the pose to draw in; posed: where there is one; turn_deg: rotation that is added.
+    begins (k,): ticks of joins between pictures of different moments, whose light may differ; codes
+    (ticks, c): of the pose to draw in; posed (ticks,): whether that pose is drawn; turn_deg
+    (ticks,): rotation that is added, degrees.
     """
 
     begins: Ints
@@ -135,9 +149,10 @@ class Inertial(NamedTuple):
 
 
 def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertial:
-    """Return what inertialization adds to pictures.
+    """Return the poses and rotations that inertialization adds to pictures, and its joins.
 
-    line_deg (ticks,): direction for which each sprite is drawn.
+    shown (ticks,): the pictures; line_deg (ticks,): direction for which each sprite is drawn,
+    degrees.
     """
     bodies, frame, number = how.bodies, shown.frame, shown.number
     own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
@@ -212,10 +227,10 @@ def _last(at: Ints, ticks: int) -> Ints:
 def cross_fades(
     shown: PictureSequence, begins: Ints, fade: int, following: Callable[[str, int], int]
 ) -> tuple[PictureSequence, Floats]:
-    """Return the pictures (ticks,) that fade out, and their shares, 0 where none does.
+    """Return the pictures (ticks,) that fade out, and their shares (ticks,): 0 where none does.
 
     At each tick of `begins` the old picture plays on for `fade` ticks and loses its share.
-    following(kind, number): the next picture.
+    following(kind, number): returns the number of the next picture.
     """
     ticks = len(shown.number)
     partner = PictureSequence(

@@ -31,7 +31,7 @@ FILM, POSED, MIRRORED, SPRITE_SHOWN, PREDICTED = SHOWN = (
 
 
 def picture_kinds(edit: pd.DataFrame) -> pd.Series:
-    """Return which of `SHOWN` each tick (ticks,) is."""
+    """Return which of `SHOWN` each tick of an edit list shows, as a series (ticks,) of names."""
     frame = edit["kind"] == FRAME
     choices = [~frame, edit["state"] == STATES[FORECAST], edit["mirrored"], edit["pose"].notna()]
     names = [SPRITE_SHOWN, PREDICTED, MIRRORED, POSED]
@@ -61,9 +61,10 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def area_missed(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the median error of the motion area in turns, against the network's (Fig. 18).
+    """Return the median error of the motion area in turns by the network (Fig. 18).
 
-    The error is that of the most bent sprite shown; nothing without turns by the network.
+    The error is that of the most bent sprite shown against the area that the network asked for, as
+    a share of the film's largest. Without such turns the result is empty.
     """
     turns = edit[edit["sprite_area"].notna() & edit["motion_area"].notna()]
     if turns.empty:
@@ -78,7 +79,11 @@ def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return in how many turns the heading error falls at every tick."""
+    """Return the number of turns, and in what percentage of them the heading error never rises.
+
+    Also the percentage of turns with little room. The heading error is the angle between the
+    heading and the direction to the aim. Without turns percentages are NaN.
+    """
     turning = (edit["state"] == STATES[TURN]).to_numpy()
     begins = edit["reason"].notna().to_numpy()
     number = np.cumsum(begins)
@@ -99,13 +104,21 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def step_measures(mine: Floats, film: Floats) -> dict[str, float]:
-    """Return measures of the steps between drawn pictures against the film's own."""
+    """Return how large the steps of an animation are, against the film's own.
+
+    mine, film: distances (Eq. 5) between successive pictures. Results: median and 95th percentile
+    over the film's median; percentages above the film's 95th and 99.5th percentile.
+    """
     above = 100 * float((mine > np.quantile(film, 0.995)).mean())
     return _against(film, "step", mine, "steps") | {"steps_above_film_p995_pct": above}
 
 
 def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
-    """Return measures of the discontinuities of joins, without cross-fade, against film steps."""
+    """Return the number of joins, and how large their discontinuities are, against film steps.
+
+    seams: distances (Eq. 5) of joins, without cross-fade; film: those of its successive pictures.
+    Results: median and 95th percentile over the film's median; percentage above the film's 95th.
+    """
     if seams.size == 0:
         return {"jumps": 0.0}
     return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
@@ -121,7 +134,7 @@ def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[st
 
 
 def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
-    """Return the share of ticks in an unfilmed pose, and in a pose the film hardly shows."""
+    """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows."""
     codes = [pose for pose in edit["pose"] if pose is not None]
     far = int(shapes.far(np.stack(codes).astype(float)).sum()) if codes else 0
     return {
@@ -131,13 +144,16 @@ def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
 
 
 def state_measures(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the percentage of time in each state."""
+    """Return the percentage of ticks in each of `STATES`."""
     share = 100 * edit["state"].value_counts(normalize=True)
     return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
 
 
 def longest_repeat(edit: pd.DataFrame) -> int:
-    """Return the length, in ticks, of the longest run of pictures that is repeated later."""
+    """Return the length, in ticks, of the longest run of pictures that is shown again later.
+
+    The two runs do not overlap.
+    """
     pictures, longest = _pictures(edit), 0
     for lag in range(1, len(pictures)):
         if len(pictures) - lag <= longest:
@@ -158,9 +174,10 @@ def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
 def rhythm_measures(
     edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float
 ) -> dict[str, float]:
-    """Return the longest time that one picture stays, and the shortest time between two jumps.
+    """Return the longest time that a picture stays, and the number and least spacing of jumps.
 
-    jumps: ticks of transitions; only those from frame to frame count.
+    jumps (k,): ticks of transitions; only those from frame to frame count. Times are seconds; the
+    spacing is NaN with fewer than two jumps.
     """
     changes = np.diff(_pictures(edit)) != 0
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))

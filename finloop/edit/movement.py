@@ -13,7 +13,7 @@ _LOT = 10_000  # rows at a time
 
 
 class Movement(NamedTuple):
-    """How far (n - 1,) the body moves about its centre from each row to the next, in body sizes.
+    """How far (n − 1,) the body moves about its centre from each row to the next, in body lengths.
 
     Both are root mean squares over the points of the backbone. whole: turning and bending; bends:
     bending alone, with the heading kept.
@@ -24,7 +24,7 @@ class Movement(NamedTuple):
 
 
 def movement(pose: Pose) -> Movement:
-    """Return the movement of n poses."""
+    """Return how far the body turns and bends from each of n poses to the next."""
 
     def of_lot(first: int) -> Floats:
         lot = pose[first : first + _LOT + 1]

@@ -23,7 +23,10 @@ _HELPS = 100_000  # pairs of rows that are remembered
 
 @dataclass(frozen=True)
 class Pictures:
-    """Draws what an edit list names, centred, at the drawn size, `size` px wide."""
+    """Draws what an edit list shows: one animal, centred, as (size, size, channels), 0 … 1.
+
+    All animals come out at the size at which they are drawn. size: px.
+    """
 
     reel: Reel
     size: int
@@ -46,21 +49,24 @@ class Pictures:
         return picture(cutout, one, reel.length_px / scale, self.size, turn)
 
     def target(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
-        """Return where to draw a body in the posture of these codes (c,), turned by `turn_deg`."""
+        """Return the pose, in px of the picture, that draws a body in the posture of codes (c,).
+
+        scale: drawn size / filmed size; turn_deg: turns it further than its heading on screen.
+        """
         middle = (self.size - 1) / 2
         pose = self.bodies.poses.pose_from_codes(int(body.row), codes)
         size = float(pose.size_px) * scale * self.size / (SPAN * self.reel.length_px)
         return pose.move_to(middle, middle, np.radians(float(body.heading_deg) + turn_deg), size)
 
     def draw_body(self, body: Body, target: Pose) -> Picture:
-        """Draw a body of the film in a target pose."""
+        """Draw a filmed body in a target pose; return the picture (size, size, channels)."""
         row, size = int(body.row), (self.size, self.size)
         cutout, pose = self.reel.film[row], self.bodies.poses.pose[row]
         return draw(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
 
     @cached_property
     def helps(self) -> Callable[[int, int, bool, bool], bool]:
-        """Return the test whether a row looks more like another one in that one's posture.
+        """Return a test: whether a row looks more like another in that one's posture.
 
         Its arguments: the two row numbers, and whether each row is mirrored.
         """
@@ -83,17 +89,23 @@ class Pictures:
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
-        """Draw every sprite headed right."""
+        """Return pictures (s, size, size, channels) of all sprites, headed right."""
         return self.reel.sprite_pictures(self.size)
 
     @cached_property
     def sprite_successors(self) -> Picture:
-        """Draw what the film shows after every sprite, turned as the sprite's next one would be."""
+        """Return pictures (s, size, size, channels) of what the film shows after each sprite.
+
+        Each is turned as the next sprite would be if the first one heads right.
+        """
         return self.reel.after_sprites(self.size)
 
 
 def fade_distance(row: Any, pictures: Pictures) -> float:
-    """Return the distance (Eq. 5) between the pictures of a cross-fade, a row of an edit list."""
+    """Return the distance (Eq. 5) between the picture of a tick and the partner that fades out.
+
+    row: a row of an edit list as a named tuple, with `weight` > 0.
+    """
     return float(apart(_row_picture(row, pictures), _partner(row, pictures)))
 
 
@@ -125,7 +137,8 @@ def _partner_body(row: Any, pictures: Pictures) -> Body:
 def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
     """Return the edit list without partners farther than `most` from the picture they fade into.
 
-    Two unlike fish on top of each other look like ghosts.
+    most: a distance (Eq. 5). Two unlike fish on top of each other look like ghosts. A partner once
+    removed does not come back in the same cross-fade.
     """
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
@@ -141,13 +154,16 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
 
 
 def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
-    """Return the distances (Eq. 5) between what is drawn at successive ticks, joins included."""
+    """Return the distances (ticks − 1,) (Eq. 5) between the drawn pictures of successive ticks.
+
+    Joins, poses and cross-fades are included.
+    """
     every = pairwise(draw_edit(edit, pictures))
     return np.array([float(apart(after, before)) for before, after in every])
 
 
 def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
-    """Draw what an edit list shows at every tick."""
+    """Yield the picture (size, size, channels) that an edit list shows at each tick."""
     for row in edit.itertuples():
         if row.pose is None:
             first = _row_picture(row, pictures)
@@ -164,7 +180,7 @@ def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
 
 
 def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.intp]]:
-    """Return the discontinuity D and the tick of every join of an edit list, without cross-fades.
+    """Return the discontinuity (k,) (Eq. 5) and the tick (k,) of every join, without cross-fades.
 
     It compares what the film would show next, turned as the picture on screen, with what is drawn.
     A picture that is held for several ticks has one join, where it comes the second time. Where an
@@ -219,7 +235,7 @@ def _next_picture(before: Any, now: Any, pictures: Pictures) -> Picture:
 
 
 def film_next(sprites: pd.DataFrame) -> Ints:
-    """Return for every sprite the sprite of the film's next frame, or −1."""
+    """Return for every sprite (s,) the number of the sprite of the film's next frame, or −1."""
     if not len(sprites):
         return np.zeros(0, np.int64)
     step = sprites["step"].to_numpy()

@@ -11,10 +11,10 @@ from finloop.edit.bodies import Bodies
 
 
 def rests(bodies: Bodies, share: float) -> Mask:
-    """Return whether the animal rests at each row (n,) of the film.
+    """Return whether the animal rests at each feature row (n,).
 
-    It rests where it moves, since the row before, less than `share` of the film's root mean square.
-    The movement is that of its centre and of the body about it.
+    It rests where it moves, since the row before, less than `share` of the film's root mean square
+    movement. The movement is that of its centre and of the body about it.
     """
     pose, here = bodies.poses.pose, bodies.goes_on[:-1]
     way = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) / pose.size_px[1:]

@@ -43,12 +43,13 @@ class Decision(NamedTuple):
 class Stretch:
     """Some ticks (n,) in one state. way (n, 3): x, y px, heading deg; number (n,): of the pictures.
 
-    kind: SPRITE or FRAME; rot (n,): by how much frames are turned; phase (n,): place in the cycle,
-    in frames, where sprites of one are played; new: whether the first picture does not follow the
-    one before; aim: x, y px of the point that the fish heads for, first; area: requested of the
-    network, else NaN; touched: whether the last tick touches the goal; waits: whether the fish
-    waits for a gateway; whole: whether the stretch is uncut; options: what was weighed; steer
-    (n, 2): corrections in degrees and px, on a path alone.
+    state: index in `STATES`; kind: SPRITE or FRAME; rot (n,): by how much frames are turned,
+    degrees; phase (n,): place in the cycle, in frames, where sprites of one are played; new:
+    whether the first picture does not follow the one before; aim: x, y px of the point that the
+    fish heads for, first; area: motion area requested of the network, else NaN; touched: whether
+    the last tick touches the goal; waits: whether the fish waits for a gateway; whole: whether the
+    stretch is uncut; options: what was weighed; past (k + n, d): states of the forecast before and
+    in the stretch, oldest first; steer (n, 2): corrections in degrees and px, on a path alone.
     """
 
     state: int
@@ -70,20 +71,23 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """Return the picture numbers (n,) by which discs are looked up (`company.Discs`)."""
+        """Return the picture numbers (n,) as `Discs` counts: a frame's row, or −1 − a sprite."""
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property
     def path_and_pictures(self) -> Floats:
-        """Return the path and the pictures (n, 4) as `Company` stores them."""
+        """Return x, y px, heading in degrees and picture number of each tick, as (n, 4)."""
         return np.column_stack([self.way, self.pictures])
 
     def rest(self, gone: int) -> Floats:
-        """Return what is shown (k, 4) after the first `gone` ticks, at least the last tick."""
+        """Return x, y px, heading and picture number (k, 4) after the first `gone` ticks.
+
+        At least the last tick remains.
+        """
         return self.path_and_pictures[min(gone, len(self.way) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
-        """Return the first `ticks` ≥ 1 ticks alone."""
+        """Return the stretch with only its first `ticks` ≥ 1 ticks."""
         if ticks >= len(self.way):
             return self
         return replace(
@@ -101,9 +105,10 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Swim:
-    """An animation of one fish. reached (goals,): the tick at which each goal was touched, or −1.
+    """An animation of one fish: its stretches, one after the other, and the goals it reaches.
 
-    names: of the goal, for each stretch.
+    names: of the goal that each stretch heads for; reached (goals,): the tick at which each goal
+    was touched, or −1.
     """
 
     stretches: list[Stretch]

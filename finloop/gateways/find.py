@@ -51,7 +51,7 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Nearness:
-    """Eq. 5 between s sprites and the pictures of n rows of the feature table.
+    """Picture distances (Eq. 5) between s sprites and n rows of the feature table.
 
     rows (n,): rising. ahead (s, n): from the film's frame after a sprite. own (s, n): from the
     sprite itself. orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading
@@ -71,10 +71,11 @@ class Nearness:
 def nearness(
     reel: Reel, rows: Ints, size: int, pose: str, advance: Callable[[int], object] = lambda _: None
 ) -> Nearness:
-    """Compare all sprites with some rising rows, in blocks: at most `_BLOCK` pictures are held.
+    """Return the picture distances (Eq. 5) between all sprites and rows (n,) of the film.
 
-    Pose BODY: sprites and film with the measured heading to the right. FILM: each row as filmed,
-    with the sprites in its orientation as they are drawn. `advance(n)`: n more rows are done.
+    rows: rising; size: px, side of the pictures. Pose BODY: sprites and film with the measured
+    heading to the right. FILM: each row as filmed, with the sprites in its orientation as they are
+    drawn. advance(k): called when k more rows are done. At most `_BLOCK` pictures are held at once.
     """
     features, sprites = reel.features, reel.sprites
     row, after = _rows_of(reel)
@@ -105,7 +106,7 @@ def sprite_pictures(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the film's next picture after every sprite, and the sprites: (s, size, size, c) each.
 
-    They are in the orientation `number`; in pose BODY with the measured heading to the right.
+    number: the orientation they are drawn in; in pose BODY the measured heading points right.
     """
     if pose != BODY:
         return reel.after_sprites(size, number), reel.sprite_pictures(size, number)
@@ -138,12 +139,12 @@ def gateways(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, step: float,
     settings: GatewaysSettings,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
+    """Return all gateways (schema `GATEWAYS`): ways in, then ways out.
 
-    `step` is the median natural step. A sprite leads to its `frames_per_sprite` nearest rows in
-    each orientation. These are `apart` apart and have `least` of their track ahead. A row leads to
-    the `sprites_per_frame` sprites of each sequence that are nearest to its next row. The last row
-    of a track has no way out, and a turn is entered only by its first sprite.
+    step: the median natural step. A sprite leads to its `frames_per_sprite` nearest rows in each
+    orientation. These are `apart` apart and have `least` of their track ahead. A row leads to the
+    `sprites_per_frame` sprites of each sequence that are nearest to its next row. The last row of a
+    track has no way out, and a turn is entered only by its first sprite.
     """
     most = settings.distance_threshold * step
     ways = [
@@ -213,7 +214,7 @@ def _ways_out(
 def nearest(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: GatewaysSettings
 ) -> pd.DataFrame:  # fmt: skip
-    """Return `GATEWAYS` without a threshold: the gateways that a higher one would add."""
+    """Return the gateways (schema `GATEWAYS`) that there would be without a distance threshold."""
     endless = replace(settings, distance_threshold=np.inf)
     return gateways(near, sprites, features, 1.0, endless)
 
@@ -222,7 +223,11 @@ def numbers(
     table: pd.DataFrame, every: pd.DataFrame, near: Nearness, features: pd.DataFrame,
     rate_hz: float, step: float,
 ) -> dict[str, float]:  # fmt: skip
-    """Return metrics of gateways, for metrics.json; `every` is from `nearest`."""
+    """Return the metrics of the gateways, by their names in metrics.json.
+
+    table: from `gateways`; every: from `nearest`; rate_hz: frames per second; step: the median
+    natural step.
+    """
     result: dict[str, float] = {}
     for word in (IN, OUT):
         far = table.loc[table["direction"] == word, "distance"] / step

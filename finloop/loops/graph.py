@@ -25,7 +25,7 @@ _FREE = 1e-9  # frames: a sparse graph cannot hold an edge of cost 0
 
 @dataclass(frozen=True)
 class LoopGraph:
-    """The graph of m ends and e jumps; both directions of a loop are jumps."""
+    """The graph of m loop ends and e jumps; each loop gives two jumps, one in either direction."""
 
     ends: NDArray[np.int32]  # (m,) rows of the feature table, rising
     ahead: NDArray[np.int32]  # (m,) index of the next end of the same track, −1 where there is none
@@ -44,7 +44,7 @@ class LoopGraph:
     endless: Mask
 
     def jumps(self, end: int) -> NDArray[np.int32]:
-        """Return the ends that can replace an end, nearest first."""
+        """Return the indices of the ends that the film can jump to from an end, nearest first."""
         return self.to[self.start[end] : self.start[end + 1]]
 
     @property
@@ -54,7 +54,10 @@ class LoopGraph:
 
 
 def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
-    """Build the graph of a table with the columns a, b, distance; `track_id` of every row."""
+    """Return the graph of all video loops of a film.
+
+    loops: columns a, b (feature rows) and distance (Eq. 5); track_id (n,): of every feature row.
+    """
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     far = loops["distance"].to_numpy(np.float32)
     ends, source = np.unique(np.r_[a, b].astype(np.int32), return_inverse=True)
@@ -95,9 +98,10 @@ def _components(following: csr_array, frames: NDArray[np.int32]) -> tuple[NDArra
 
 
 def rank_groups(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
-    """Return new group numbers (n,), 0 for the heaviest group; ties keep their order.
+    """Return new group numbers (n,) of n members: 0 for the heaviest group, then 1, and so on.
 
-    weight (n,): of each member; None: 1.
+    name (n,): each member's old group number; weight (n,): of each member, None: 1. Ties keep their
+    order.
     """
     total, first = np.bincount(name, weight), np.unique(name, return_index=True)[1]
     rank = np.empty(len(total), np.int32)
@@ -107,7 +111,7 @@ def rank_groups(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -
 
 @kernel
 def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
-    """Return the rows (n,) from which the film can play for ever; all others end with a track.
+    """Return whether the film can play for ever from each row (n,), by playing on or jumping.
 
     more (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for none;
     from end k the film can jump to `to[start[k]:start[k + 1]]`. Rows without a successor are
@@ -147,12 +151,18 @@ def _never_ends(
 
 
 def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
-    """Return whether the film can play for ever after a row (n,)."""
+    """Return whether the film can play for ever after each feature row (n,).
+
+    track_id (n,): of every row.
+    """
     return _never_ends(track_id, graph.ends, graph.start, graph.to)
 
 
 def in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
-    """Return which rows (rows,) of the film lie in the segments of one component."""
+    """Return whether each feature row (rows,) lies in a segment of component `number`.
+
+    Component 0 holds the most film.
+    """
     edge = np.zeros(rows + 1, np.int32)
     mine = (graph.component == number) & (graph.ahead >= 0)
     np.add.at(edge, graph.ends[mine], 1)
@@ -163,12 +173,13 @@ def in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
 def routes(
     graph: LoopGraph, source_end: int, target_end: int, most: int, jump_frames: float = 0
 ) -> list[list[Leg]]:
-    """Return the `most` best routes from one end to another, by index (Fig. 10).
+    """Return the `most` best routes from one loop end to another, the best first (Fig. 10).
 
-    The best route has the fewest frames, where a jump counts as `jump_frames`. Each route is a list
-    of (from row, to row, "play" | "jump"), from one end to the next. It may pass an end twice
-    (GHCDEBCDEF does), but takes no jump twice. There is film between two jumps, for two frames that
-    are like a third need not be alike. The search follows at most `most` routes through any end.
+    source_end, target_end: indices of ends. The best route has the fewest frames, where a jump
+    counts as `jump_frames`. Each route is a list of (from row, to row, "play" | "jump"), from one
+    end to the next. It may pass an end twice (GHCDEBCDEF does), but takes no jump twice. There is
+    film between two jumps, for two frames that are like a third need not be alike. The search
+    follows at most `most` routes through any end.
     """
     rest = _least_cost(graph, target_end, jump_frames)
     ways: list[list[Leg]] = []

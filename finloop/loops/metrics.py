@@ -12,7 +12,7 @@ def numbers(
     loops: pd.DataFrame, counts: PairCounts, graph: LoopGraph, features: pd.DataFrame,
     facts: MapFacts, mapped: Ints,
 ) -> dict[str, float]:  # fmt: skip
-    """Return metrics of the loops, for metrics.json.
+    """Return the metrics of a film's loops, by their names in metrics.json.
 
     A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film. Shares of the
     film are of its `mapped` rows. A component counts if the film can play in it for ever. From a

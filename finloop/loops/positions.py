@@ -21,10 +21,10 @@ Rows = NDArray[np.integer]
 
 
 def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
-    """Return the quadrant (Fig. 11b): 1 upper right, 2 upper left, 3 lower left, 4 lower right.
+    """Return the quadrant (…), 1 … 4, into which displacements point (Fig. 11b).
 
-    y is up. An axis belongs to the quadrant that follows it anticlockwise; no displacement is
-    quadrant 1.
+    1 upper right, 2 upper left, 3 lower left, 4 lower right. dx, dy (…): in any unit, y up. An axis
+    belongs to the quadrant that follows it anticlockwise; no displacement is quadrant 1.
     """
     angle = np.degrees(np.arctan2(dy, dx)) % 360
     return (np.floor(angle / 90) % 4 + 1).astype(np.int8)
@@ -32,7 +32,7 @@ def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
 
 @kernel
 def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
-    """Return the `quadrant` of one displacement, y up, for kernels."""
+    """Return the quadrant, 1 … 4, of one displacement (dx, dy), y up: `quadrant` for kernels."""
     if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
         return 1
     if dx <= 0 and dy > 0:
@@ -44,9 +44,10 @@ def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
 
 @kernel
 def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
-    """Return the first loop end at least `stride` rows after a row, or its track's last row.
+    """Return the row of the first loop end at least `stride` rows after `row`, within its track.
 
-    more (n,): whether a row is followed by another of its track; end (n,): −1 where there is none.
+    If there is none it is the track's last row. more (n,): whether a row is followed by another of
+    its track; end (n,): the loop end at a row, −1 where there is none.
     """
     stop = row
     while more[stop] and (stop - row < stride or end[stop] < 0):
@@ -55,14 +56,18 @@ def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
 
 
 def displacement(x: Reals, y: Reals, a: Any, b: Any) -> tuple[Reals, Reals]:
-    """Return an entry of the position table: from row a to row b, y up (rows have y down)."""
+    """Return (dx, dy), y up, from rows a to rows b: the entry of the position table.
+
+    x, y (n,): places of all rows, px, y down; a, b (…): row numbers.
+    """
     return x[b] - x[a], y[a] - y[b]
 
 
 def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
-    """Return at most 26 ends for a table for people: those of the track with the most ends.
+    """Return at most 26 loop ends (rows) for a printed table: of the track with the most ends.
 
-    If it has more, they are those nearest to moments spread evenly over the track.
+    ends: feature rows; track_id (n,): of every row. If the track has more ends, the table has those
+    nearest to moments spread evenly over the track.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     mine = ends[track_id[ends] == tracks[count.argmax()]]
@@ -73,9 +78,10 @@ def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
 
 
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
-    """Return Fig. 11c: a row and a column for each end, A, B …; the later one's quadrant, or "".
+    """Return the position table (Fig. 11c): the quadrant of the later of two ends.
 
-    `ends` : rising rows of the feature table. A cell of two tracks is empty.
+    It is seen from the earlier one. ends: rising feature rows. Rows (earlier) and columns (later)
+    are named A, B …. A cell is "" unless its column is later in the same track.
     """
     x, y = through_water(features).T
     track = features["track_id"].to_numpy()[ends]
@@ -88,9 +94,10 @@ def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
 def routes_table(
     ways: Sequence[Sequence[Leg]], graph: LoopGraph, features: pd.DataFrame, step: float
 ) -> pd.DataFrame:
-    """Return Fig. 10b: a row for each stretch of each route; ends that play on are not named.
+    """Return the routes as a table (Fig. 10b): a row for each stretch of play and for each jump.
 
-    `jump_distance` is D of a jump, in median natural steps (`step`).
+    ways: from `routes`; step: the median natural step. `jump_distance` is D of a jump in median
+    natural steps. Ends at which the film plays on have no row.
     """
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
@@ -106,7 +113,7 @@ def routes_table(
 
 
 def merge_legs(way: Sequence[Leg]) -> list[Leg]:
-    """Merge successive legs of play of a route into one."""
+    """Return a route in which successive legs of play are one leg."""
     legs: list[Leg] = []
     for a, b, how in way:
         if legs and how != JUMP and legs[-1][2] == how:
@@ -123,6 +130,9 @@ def _jump_distance(graph: LoopGraph, a: int, b: int) -> float:
 
 
 def far_ends(graph: LoopGraph) -> tuple[int, int]:
-    """Return the last and the first end of the largest component, by index, to route between."""
+    """Return the indices of the last and the first end of the largest component of the graph.
+
+    A route between them is a long one to show.
+    """
     mine = np.flatnonzero(graph.component == 0)
     return int(mine[-1]), int(mine[0])

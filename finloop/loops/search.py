@@ -53,7 +53,7 @@ class SparseMap(NamedTuple):
 
 @dataclass(frozen=True)
 class PairCounts:
-    """The number of pairs after each test."""
+    """The number of pairs of frames that pass each test; improper: of minima that are no loops."""
 
     pairs: int
     below_threshold: int
@@ -62,7 +62,10 @@ class PairCounts:
 
 
 def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
-    """Convert a table of pairs (i, j, distance), sorted by i, then j, to a map of `rows` rows."""
+    """Return a table of pairs as a sparse map with `rows` rows (the number of feature rows).
+
+    table: columns i, j (feature rows), distance; sorted by i, then by j.
+    """
     start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
     return SparseMap(start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32))
 
@@ -70,18 +73,13 @@ def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
 def find(
     pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, PairCounts]:
-    """Find the loops of a film (§4.1, Figs. 8, 12, 13), best first, and the counts of each test.
+    """Return a film's video loops (§4.1, Figs. 8, 12, 13), best first, and each test's counts.
 
-    `pairs` : D of the rows that may be compared (Eq. 6), rows of the feature table. `step` : the
-    median natural step, in the unit of D. NoLoops if there is none; its message names the parameter
-    that would give some.
+    pairs: D of the rows that may be compared (Eq. 6); rate_hz: frames per second; step: the median
+    natural step, in the unit of D. NoLoops if there is none; its message names the parameter that
+    would give some.
 
-    Returns
-    -------
-    loops
-        Columns of `LOOPS`, sorted by filtered distance.
-    counts
-        The number of pairs after each test.
+    The loops have the columns of `LOOPS` and are sorted by filtered distance.
     """
     loops, counts = candidates(pairs, features, settings.distance_threshold * step, settings)
     loops = loops[~loops["improper"]].reset_index(drop=True)
@@ -98,16 +96,20 @@ def find(
 
 
 def least_frames(delta: int, settings: LoopsSettings) -> int:
-    """Return the least frames between two ends of a loop in one track; delta: Δ in frames."""
+    """Return the least number of frames between two ends of a loop in one track.
+
+    delta: Δ in frames.
+    """
     return max(1, round(settings.min_length_deltas * delta))
 
 
 def candidates(
     pairs: SparseMap, features: pd.DataFrame, limit: float, settings: LoopsSettings
 ) -> tuple[pd.DataFrame, PairCounts]:
-    """Return all local minima of filtered D up to `limit`, best first, and each test's counts.
+    """Return all local minima of filtered D up to `limit`, the best first, and each test's counts.
 
-    Columns a, b, distance, filtered, improper (Fig. 13: whether the pair is no loop).
+    Columns: a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: whether the pair is
+    no loop).
     """
     track = features["track_id"].to_numpy(np.int32)
     value = filter_diagonals(pairs, track, settings.compared_neighbour_frames, limit)
@@ -124,17 +126,18 @@ def candidates(
 
 
 def weights(n: int) -> Floats:
-    """Return binomial weights of the 2n + 1 pairs along the diagonal; their sum is 1."""
+    """Return the binomial weights (2n + 1,) of the pairs along a diagonal; their sum is 1."""
     return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
 
 
 def filter_diagonals(
     pairs: SparseMap, track: NDArray[np.int32], dynamics: int, limit: float
 ) -> NDArray[np.float32]:
-    """Filter every pair diagonally: Σ w_k D(a+k, b+k), k = −n … n (§4.1), n = `dynamics`.
+    """Return the filtered D of every stored pair: Σ w_k D(a+k, b+k), k = −n … n (§4.1).
 
-    The value is inf where it exceeds `limit`, where one of the pairs along the diagonal is not in
-    the map, or where one lies beyond the end of either track.
+    track: track number of every feature row; dynamics: n. The value is inf where it exceeds
+    `limit`, where one of the pairs along the diagonal is not in the map, or where one lies beyond
+    the end of either track.
     """
     return _filter_diagonals(pairs, track, weights(dynamics), limit)
 
@@ -183,12 +186,12 @@ def _filter_diagonals(
 def minima(
     pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Return places (in `pairs.j`) and rows a of the local minima of `value` that are loops.
+    """Return the places (k,) in `pairs.j`, and the rows a (k,), of the local minima of `value`.
 
-    Each is the smallest within `radius` frames along a and along b, inside the two tracks; the
-    first of equal ones that are as near (a film that repeats). In one track b is at least `least`
-    frames after a; nearer pairs are no loops, but they count in the comparison: a pair on a slope
-    down to them is no minimum.
+    value: filtered D of every pair. Each is the smallest within `radius` frames along a and along
+    b, inside the two tracks; the first of equal ones that are as near (a film that repeats). In one
+    track b is at least `least` frames after a; nearer pairs are no loops, but they count in the
+    comparison: a pair on a slope down to them is no minimum.
     """
     places = np.flatnonzero(_minima(pairs, value, track, radius, least))
     rows = np.searchsorted(pairs.start, places, side="right") - 1
@@ -223,7 +226,10 @@ def _minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
 
 
 def keep_best(a: Rows, b: Rows, most: int) -> Mask:
-    """Return which loops (n,), best first, to keep so that no end has more than `most` loops."""
+    """Return which loops (n,) to keep so that no frame is an end of more than `most` loops.
+
+    a, b (n,): the loops' ends (feature rows), the best loop first.
+    """
     return _keep_best(a, b, np.zeros(b.max() + 1, np.int32), most)
 
 
@@ -239,10 +245,11 @@ def _keep_best(a, b, count, most):  # type: ignore[no-untyped-def]
 
 
 def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
-    """Return the number of the overlapping group (n,) of each loop (Fig. 12); 0 has the most loops.
+    """Return the number (n,) of each loop's overlapping group (Fig. 12); 0 has the most loops.
 
-    A loop within a track covers the film between its ends; one across tracks only its two ends.
-    Loops that cover the same film are of one group, and so on from loop to loop.
+    a, b (n,): the loops' ends, feature rows; track: track number of every feature row. A loop
+    within a track covers the film between its ends; one across tracks only its two ends. Loops that
+    cover the same film are of one group, and so on from loop to loop.
     """
     n = len(a)
     within = track[a] == track[b]

@@ -18,18 +18,18 @@ Rows = NDArray[np.integer]
 
 
 def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
-    """Return whether loops (n,) travel more than `most_deg` against the heading (Fig. 13).
+    """Return whether each loop (n,) is improper: it travels against the heading (Fig. 13).
 
-    That is over the loop, at its end a or at its end b, see `travel_of`: there head and tail may be
-    swapped, or the fish adrift.
+    Travel and heading differ by more than `most_deg` over the loop, at its end a or at its end b,
+    see `travel_of`: there head and tail may be swapped, or the fish adrift.
     """
     return np.asarray((travel_of(a, b, features).off_deg > most_deg).any(axis=-1))
 
 
 class Travel(NamedTuple):
-    """Where loops (n,) travel and where the fish is headed: between the ends, at a, at b.
+    """Directions of travel and headings of n loops, each between its ends, at end a and at end b.
 
-    travel_deg, heading_deg : (n, 3), anticlockwise as seen; travel is NaN where there is none.
+    travel_deg, heading_deg (n, 3): anticlockwise as seen; travel is NaN where there is none.
     """
 
     travel_deg: Floats
@@ -37,17 +37,17 @@ class Travel(NamedTuple):
 
     @property
     def off_deg(self) -> Floats:
-        """Return the angle (n, 3) between travel and heading, 0 … 180; NaN without a travel."""
+        """Return the angle (n, 3) [°] between travel and heading, 0 … 180; NaN without travel."""
         return np.abs(wrap_deg(self.travel_deg - self.heading_deg))
 
 
 def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
-    """Return where loops (n,) travel, and where the fish is headed meanwhile (Fig. 13).
+    """Return the directions of travel and the headings of n loops (Fig. 13).
 
-    Between its ends, a loop within one track travels from a to b, whatever route the fish takes;
-    its heading is the mean over it (NaN where the fish turns round). At either end the fish travels
-    from Δ/2 before to Δ/2 after it. A fish that moved less than `TRAVEL` body lengths has no
-    direction of travel.
+    a, b (n,): the loops' ends, feature rows. Between its ends, a loop within one track travels from
+    a to b, whatever route the fish takes; its heading is the mean over it (travel is NaN where the
+    fish turns round). At either end the fish travels from Δ/2 before to Δ/2 after it. A fish that
+    moved less than `TRAVEL` body lengths has no direction of travel.
     """
     track = features["track_id"].to_numpy()
     x, y = through_water(features).T * ((1,), (-1,))

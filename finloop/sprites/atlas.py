@@ -25,7 +25,11 @@ _KEY = ["sprite", "orientation"]
 
 
 class AtlasSlot(NamedTuple):
-    """A sprite in an orientation on a page: its name, its upper left pixel, its size."""
+    """The rectangle of an atlas page that holds one sprite in one orientation.
+
+    sprite: its row in the table of sprites; orientation: 1 …; name: "sequence/orientation/step";
+    group: "sequence/orientation"; x, y: px of the upper left pixel; width, height: px.
+    """
 
     sprite: int
     orientation: int
@@ -38,7 +42,7 @@ class AtlasSlot(NamedTuple):
 
 
 class AtlasPage(NamedTuple):
-    """One picture of the atlas."""
+    """One picture of the atlas: its width and height in px, and the sprites on it (`spots`)."""
 
     width: int
     height: int
@@ -46,10 +50,11 @@ class AtlasPage(NamedTuple):
 
 
 def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
-    """Lay out every sprite in every orientation; a sequence in an orientation stays on one page.
+    """Return atlas pages, at most page_px wide and high, with every sprite in every orientation.
 
-    `index` is that of sprites.arrow: the size of each sprite in each orientation. FinloopError if a
-    page cannot hold the pictures of one sequence in one orientation.
+    sprites: schema `SPRITES`; index: that of sprites.arrow, with the size [px] of each sprite in
+    each orientation. A sequence in one orientation stays on one page. FinloopError if a page cannot
+    hold it.
     """
     groups = list(_groups(sprites, index))
     atlas: list[AtlasPage] = []
@@ -118,7 +123,10 @@ def _shelves(spots: list[AtlasSlot], width: int, height: int) -> AtlasPage | Non
 
 
 def picture(page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Draw a page as (h, w, 4) RGBA, straight alpha; `pixels(sprite, orientation)` loads one."""
+    """Draw an atlas page: its picture (height, width, 4), RGBA with straight alpha.
+
+    pixels(sprite, orientation): returns the premultiplied picture (h, w, 2 or 4) of one sprite.
+    """
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for spot in page.spots:
         here = canvas[spot.y : spot.y + spot.height, spot.x : spot.x + spot.width]
@@ -128,15 +136,19 @@ def picture(page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]) ->
 
 
 def png(rgba: NDArray[np.uint8]) -> bytes:
-    """Code a page as a PNG file, smaller than OpenCV's default but slower."""
+    """Return the bytes of a PNG file of an RGBA picture (h, w, 4).
+
+    The file is smaller than OpenCV's default but takes longer to make.
+    """
     settings = [cv2.IMWRITE_PNG_COMPRESSION, 6, cv2.IMWRITE_PNG_STRATEGY, 0]
     return cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA), settings)[1].tobytes()
 
 
 def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Divide the colour of premultiplied RGBA by alpha; bleed it `BLEED` px under the edge.
+    """Return premultiplied RGBA (h, w, 4) with straight alpha: its colour is divided by alpha.
 
-    Premultiplying again gives back the same numbers.
+    Colour also extends `BLEED` px under the transparent pixels around the edge. Premultiplying the
+    result gives back the same numbers.
     """
     alpha = pixels[..., 3]
     # Whole-number division with rounding: (2·255·c + a) // 2a.
@@ -156,9 +168,10 @@ def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def document(
     atlas: list[AtlasPage], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
 ) -> dict[str, Any]:
-    """Return the JSON of page `number`: what an engine needs, and each step's motion.
+    """Return the JSON of page `number`: its sprites' rectangles, its sequences, each step's motion.
 
-    All frames have the same untrimmed size, its middle within a pixel of the mass centre.
+    sprites, index: as for `pages`; rate_hz: frames per second. All sprites have the same untrimmed
+    size; its middle is within a pixel of the mass centre.
     """
     page, reach = atlas[number], _reach(sprites, index)
     duration = round(1000 / rate_hz)

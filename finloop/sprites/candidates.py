@@ -20,10 +20,11 @@ from finloop.sprites.swimmers import smooth, spans
 
 
 def beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Return every stretch of one straight tail beat: a row each, with its faults.
+    """Return the film's stretches of one straight tail beat: a row each, with its faults.
 
-    Columns: start, length (rows of `table`), and one per fault. The frame after the last is in the
-    track too, since it is compared with the first.
+    delta: Δ in frames. Columns: start (row of `table`), length (frames), and one per fault (1 is
+    just acceptable). The frame after a stretch is in the same track, since it is compared with the
+    first.
     """
     least = max(settings.beat_frames, round(settings.beat_least * delta))
     parts = []
@@ -49,10 +50,10 @@ def beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.Data
 
 
 def slides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Return every stretch of gliding, a row each as in `beats`.
+    """Return the film's stretches of gliding: a row each, with the columns start, length, faults.
 
-    Stretches shorter than `slide_least` are included only if there are no longer ones, and those
-    whose tail moves more than `still` only if no tail is still.
+    delta: Δ in frames. Stretches shorter than `slide_least` are included only if there are no
+    longer ones. Those whose tail moves more than `still` are included only if no tail is still.
     """
     least = max(3, round(settings.slide_least * delta))
     most = max(3, round(settings.slide_most * delta))
@@ -77,9 +78,10 @@ def slides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.Dat
 
 
 def calm(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Return glides that replace a missing tail beat: a row each as in `slides`.
+    """Return glides that replace a missing tail beat: a row each, with the columns of `slides`.
 
-    They are of straight swimming, else of any swimming, else of any frames, usable or not.
+    delta: Δ in frames. The glides are of straight swimming, else of any swimming, else of any
+    frames, usable or not.
     """
     as_straight = table.assign(type=np.int8(STRAIGHT))
     for rows in (table, as_straight, as_straight.assign(usable=True)):
@@ -143,10 +145,11 @@ class _Bends(NamedTuple):
 
 
 def turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
-    """Return the strongest whole turns to one side, a row each as in `beats`.
+    """Return the film's strongest whole turns to one side: a row each, with start, length, faults.
 
-    A turn is whole if all its frames are usable, it has frames before and after the largest bend,
-    and the heading changes. Weaker turns are taken only if there are no stronger ones: `strong`.
+    side: 1 = left, −1 = right. start: row of `table`; length: frames. A turn is whole if all its
+    frames are usable, it has frames before and after the largest bend, and the heading changes.
+    Weaker turns are included only if there are no stronger ones: see `strong` in the settings.
     """
     bend = side * table["bend"].to_numpy()
     turning = (table["type"] == side).to_numpy() & table["usable"].to_numpy()
@@ -167,9 +170,11 @@ def turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataF
 
 
 def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
-    """Return bends that replace a missing whole turn to one side: a row each as in `beats`.
+    """Return the bends that replace a missing whole turn to one side: a row each.
 
-    A bend runs from a minimum of bending to the next one.
+    side: 1 = left, −1 = right. Columns: start (row of `table`), length (frames), and weaker: the
+    share of the strongest bend that this one lacks. A bend runs from a minimum of bending to the
+    next one.
     """
     bend = side * table["bend"].to_numpy()
     rows = []

@@ -30,9 +30,11 @@ these fish, headed right, their mass centres in the middle, all of one length.""
 
 @dataclass(frozen=True)
 class Choice:
-    """The film's frames for one sequence; `mirrored` if it is a turn to the other side.
+    """The film's frames for one sequence of sprites.
 
-    stands_in: the film has no tail beat, or no whole turn, and this is the best substitute.
+    mirrored: the frames show a turn to the other side, and the sprites are their mirror images.
+    stands_in: the film has no tail beat, or no whole turn, and these frames are the best
+    substitute.
     """
 
     stretch: FrameRun
@@ -45,9 +47,9 @@ def choose(
 ) -> dict[str, Choice]:
     """Choose the film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
-    `table` is from `swimmers`; delta: Δ in frames. A side without a turn gets the opposite one
-    mirrored; a film without a tail beat or a whole turn gets the best substitute. FinloopError if
-    the settings name frames that do not exist, or the fish never bends.
+    table: from `swimmers`; look: draws rows of it; delta: Δ in frames. A side without a turn gets
+    the opposite turn, mirrored. A film without a tail beat or a whole turn gets the best
+    substitute. FinloopError if the settings name frames that do not exist, or the fish never bends.
     """
     sharp = _typical_sharpness(table, look, settings)
     stretches: dict[str, Sequence[FrameRun]] = {}
@@ -112,8 +114,8 @@ def best_of_tracks(
 ) -> list[FrameRun]:  # fmt: skip
     """Return each track's best candidate, with the faults of its pictures; the best track first.
 
-    `sharp`: the clip's median of `sharpness`. With `loops` the frame after the last should be like
-    the first, within a natural step.
+    candidates: columns start, length and faults; sharp: the median of `sharpness` over the film;
+    loops: the frame after the last should be like the first, within a natural step.
     """
     if candidates.empty:
         return []
@@ -144,15 +146,19 @@ def best_of_tracks(
 
 
 def closure(pictures: Reals) -> float:
-    """Return the distance of the last picture from the first, over the median step between them.
+    """Return the picture distance from a loop's end to its start, over its median step.
 
-    The pictures are a loop's frames and the one after them.
+    pictures (n + 1, size, size, channels): the n frames of the loop and the frame after them. At 1
+    the loop closes as smoothly as the film plays on.
     """
     return float(apart(pictures[-1], pictures[0])) / max(float(np.median(steps(pictures))), 1e-9)
 
 
 def sharpness(pictures: Reals) -> Floats:
-    """Return the gradient energy (n,) of pictures (n, h, w, channels) per opaque pixel."""
+    """Return how sharp each picture is (n,): its summed squared gradient over its summed alpha.
+
+    pictures (n, h, w, channels): values 0 … 1, alpha last.
+    """
     down, right = np.diff(pictures, axis=1)[:, :, :-1], np.diff(pictures, axis=2)[:, :-1]
     return (down**2 + right**2).sum((1, 2, 3)) / np.maximum(pictures[..., -1].sum((1, 2)), 1e-9)
 
@@ -160,10 +166,11 @@ def sharpness(pictures: Reals) -> Floats:
 def combination(
     table: pd.DataFrame, stretches: dict[str, Sequence[FrameRun]], settings: SpritesSettings
 ) -> dict[str, FrameRun]:
-    """Return a stretch of each sequence, with the least sum of faults and changes of animal.
+    """Return the best frames of each sequence: least faults together, and few changes of animal.
 
-    Another track than that of the first sequence costs `track_change_cost`, and 1 for a relative
-    difference of `size_off` in length, contrast and area, on average.
+    stretches: the candidates of each sequence. A sequence of another track than the first one costs
+    `track_change_cost`. A relative difference of `size_off` in length, contrast and area, on
+    average, costs 1 more.
     """
     words = [word for word in stretches if stretches[word]]
     looks = (

@@ -15,7 +15,11 @@ TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
 
 
 def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
-    """Compute Table 1 of the sprites in all orientations; areas are over the *clip's* largest."""
+    """Return the fish paper's Table 1 for the sprites: a row for each of their orientations.
+
+    sprites: schema `SPRITES`; features: the film's. Largest motion areas are shares of the film's
+    largest one in turns to that side.
+    """
     count = orientations_of(sprites)
     every = pd.DataFrame(
         {
@@ -35,14 +39,18 @@ def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
 
 
 def complete(table: pd.DataFrame) -> int:
-    """Count the orientations of a Table 1 that show all three types."""
+    """Count the orientations (rows) of a Table 1 that show straight swimming and both turns."""
     return int((table[["straight_pct", "left_pct", "right_pct"]] > 0).all(axis=1).sum())
 
 
 def numbers(
     sprites: pd.DataFrame, table: pd.DataFrame, features: pd.DataFrame, frames: int, rate_hz: float
 ) -> dict[str, float]:
-    """Return metrics of the choices, for metrics.json; `table` is that of swimmers."""
+    """Return the metrics of the chosen sprites, by their names in metrics.json.
+
+    sprites: schema `SPRITES`; table: from `swimmers`; frames: the number of film frames; rate_hz:
+    frames per second.
+    """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     frames_used = sprites[["track_id", "frame"]].drop_duplicates()
     result: dict[str, float] = {
@@ -69,7 +77,12 @@ def numbers(
 
 
 def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> dict[str, float]:
-    """Return how well a cycle closes, in median natural steps, and how far its tail swings."""
+    """Return how far the tail swings [body lengths] in a cycle, and how well the cycle closes.
+
+    word: the sequence, straight or slide. Closure is the picture distance of the last frame, and of
+    the one after it, from the first, over the cycle's median step. It is missing if the track ends
+    there.
+    """
     rows = np.arange(choice.stretch.rows.start, choice.stretch.rows.stop)
     n = len(rows)
     more = np.r_[rows, min(rows[-1] + 1, len(table) - 1)]
@@ -87,14 +100,17 @@ def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> 
 
 
 def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: SpritesSettings) -> bool:
-    """Return whether a slide is one: long enough, and with a still tail."""
+    """Return whether a chosen slide is one: at least `slide_least` long, its tail within `still`.
+
+    table: from `swimmers`; delta: Δ in frames.
+    """
     tail = table["tail"].to_numpy()[choice.stretch.rows]
     long = len(tail) >= round(settings.slide_least * delta)
     return long and float(np.ptp(tail)) <= settings.still
 
 
 def faults(choices: dict[str, Choice]) -> pd.DataFrame:
-    """Return every fault of each choice; 1 is just acceptable."""
+    """Return every fault of each choice: sequence, frames, fault, value (1 is acceptable)."""
     return pd.DataFrame(
         [
             (word, f"{s.track_id}:{s.first}-{s.last}", name, value)

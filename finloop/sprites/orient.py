@@ -36,7 +36,10 @@ SPRITES = Schema(
 def sprite_table(
     table: pd.DataFrame, choices: dict[str, Choice], settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Return the rows of `SPRITES`: every chosen frame, its heading and its motion."""
+    """Return the table of sprites (schema `SPRITES`): every chosen frame, its heading, its motion.
+
+    table: from `swimmers`; choices: the frames of each sequence.
+    """
     rows = pd.concat([_sequence(table, word, choice, settings) for word, choice in choices.items()])
     rows.insert(0, "sprite", np.arange(len(rows)))
     return rows.reset_index(drop=True)[SPRITES.names]
@@ -116,7 +119,10 @@ def _with_next(table: pd.DataFrame, stretch: FrameRun) -> slice:
 
 
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
-    """Yield every sprite in all orientations, in the order of `distance.reel.sprite_row`."""
+    """Yield the cut-out of every sprite in every orientation, in the order of `sprite_row`.
+
+    sprites: schema `SPRITES`; film: the cut-outs of all rows.
+    """
     for row in sprites.itertuples():
         cutout = film[row.row]
         mirror = row.heading_deg if row.mirrored else None

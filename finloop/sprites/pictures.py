@@ -10,7 +10,10 @@ _SOLID = 64  # alpha from which a pixel belongs to the fish
 
 
 def outlines(reel: Reel) -> list[Floats]:
-    """Return the hull (k, 2) of every sprite: px ahead and left of the mass centre, as drawn."""
+    """Return the convex hull (k, 2) of every sprite: px ahead and left of its mass centre.
+
+    The px are those of the drawn animation, where all fish are equally long.
+    """
     hulls = []
     for number, row in enumerate(reel.sprites.itertuples()):
         cutout = reel.sprite(number)

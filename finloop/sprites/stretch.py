@@ -17,7 +17,11 @@ WORDS = ("straight", "slide", *SIDES)
 
 @dataclass(frozen=True)
 class FrameRun:
-    """Successive frames of one track, the `rows` of the table of `swimmers`, and their faults."""
+    """Successive frames of one track, as candidates for sprites.
+
+    first, last: frame numbers, both included; rows: the same frames in the table of `swimmers`;
+    faults: by name, 1 is just acceptable.
+    """
 
     track_id: int
     first: int
@@ -35,10 +39,10 @@ class FrameRun:
 
 
 def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
-    """Parse the stretch of a sequence that `sprites.<word>` gives as "track:first-last".
+    """Parse the frames that `sprites.<word>_frames` gives to a sequence, as "track:first-last".
 
-    FinloopError if its form is wrong, if there are no such frames, or if a turn among them has no
-    `phases`.
+    table: from `swimmers`; hold: see `phases`. FinloopError if the form is wrong, if there are no
+    such frames, or if those of a turn do not bend between the first and the last.
     """
     name = f"sprites.{word}_frames={text}"
     form = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
@@ -79,9 +83,10 @@ def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRu
 
 
 def phases(table: pd.DataFrame, stretch: FrameRun, side: int, hold: float) -> list[str]:
-    """Return the phase of each frame of a turn: in, hold or out; ["none"] without a bend.
+    """Return the phase of each frame of a turn: "in", "hold" or "out"; ["none"] without a bend.
 
-    The phase is hold where the bend is at least the share `hold` of its largest.
+    side: 1 = left, −1 = right. The phase is hold where the bend is at least the share `hold` of its
+    largest value.
     """
     bend = side * table["bend"].to_numpy()[stretch.rows]
     peak = int(bend.argmax())
@@ -95,10 +100,11 @@ def phases(table: pd.DataFrame, stretch: FrameRun, side: int, hold: float) -> li
 
 
 def cycle_heading(table: pd.DataFrame, start: int, n: int) -> Floats:
-    """Return the heading (n + 1,) of a straight stretch and the frame after it, on a line.
+    """Return headings [°] on a line (n + 1,) for n straight frames and the frame after them.
 
-    Its slope is the drift from the first frame to that after the last. Both show the same phase of
-    the tail beat, so the head's yaw, which a least-squares line would follow, cancels.
+    start: row of `table` of the first frame. The slope is the drift from the first frame to that
+    after the last. Both show the same phase of the tail beat, so the head's yaw, which a
+    least-squares line would follow, cancels.
     """
     heading = table["heading"].to_numpy()[start : start + n + 1]
     slope = (heading[-1] - heading[0]) / n

@@ -15,11 +15,11 @@ from finloop.sprites.settings import SpritesSettings
 def swimmers(
     features: pd.DataFrame, tracks: pd.DataFrame, settings: SpritesSettings
 ) -> pd.DataFrame:
-    """Measure every fish in every frame for the choice of frames; rows as in both tables.
+    """Return the table of swimmers: what the choice of frames needs of each fish in each frame.
 
-    tail: the tail tip's offset from the head's axis, body lengths, + = left. heading: degrees,
-    unwrapped. speed: body lengths a frame. alone: body lengths to the nearest other mass centre.
-    usable: whether the frame may become a sprite.
+    Its rows are those of `features` and `tracks`. tail: the tail tip's offset from the head's axis,
+    body lengths, + = left. heading: degrees, unwrapped. speed: body lengths a frame. alone: body
+    lengths to the nearest other mass centre. usable: whether the frame may become a sprite.
     """
     table = features.assign(area_px=tracks["area_px"], contrast=tracks["contrast"])
     of_track = table.groupby("track_id", sort=False)
@@ -67,9 +67,9 @@ def swimmers(
 
 
 def smooth(values: Reals) -> Floats:
-    """Smooth values (frames,) by ¼, ½, ¼; lines stay, and monotone runs stay monotone.
+    """Return values (frames,) smoothed by the weights ¼, ½, ¼.
 
-    The ends are continued in a straight line.
+    Lines stay lines, and monotone runs stay monotone. The ends are continued in a straight line.
     """
     x = np.array(values, np.float64)
     if len(x) < 3:
@@ -91,7 +91,7 @@ def _alone(table: pd.DataFrame) -> Floats:
 
 
 def spans(table: pd.DataFrame) -> Iterator[slice]:
-    """Return the rows of each run of successive frames of one track."""
+    """Yield, as a slice of rows, each run of successive frames of one track."""
     broken = (np.diff(table["track_id"]) != 0) | (np.diff(table["frame"]) != 1)
     edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(table)]
     yield from (slice(a, b) for a, b in pairwise(edges) if b > a)

@@ -16,7 +16,10 @@ _REACH = 4  # px that a Lanczos kernel of four lobes reaches beyond a pixel
 
 
 def rotation(angle_deg: float) -> Floats:
-    """Return the matrix (2, 2) that turns (x right, y down) anticlockwise as seen, exact at 90°."""
+    """Return the matrix (2, 2) that turns points (x right, y down) anticlockwise as seen.
+
+    It is exact at multiples of 90°.
+    """
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     if angle_deg % 90 == 0:
         c, s = np.round([c, s])
@@ -24,18 +27,22 @@ def rotation(angle_deg: float) -> Floats:
 
 
 def reflection(axis_deg: float) -> Floats:
-    """Return the matrix (2, 2) that mirrors about a line in the direction `axis_deg`."""
+    """Return the matrix (2, 2) that mirrors points (x right, y down) about a line through 0.
+
+    axis_deg: the direction of that line, anticlockwise as seen.
+    """
     return rotation(axis_deg) @ np.diag([1.0, -1.0]) @ rotation(-axis_deg)
 
 
 def turn_cutout(
     source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
 ) -> Cutout:
-    """Turn `source` by `angle_deg` about (x_px, y_px), which stays in place.
+    """Return a cut-out turned by `angle_deg` anticlockwise as seen about (x_px, y_px).
 
-    With `mirror_axis_deg` it is first mirrored about the line of that direction through the same
-    point. Both are one resampling (Lanczos, four lobes), trimmed to the visible pixels. A turn by
-    0, or by any angle that maps pixels to pixels, is exact.
+    x_px, y_px: px of the film; this point stays in place. With `mirror_axis_deg` the cut-out is
+    first mirrored about the line of that direction through the same point. Both are one resampling
+    (Lanczos, four lobes), trimmed to the visible pixels. A turn by 0, or by any angle that maps
+    pixels to pixels, is exact.
     """
     angle_deg %= 360
     if angle_deg == 0 and mirror_axis_deg is None:
@@ -79,7 +86,7 @@ def _limit_colours(canvas: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def trim_picture(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
-    """Return left, top and picture of the smallest rectangle with all visible pixels.
+    """Return left and top [px], and the smallest part (h, w, channels) that has all visible pixels.
 
     A wholly transparent picture is trimmed to its first pixel.
     """
