@@ -12,7 +12,10 @@ from finloop.base.errors import FinloopError
 
 
 def steps(curve: Curve) -> Floats:
-    """Return the segment lengths in order: (n,) for a closed curve, (n − 1,) for an open one."""
+    """Return the segment lengths in order: (n,) for a closed curve of n points, else (n − 1,).
+
+    They are in the unit of the points.
+    """
     points = curve.points
     x, y = (np.roll(points, -1, axis=0) - points if curve.closed else np.diff(points, axis=0)).T
     return np.hypot(x, y)
@@ -24,16 +27,17 @@ def length(curve: Curve) -> float:
 
 
 def area(curve: Curve) -> float:
-    """Return the area within the polygon of the points, positive if it runs clockwise as seen.
+    """Return the area within the polygon of the points, positive if it runs clockwise on screen.
 
-    That is the paper's orientation (§2.2). An open curve is closed by its chord.
+    In the square of the points' unit; y is down. Clockwise is the paper's orientation (§2.2). An
+    open curve is closed by its chord.
     """
     x, y = (curve.points - curve.points[0]).T  # small numbers lose fewer digits
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
 def centroid(points: Floats) -> Floats:
-    """Return the centre of the area (…, 2) within closed polygons (…, n, 2)."""
+    """Return the centres (…, 2) of the areas within closed polygons (…, n, 2), in their unit."""
     p = points - points[..., :1, :]
     q = np.roll(p, -1, axis=-2)
     cross = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
@@ -42,7 +46,10 @@ def centroid(points: Floats) -> Floats:
 
 
 def clockwise(curve: Curve) -> Curve:
-    """Return the curve, reversed if it is closed and runs anticlockwise as seen."""
+    """Return the curve so that it runs clockwise on screen if it is closed; y is down.
+
+    An open curve comes back unchanged.
+    """
     return reverse_curve(curve) if curve.closed and area(curve) < 0 else curve
 
 
@@ -53,7 +60,7 @@ def reverse_curve(curve: Curve) -> Curve:
 
 
 def resample_curve(curve: Curve, n: int) -> Curve:
-    """Resample the polyline to n points of equal arc length: t(l) = l / L of §2.2.
+    """Resample the polyline to n points at equal distances along it (t(l) = l / L, §2.2).
 
     A closed curve keeps its first point, an open curve both ends. The new polygon cuts corners, so
     it is never longer than the curve. FinloopError if n is below 3 (closed curve) or 2 (open).

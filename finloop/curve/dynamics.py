@@ -32,11 +32,13 @@ from finloop.curve.wavelet import back, forward
 def solve(
     problem: Problem, method: str = "modal", options: SolverOptions | None = None
 ) -> Trajectory:
-    """Solve M q̈ + C q̇ + K q = Q (Eq. 3.3) for the motion of a curve.
+    """Return the motion of a curve that is released: M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
-    "modal": exact. "runge-kutta": adaptive, Eq. 3.15. "explicit-euler", "implicit-euler": ρ = 0.
-    "decoupled": Eq. 3.16 with the diagonal of K alone, in the wavelet basis. FinloopError if the
-    problem or the method's settings are invalid; the message names them.
+    q is the displacement from rest, Q the force; M, C, K are mass, damping and stiffness. method:
+    "modal" is exact. "runge-kutta" has adaptive steps (Eq. 3.15). "explicit-euler" and
+    "implicit-euler" need density 0. "decoupled" uses the diagonal of K alone, in the wavelet basis
+    (Eq. 3.16). The result's `error` compares it with "modal". FinloopError if the problem or the
+    method's settings are invalid; the message names them.
     """
     options = options or SolverOptions()
     problem = check_problem(problem, method)
@@ -56,7 +58,11 @@ def solve(
 
 
 class Basis(NamedTuple):
-    """A basis: points (n, d) to coefficients (m, d) and back (…, n, d), and K's diagonal (m,)."""
+    """A basis in which the stiffness K is diagonal, or treated as diagonal.
+
+    to: function from points (n, d) to coefficients (m, d); points: its inverse, from (…, m, d) to
+    (…, n, d); k: the diagonal (m,) of the stiffness K.
+    """
 
     to: Callable[[Floats], Numbers]
     points: Callable[[Numbers], Floats]
@@ -64,10 +70,11 @@ class Basis(NamedTuple):
 
 
 def modal(problem: Problem, options: SolverOptions) -> Solution:
-    """Solve exactly: K is circulant in the φ basis, so the Fourier modes are independent.
+    """Return the exact motion (Eq. 3.3) by Fourier modes, which are independent.
 
-    A force that depends on place and time couples the modes. Then `forced_motion` refines its steps
-    until the error is below `options.tolerance`.
+    The stiffness K is circulant in the φ basis, so a Fourier transform makes it diagonal. A force
+    that depends on place and time couples the modes. Then `forced_motion` refines its steps until
+    the error is below `options.tolerance`.
     """
     n = len(problem.rest)
     basis = Basis(
@@ -79,7 +86,10 @@ def modal(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
-    """Solve Eq. 3.16 in the wavelet basis without K's off-diagonals, with a considerable error."""
+    """Return the motion by Eq. 3.16: only the diagonal of the stiffness K, in the wavelet basis.
+
+    The neglected entries beside the diagonal cause a considerable error.
+    """
     n, levels = len(problem.rest), options.levels
     basis = Basis(
         lambda points: forward(points, problem.wavelet, levels),
@@ -116,7 +126,11 @@ def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> S
 
 
 def energy(problem: Problem, motion: Trajectory) -> Floats:
-    """Return kinetic plus elastic energy (t,): ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|²."""
+    """Return the kinetic plus elastic energy at every time: ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|².
+
+    motion: of the problem's curve at t times. The result is (t,); u is the displacement from rest,
+    ρ the density, e₀ the elastic constant.
+    """
     n = len(problem.rest)
     k = eigenvalues(problem.wavelet, n, problem.material.elastic)
     twice = np.full(len(k), 2.0)  # rfft leaves out the mirror images
@@ -128,5 +142,8 @@ def energy(problem: Problem, motion: Trajectory) -> Floats:
 
 
 def momentum(problem: Problem, motion: Trajectory) -> Floats:
-    """Return the momentum ρ ∫ u̇, (t, d); without force it decays as e^(−s₁ t)."""
+    """Return the momentum ρ ∫ u̇ at every time; without force it decays as e^(−s₁ t).
+
+    The result is (t, d); u̇ is the velocity, ρ the density, s₁ the material's `mass_damping`.
+    """
     return problem.material.density * motion.velocity.mean(axis=1)

@@ -23,9 +23,11 @@ _TOLERANCE = (
 
 @cache
 def filter_bank(wavelet: str) -> Floats:
-    """Return filters (4, taps) in PyWavelets' order: analysis low, high, synthesis low, high.
+    """Return a wavelet's four filters, one a row: analysis low, high, synthesis low, high.
 
-    FinloopError if the discrete wavelet is unknown, or its filters do not reconstruct a curve.
+    wavelet: CUBIC or a discrete wavelet of PyWavelets, such as "db4". The result is (4, taps), in
+    PyWavelets' order. FinloopError if the wavelet is unknown, or its filters do not reconstruct a
+    curve.
     """
     if wavelet == CUBIC:
         bank = _cubic_spline()

@@ -12,10 +12,11 @@ FONT = "DejaVu Sans"
 
 
 def glyph(character: str, size: float = 1000.0) -> list[Curve]:
-    """Return the closed contours of a character, y down, baseline at 0, em square of side `size`.
+    """Return the closed contours of a character's outline; y is down, the baseline at y = 0.
 
-    Segments are about one unit long, so a larger size is smoother. FinloopError if `character` is
-    not a single character with an outline.
+    size: side of the font's em square (the height of a line), in the contours' unit. Segments are
+    about one unit long, so a larger size is smoother. FinloopError if `character` is not a single
+    character with an outline.
     """
     if len(character) != 1:
         raise FinloopError(

@@ -24,7 +24,7 @@ ITERATIONS = 100
 
 
 def matrices(problem: Problem, options: SolverOptions) -> tuple[csr_array, csr_array]:
-    """Return C and K (n, n) in the wavelet basis."""
+    """Return damping C and stiffness K of a problem, each (n, n), in the wavelet basis."""
     n, material = len(problem.rest), problem.material
     k = stiffness(problem.wavelet, n, options.levels, material.elastic)
     m = mass(n, material.density or 1.0)
@@ -47,7 +47,10 @@ def _push(problem: Problem, options: SolverOptions) -> Callable[[float, Floats],
 
 
 def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
-    """Solve Eq. 3.15 by an adaptive Runge–Kutta formula of scipy; FinloopError if it fails."""
+    """Return the motion by an adaptive Runge–Kutta formula of scipy (Eq. 3.15).
+
+    The density must not be 0. FinloopError if the formula fails.
+    """
     c, k = matrices(problem, options)
     push, shape = _push(problem, options), problem.displacement.shape
     density = problem.material.density
@@ -88,11 +91,11 @@ def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
 
 
 def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
-    """Invert a matrix by X ← 2X − XCX from Cᵀ / ‖CᵀC‖.
+    """Invert a matrix (n, n) by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖, C the matrix.
 
-    Returns the inverse (n, n), the iterations, and max |I − XC|. The paper names no norm; this one
-    is the largest row sum, which bounds every eigenvalue, so the iteration converges. FinloopError
-    if the matrix is singular, or nearly.
+    Return the inverse (n, n), the number of iterations, and the largest entry of |I − XC|, at most
+    `tolerance`. The paper names no norm; this one is the largest row sum, which bounds every
+    eigenvalue, so the iteration converges. FinloopError if the matrix is singular, or nearly.
     """
     unit = np.eye(len(matrix))
     x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()
@@ -158,7 +161,7 @@ def _integrate_steps(
 
 
 def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
-    """Solve C q̇ + K q = Q by Euler's steps (§3.3).
+    """Return the motion of a curve without mass, C q̇ + K q = Q, by Euler's steps (§3.3).
 
     Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for stable steps.
     Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q), with Q at time t: stable at any Δt.

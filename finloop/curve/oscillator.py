@@ -32,14 +32,18 @@ Force = Callable[[float, Numbers], Numbers]
 
 @dataclass(frozen=True)
 class Oscillators:
-    """Density ρ, and damping c and stiffness k (m,) of each oscillator."""
+    """m independent oscillators: density ρ, the same for all; damping c (m,); stiffness k (m,)."""
 
     density: float
     damping: Floats
     stiffness: Floats
 
     def cases(self) -> dict[str, int]:
-        """Return how many have real, double and complex roots; if ρ = 0 each has one root."""
+        """Count the oscillators by their roots r: "real", "double" and "complex".
+
+        Real roots creep, complex roots swing. If ρ = 0 every oscillator has one root, and counts as
+        real or, with c = 0, as double.
+        """
         inside = self.damping**2 - 4 * self.density * self.stiffness
         return {
             "real": int((inside > 0).sum()),
@@ -49,7 +53,11 @@ class Oscillators:
 
 
 class Response(NamedTuple):
-    """Factors (t, m) at times (t,): a = place a₀ + speed v₀ + pushed Q, constant Q; `_rate`: a′."""
+    """Factors (t, m) that give places and speeds of m oscillators at t times, for a constant force.
+
+    With a₀, v₀ the first place and speed and Q the force, a = place · a₀ + speed · v₀ + pushed · Q.
+    The three `_rate` fields give the speed a′ in the same way.
+    """
 
     place: Floats
     speed: Floats
@@ -60,10 +68,10 @@ class Response(NamedTuple):
 
 
 def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
-    """Return the solution of Eq. 3.16 for all damping cases; without `forced`, `pushed` is 0.
+    """Return the factors of the solution of Eq. 3.16 at times (t,) since the start.
 
-    The formulas neither cancel nor overflow between the cases: the double root is the limit of both
-    others.
+    forced: False sets the factor `pushed` of the force to 0. The formulas neither cancel nor
+    overflow near double roots, which are the limit of real and of complex roots.
     """
     t = np.asarray(times, np.float64)[:, None]
     k = oscillators.stiffness
@@ -124,7 +132,11 @@ def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats)
 def motion(
     oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Numbers | None
 ) -> tuple[Numbers, Numbers]:
-    """Return exact places and speeds (t, m, d) at times (t,), for a constant force (m, d)."""
+    """Return exact places and speeds, each (t, m, d), of m oscillators under a constant force.
+
+    a, v (m, d): places and speeds at the start; times (t,): since the start; force (m, d), or None
+    for none.
+    """
     table = Response(*(part[..., None] for part in response(oscillators, times, force is not None)))
     places, speeds = table.place * a + table.speed * v, table.place_rate * a + table.speed_rate * v
     if force is not None:
@@ -138,11 +150,12 @@ def motion(
 def forced_motion(
     oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Force, tolerance: float
 ) -> tuple[Numbers, Numbers, float]:
-    """Return places, speeds (t, m, d) and the estimated error, by a force of place and time.
+    """Return places and speeds, each (t, m, d), and their error, for a force of place and time.
 
-    Within a step the force is a polynomial in time, which is integrated exactly. Places and forces
-    at the nodes are iterated. Steps are halved until places change by at most `tolerance`, relative
-    to the farthest place; that change is the error. FinloopError if the force changes too fast.
+    a, v (m, d): places and speeds at times[0]; times (t,). The error is the change of the places
+    when the steps were last halved, relative to the farthest place; it is at most `tolerance`.
+    Within a step the force is a polynomial in time, fitted iteratively at NODES and integrated
+    exactly. FinloopError if the force changes too fast.
     """
     if oscillators.density == 0:
         v = (force(float(times[0]), a) - oscillators.stiffness[:, None] * a) / oscillators.damping[
@@ -192,7 +205,7 @@ def _integrate_steps(
 
 
 class Tables(NamedTuple):
-    """Tables for one step: `response` at its nodes; places and speeds, per force at a node."""
+    """Factors for one step: `free` without force; `place`, `speed` for the force at each node."""
 
     step: float
     free: Response

@@ -22,9 +22,10 @@ Field = Callable[
 
 @dataclass(frozen=True)
 class Material:
-    """ρ, e₀, and s₁, s₂ of C = s₁M + s₂K (Eq. 3.5).
+    """The material of a curve: density ρ, elastic constant e₀, and damping C = s₁M + s₂K (Eq. 3.5).
 
-    With ρ = 0 (§3.3) the M of C is I instead of ρI = 0: K alone cannot be inverted.
+    mass_damping is s₁, stiffness_damping s₂. With ρ = 0 (§3.3) the M of C is I instead of ρI = 0: K
+    alone cannot be inverted.
     """
 
     density: float = 1.0
@@ -35,9 +36,11 @@ class Material:
 
 @dataclass(frozen=True)
 class Problem:
-    """A curve of n points, a power of two, released at times[0].
+    """A curve of n points, a power of two, that is bent and released at times[0].
 
-    `force` is (n, d), (d,) for the same force at every point, a Field, or None.
+    rest (n, d): its shape without force; displacement (n, d) from it at times[0], and velocity (n,
+    d), None = 0. times (t,): rising, at which the motion is wanted. force: (n, d); (d,) for the
+    same force at every point; a function of time and places; or None.
     """
 
     rest: Floats
@@ -51,11 +54,12 @@ class Problem:
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Settings of the methods.
+    """Settings of the methods of `curve.dynamics.solve`.
 
-    All methods but modal use `levels` of the wavelet basis. runge-kutta uses `rtol` and scipy's
-    `integrator`. Euler takes `substeps` between two times and inverts C by "sparse" factors or
-    "schulz". modal uses `tolerance` if the force depends on place and time.
+    All methods but "modal" use `levels` of the wavelet basis. "runge-kutta" uses the relative
+    tolerance `rtol` and scipy's `integrator`. Euler takes `substeps` between two times and inverts
+    C by "sparse" factors or "schulz". "modal" uses `tolerance` if the force depends on place and
+    time.
     """
 
     levels: int = 3
@@ -68,11 +72,11 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Displacements and velocities (t, n, d), and their error.
+    """Displacements from rest and velocities, each (t, n, d), at `times` (t,), and their error.
 
     `error` is the largest deviation from the exact displacement, relative to the largest exact
-    displacement; modal estimates it itself, 0 for a closed form. `facts` holds steps, residuals and
-    other counts of the method.
+    displacement; "modal" estimates it itself, 0 for a closed form. `facts` holds steps, residuals
+    and other counts of the method.
     """
 
     times: Floats
@@ -83,7 +87,7 @@ class Trajectory:
 
 
 class Solution(NamedTuple):
-    """Displacements and velocities (t, n, d) that a method computed, and its counts."""
+    """Displacements from rest and velocities, each (t, n, d), and counts of the method by name."""
 
     displacement: Floats
     velocity: Floats
@@ -91,7 +95,10 @@ class Solution(NamedTuple):
 
 
 def check_problem(problem: Problem, method: str) -> Problem:
-    """Return the problem with every field an array; FinloopError if the problem is invalid."""
+    """Return the problem with an array in every field; its velocity is 0 if it has none.
+
+    method: one of METHODS. FinloopError if the problem is invalid, or invalid for this method.
+    """
     material, force = problem.material, problem.force
     times, rest = np.asarray(problem.times, np.float64), np.asarray(problem.rest, np.float64)
     u = np.asarray(problem.displacement, np.float64)
@@ -134,7 +141,7 @@ def check_problem(problem: Problem, method: str) -> Problem:
 
 
 def force_at(problem: Problem, time: float, displacement: Floats) -> Floats:
-    """Return the force Q (n, d) at a time and displacements (n, d)."""
+    """Return the force Q (n, d) on the points at a time, for displacements (n, d) from rest."""
     force = problem.force
     if callable(force):
         return np.broadcast_to(force(time, problem.rest + displacement), displacement.shape)
@@ -142,5 +149,5 @@ def force_at(problem: Problem, time: float, displacement: Floats) -> Floats:
 
 
 def velocity_at_start(problem: Problem) -> Floats:
-    """Return the velocity u̇ (n, d) at times[0]."""
+    """Return the velocity (n, d) of the points at times[0]; 0 if the problem has none."""
     return np.zeros_like(problem.displacement) if problem.velocity is None else problem.velocity

@@ -24,10 +24,11 @@ _ALMOST = 1e-6  # an eigenvalue this near a bound lies on it: tabled filters are
 
 @dataclass(frozen=True)
 class Connection:
-    """Connection coefficients in true scale, for l = 0 … P − 1; μ_l = μ_{−l}, ν_l = ν_{−l}.
+    """Connection coefficients of a wavelet: integrals of products of derivatives (§3.2).
 
-    `autocorrelation` is α_n = 2 Σ h_i h_{i+n}, n = 0 … P. Tables 1 and 2 print `mu / mu[0]` and
-    `nu / nu[0]`.
+    mu, nu (P,): of two scaling functions, and of two wavelets, l = 0 … P − 1 apart; the sign of l
+    does not matter. They are not normalised: Tables 1 and 2 print `mu / mu[0]` and `nu / nu[0]`.
+    `autocorrelation` (P + 1,) is α_n = 2 Σ h_i h_{i+n} of the low filter h.
     """
 
     wavelet: str
@@ -38,11 +39,12 @@ class Connection:
 
 @cache
 def connection(wavelet: str) -> Connection:
-    """Return μ from the null space of Eq. 3.11, scaled by Σ l² μ_l = −2, and ν by Eq. 3.14.
+    """Return the connection coefficients μ and ν of an orthogonal wavelet (Eqs. 3.11, 3.14).
 
-    The scale is ∫ φ'' x² = 2, integrated by parts, after Beylkin. (3.14) holds for l = 0 too:
-    ν₀ = 7 μ₀. FinloopError if the wavelet is not orthogonal, or the derivative of φ is not square
-    integrable (φ is not in H¹): then μ is infinite, though (3.11) may have a solution.
+    μ is the null vector of Eq. 3.11, scaled by Σ l² μ_l = −2: ∫ φ'' x² = 2, integrated by parts,
+    after Beylkin. ν follows by Eq. 3.14, which holds for l = 0 too: ν₀ = 7 μ₀. FinloopError if the
+    wavelet is not orthogonal, or the derivative of φ is not square integrable (φ is not in H¹):
+    then μ is infinite, though (3.11) may have a solution.
     """
     low = filter_bank(wavelet)[2]
     taps = len(low)
@@ -83,10 +85,11 @@ def _transfer(alpha: Floats, size: int) -> Floats:
 
 
 def smoothness(alpha: Floats) -> float:
-    """Return the supremum, at most 2, of s with φ in H^s, from α of its filter (Villemoes 1992).
+    """Return how smooth the scaling function φ is: the supremum, at most 2, of s with φ in H^s.
 
-    If φ reproduces lines, T keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most
-    4^−s a step. The result is 0.5 if φ does not reproduce lines: φ then has a jump or worse.
+    alpha: `Connection.autocorrelation`. The method is Villemoes's (1992): if φ reproduces lines, T
+    keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. The result is
+    0.5 if φ does not reproduce lines: φ then has a jump or worse.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size
@@ -109,29 +112,32 @@ def _round(band: Floats, n: int) -> Floats:
 
 
 def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
-    """Return the first row (n,) of K in the φ basis (Eq. 3.8), a symmetric circulant.
+    """Return the first row (n,) of the stiffness K in the φ basis, a symmetric circulant (Eq. 3.8).
 
     n may be shorter than the wavelet, as for the control points of Fig. 7: φ is folded round.
-    FinloopError as in `connection`, or if n is no power of two.
+    FinloopError if n is no power of two, or the wavelet has no finite coefficients (`connection`).
     """
     most_levels(n)
     return elastic * n**2 * _round(connection(wavelet).mu, n)
 
 
 def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
-    """Return the eigenvalues (n // 2 + 1,) of K, in the order of `numpy.fft.rfft`."""
+    """Return the eigenvalues (n // 2 + 1,) of the stiffness K, in the order of `numpy.fft.rfft`.
+
+    FinloopError as in `first_row`.
+    """
     values = np.fft.rfft(first_row(wavelet, n, elastic)).real.copy()
     values[0] = 0  # exactly: a shift strains nothing
     return np.maximum(values, 0)
 
 
 def stiffness_phi(wavelet: str, n: int, elastic: float = 1.0) -> csr_array:
-    """Return K (n, n) in the φ basis; errors as in `first_row`."""
+    """Return the stiffness K (n, n) in the φ basis; FinloopError as in `first_row`."""
     return _symmetric(first_row(wavelet, n, elastic)[None], [slice(0, n)], n)
 
 
 def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
-    """Return K (n, n) in the wavelet basis, coefficients in the order of `curve.wavelet.forward`.
+    """Return the stiffness K (n, n) in the wavelet basis, in the order of `curve.wavelet.forward`.
 
     A step at one scale is 2, 4, … steps at finer scales, so the first row of a scale gives all its
     rows. Blocks below the diagonal are transposes. FinloopError as in `first_row`, or if n cannot
@@ -177,16 +183,16 @@ def _symmetric(generators: Floats, places: list[slice], n: int) -> csr_array:
 
 
 def mass(n: int, density: float) -> csr_array:
-    """Return M = ρI, (n, n): the functions are orthonormal."""
+    """Return the mass matrix M = ρI (n, n), ρ the density: the basis functions are orthonormal."""
     return csr_array(density * eye_array(n))
 
 
 def damping(m: csr_array, k: csr_array, s1: float, s2: float) -> csr_array:
-    """Return C = s₁M + s₂K (Eq. 3.5)."""
+    """Return the damping matrix C = s₁M + s₂K (n, n) of mass M and stiffness K (Eq. 3.5)."""
     return csr_array(s1 * m + s2 * k)
 
 
 def off_diagonal(matrix: csr_array) -> float:
-    """Return the share of Σ K_ij² off the diagonal; §3.3 reports less than 0.15."""
+    """Return which share of Σ K_ij² is off the diagonal, 0-1; §3.3 reports less than 0.15."""
     total = float((matrix.data**2).sum())
     return 1 - float((matrix.diagonal() ** 2).sum()) / total

@@ -17,7 +17,7 @@ from finloop.curve.filters import filter_bank
 
 
 def most_levels(n: int) -> int:
-    """Return how often n points can be halved; FinloopError if n is no power of two."""
+    """Return how many times n points can be halved; FinloopError if n is no power of two."""
     if n < 2 or n & (n - 1):
         raise FinloopError(
             f"a curve of {n} points", "a power of two, at least 2", "resample it to 64, 128, 256 …"
@@ -26,7 +26,7 @@ def most_levels(n: int) -> int:
 
 
 def check(n: int, wavelet: str, levels: int) -> Floats:
-    """Return the filters of a wavelet after checking that they can transform n points.
+    """Return a wavelet's filters (4, taps) after checking that they can transform n points.
 
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
     longer than the curve: then no coefficient would be local.
@@ -46,13 +46,20 @@ def check(n: int, wavelet: str, levels: int) -> Floats:
 
 
 def scales(n: int, levels: int) -> list[slice]:
-    """Return the slices of n coefficients: the approximation, then each scale of details."""
+    """Return the slices of n coefficients that belong to each scale.
+
+    The approximation comes first, then the details from coarse to fine: levels + 1 slices.
+    """
     coarse = n >> levels
     return [slice(0, coarse), *(slice(coarse << m, coarse << m + 1) for m in range(levels))]
 
 
 def forward(points: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the coefficients (Eq. 2.8) of points (…, n, k), along n; k is 2 for curves."""
+    """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
+
+    The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
+    details from coarse to fine. FinloopError as in `check`.
+    """
     bank = check(points.shape[-2], wavelet, levels)
     out = np.array(points, np.float64, order="C")
     # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
@@ -61,7 +68,10 @@ def forward(points: Floats, wavelet: str, levels: int) -> Floats:
 
 
 def back(coefficients: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the points (…, n, k) of coefficients (Eq. 2.9), the inverse of `forward`."""
+    """Return the points (…, n, k) of wavelet coefficients (…, n, k): the inverse of `forward`.
+
+    This is Eq. 2.9. FinloopError as in `check`.
+    """
     bank = check(coefficients.shape[-2], wavelet, levels)
     out = np.array(coefficients, np.float64, order="C")
     _synthesise(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
@@ -154,7 +164,7 @@ def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
 
 
 def close_by_mirroring(points: Floats) -> Floats:
-    """Append its reverse to an open curve (…, n, k): a closed curve (…, 2n, k) without a jump.
+    """Return open curves (…, n, k) followed by their reverse: closed curves (…, 2n, k).
 
     A periodized transform joins the last point to the first. In an open curve that join is a jump,
     and coarse scales would pull the ends towards each other.
@@ -163,17 +173,20 @@ def close_by_mirroring(points: Floats) -> Floats:
 
 
 def control(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the control points (…, n / 2^level, k) of curves (…, n, k), in the same unit.
+    """Return the n / 2^level control points of closed curves (…, n, k), in the same unit.
 
-    They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, the factor
-    by which the filters scale a constant.
+    The result is (…, n / 2^level, k): the approximation coefficients of Eq. 2.11, divided by √2 for
+    each level, the factor by which the filters scale a constant.
     """
     coarse = points.shape[-2] >> level
     return forward(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
 
 
 def from_control(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the curve (…, n · 2^level, k) with control points (…, n, k) and details 0."""
+    """Return the smooth closed curves (…, n · 2^level, k) of control points (…, n, k).
+
+    All details are 0; this inverts `control` for curves without details.
+    """
     coarse = points.shape[-2]
     out = np.zeros((*points.shape[:-2], coarse << level, points.shape[-1]))
     out[..., :coarse, :] = points * 2 ** (level / 2)
@@ -181,9 +194,9 @@ def from_control(points: Floats, wavelet: str, level: int) -> Floats:
 
 
 def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
-    """Rebuild curves (…, n, k) from 1/2^level of their samples (Fig. 2), without the details.
+    """Return curves (…, n, k) rebuilt from 1/2^level as many control points (Fig. 2).
 
-    Open curves are mirrored first. FinloopError as in `check`.
+    The finer details are lost. closed: False mirrors open curves first. FinloopError as in `check`.
     """
     if not closed:
         return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]

@@ -17,15 +17,20 @@ from finloop.base.arrays import Points
 
 
 def clock(tau: Points, gamma: float | Points) -> Points:
-    """Return f(τ) = 1 − (1 + γ)τ + γτ²: from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear (§4.2).
+    """Return how much of the first key frame is left at tau, f(τ) = 1 − (1 + γ)τ + γτ² (§4.2).
 
-    Monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
+    tau: shares 0-1 of a subcycle. f falls from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear. It is
+    monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
     """
     return 1 - (1 + gamma) * tau + gamma * tau**2
 
 
 def gamma_sums(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
-    """Return numerator and denominator of γ: frames (s, k) at tau (s,), start and end (k,)."""
+    """Return the numerator and denominator of γ by least squares, for frames of one subcycle.
+
+    tau (s,): shares 0-1 of the subcycle; frames (s, k): their coordinates; start, end (k,): of the
+    key frames.
+    """
     way = start - end
     bow = tau * (1 - tau)
     rest = (frames - end) @ way - (1 - tau) * float(way @ way)
@@ -33,9 +38,9 @@ def gamma_sums(tau: Points, frames: Points, start: Points, end: Points) -> tuple
 
 
 def gamma_fit(sums: Iterable[tuple[float, float]]) -> float:
-    """Return γ of one or more sets of frames together, from their `gamma_sums`.
+    """Return the γ that fits one or more sets of frames together, from their `gamma_sums`.
 
-    The energy of a set is its weight. γ is 0 if nothing moves, or no frame lies between the keys.
+    Sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
     """
     above, below = np.sum([*sums], axis=0)
     return float(above / below) if below > 0 else 0.0

@@ -30,7 +30,7 @@ _WHOLE = -1  # in the column scale: all scales together
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """Errors on held-out frames."""
+    """How far each clock's predictions are from the frames held out of the fit."""
 
     scheme: str  # what is held out at a time: "cycles" or "every other frame"
     rms: dict[str, float]  # by clock: RMS distance of contours / body length
@@ -42,9 +42,10 @@ class ClockComparison:
 
 
 def holdouts(film: GaitContours) -> tuple[str, list[Mask]]:
-    """Return the scheme and masks of held-out frames: single cycles, or every other frame.
+    """Return which frames to hold out at a time: the name of the scheme, and masks (frames,).
 
-    Cycles need at least two of them. An incomplete last cycle has a mask of its own.
+    A film of two cycles or more holds out one cycle at a time; an incomplete last cycle has a mask
+    of its own. A shorter film holds out every other frame.
     """
     frames = np.arange(len(film.phase))
     # A frame that ends a cycle to rounding belongs to the next one.
@@ -57,10 +58,11 @@ def holdouts(film: GaitContours) -> tuple[str, list[Mask]]:
 def compare(
     film: GaitContours, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> ClockComparison:
-    """Fit each clock to some frames and predict the held-out frames.
+    """Compare the four clocks: fit each to some frames and predict the held-out frames.
 
-    A mask is skipped if the remaining frames cannot be fitted; if all are, the last error is
-    raised. FinloopError as in `gait.fit.fit`.
+    split: phase of key 2, in cycles; wavelet, coarse: of the descriptor. A mask is skipped if the
+    remaining frames cannot be fitted; if all are, the last error is raised. FinloopError as in
+    `gait.fit.fit`.
     """
     check(film)
     scheme, masks = holdouts(film)
@@ -122,7 +124,10 @@ def _part(film: GaitContours, mask: Mask) -> GaitContours:
 
 
 def fit_free_clock(model: Subcycle, tau: Points) -> Points:
-    """Return, at tau, the monotone f that fits a subcycle best (isotonic regression)."""
+    """Return the monotone clock (s,) at tau (s,) that fits a subcycle best (isotonic regression).
+
+    It falls from 1 to 0, as `gait.clock.clock` does, but may have any shape.
+    """
     way = (model.start - model.end).ravel()
     norm = float(way @ way)
     samples = model.samples

@@ -19,7 +19,10 @@ OUTLINE = "outline"
 
 
 def film_of_swim(swim: TrackContours) -> GaitContours:
-    """Return the steady frames of a fish in body lengths; FinloopError if no motion repeats."""
+    """Return the contours and phases of the steady frames of a fish, in body lengths.
+
+    FinloopError if no motion repeats.
+    """
     points, phase = steady([swim])
     return GaitContours({OUTLINE: points}, phase, 1.0, "mirror")
 
@@ -31,10 +34,12 @@ def film_of_regions(
     split: float = 0.25,
     first: int = 0,
 ) -> tuple[GaitContours, Period, Limbs]:
-    """Return the steady frames of a walker from the side, its limbs in the body frame, px.
+    """Return a walker's contours and phases in its steady frames, its period, and all its limbs.
 
-    `first` is the number of the first frame. The period is computed twice, because the body's track
-    is smoothed over a cycle. FinloopError as in `gait.limbs.limbs`, or if no motion repeats.
+    frames: contours by id for each frame, in px; n: points of a contour; split: phase of key 2, in
+    cycles; first: the number of the first frame, for messages. Limbs are in the body frame, px. The
+    period is computed twice, because the body's track is smoothed over a cycle. FinloopError as in
+    `gait.limbs.limbs`, or if no motion repeats.
     """
     contours = limbs(frames, n, None, first)
     beat = _beat(contours, frame_rate_hz)
@@ -54,9 +59,10 @@ def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
 
 
 def limb_signal(points: dict[str, Floats]) -> Floats:
-    """Return a signal (frames,), greatest at key 1: right fore and left hind limbs ahead.
+    """Return a signal (frames,) that is greatest at key 1: right fore and left hind limbs ahead.
 
-    The other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
+    points: limbs (frames, n, 2) by id, x ahead; NaN where missing. The result has their unit. The
+    other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
     """
     total = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():

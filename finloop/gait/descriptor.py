@@ -21,33 +21,42 @@ from finloop.gait.clock import clock
 
 
 def levels_of(n: int, coarse: int, closed: bool = True) -> int:
-    """Return the transform levels that reduce n points to `coarse` approximation coefficients.
+    """Return how many halvings reduce n points to `coarse` approximation coefficients.
 
     For an open contour, n counts the mirrored points, and 2 `coarse` coefficients remain.
-    FinloopError if n is no power of two.
+    FinloopError if n or `coarse` is no power of two.
     """
     return max(0, most_levels(n) - most_levels(2 * coarse) + 1 - (0 if closed else 1))
 
 
 def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
-    """Return the coefficients (…, n, 2) of contours (…, n, 2), of open contours (…, 2n, 2)."""
+    """Return the wavelet coefficients of contours (…, n, 2): closed (…, n, 2), open (…, 2n, 2).
+
+    coarse: number of coefficients in the approximation, a power of two.
+    """
     points = points if closed else close_by_mirroring(points)
     return forward(points, wavelet, levels_of(points.shape[-2], coarse, closed))
 
 
 def contour(coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True) -> Points:
-    """Return contours (…, n, 2) from their coefficients: the inverse of `descriptor`."""
+    """Return contours (…, n, 2) from their wavelet coefficients: the inverse of `descriptor`."""
     levels = levels_of(coefficients.shape[-2], coarse, closed)
     return back(coefficients, wavelet, levels)[..., :n, :]
 
 
 def scale_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
-    """Return the slice of each scale in the n coefficients of `descriptor`, coarse to fine."""
+    """Return the slice of each scale in the n coefficients of `descriptor`, coarse to fine.
+
+    n: for an open contour, twice its points.
+    """
     return scales(n, levels_of(n, coarse, closed))
 
 
 def per_coefficient(gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True) -> Points:
-    """Return γ (n,) for each coefficient, from one γ per scale."""
+    """Return γ for each of n coefficients, (n,), from one γ per scale, coarse to fine.
+
+    The last γ holds for all finer scales.
+    """
     out = np.empty(n)
     for m, scale in enumerate(scale_slices(n, coarse, closed)):
         out[scale] = gamma[min(m, len(gamma) - 1)]
@@ -63,9 +72,10 @@ def interpolate_contours(
     coarse: int,
     closed: bool = True,
 ) -> Points:
-    """Return frames (f, n, 2) between contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
+    """Return frames (f, n, 2) between two contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
 
-    A single γ moves every coefficient, and so every point, alike: no transform is needed.
+    tau (f,): shares 0-1 of the way; gamma: one γ per scale, coarse to fine, or a single one. A
+    single γ moves every coefficient, and so every point, alike: no transform is needed.
     """
     if len(gamma) == 1:
         return end + clock(tau, gamma[0])[:, None, None] * (start - end)
@@ -75,9 +85,9 @@ def interpolate_contours(
 
 
 def few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:
-    """Rebuild contours (…, n, 2) from `control` of their n control points (Fig. 14).
+    """Return contours (…, n, 2) rebuilt from only `control` control points each (Fig. 14).
 
-    FinloopError if n or control is no power of two, or control is above n.
+    FinloopError if n or `control` is no power of two, or `control` is above n.
     """
     if control < 1 or control & (control - 1):
         raise FinloopError(

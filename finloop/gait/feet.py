@@ -19,7 +19,11 @@ STEPS = 61
 
 
 def feet(limbs: Mapping[str, Floats]) -> Floats:
-    """Return the forward positions (frames, limbs) of the feet of limbs (frames, n, 2), or NaN."""
+    """Return how far ahead each foot is, (frames, limbs): x, in the unit of the contours, or NaN.
+
+    limbs: contours (frames, n, 2) by id, x ahead and y down. A foot is the lowest 1/FOOT of the
+    points.
+    """
     return np.stack([_foot(points) for points in limbs.values()], axis=1)
 
 
@@ -29,9 +33,10 @@ def _foot(points: Floats) -> Floats:
 
 
 def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
-    """Shift and stretch the phase (frames,) so that `ahead` (frames, k) turns at the keys.
+    """Return the phase (frames,), shifted and stretched so that the feet turn round at the keys.
 
-    Least squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
+    phase: in cycles; ahead (frames, k): how far ahead k feet are; split: phase of key 2. Least
+    squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
     """
     whole = np.isfinite(ahead).all(axis=1)
     if whole.sum() < 12:  # the fit has eight numbers per foot

@@ -20,7 +20,7 @@ WIDEST = 0.125
 
 @dataclass(frozen=True)
 class GaitContours:
-    """Contours of a film in the frame of the body."""
+    """Contours of a film in the frame of the body, with the phase of every frame."""
 
     # closed, (frames, n, 2) by id, n a power of two; NaN in frames without the contour. With
     # symmetry "mirror" they begin at the snout
@@ -32,7 +32,7 @@ class GaitContours:
     offsets: Mapping[str, Points] | None = None
 
     def later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Return the contours half a cycle later."""
+        """Return what contours of this animal look like half a cycle later, by its symmetry."""
         return half_later(contours, self.symmetry, Layout(offsets=self.offsets))
 
     def complete(self) -> "GaitContours":
@@ -51,20 +51,20 @@ class GaitContours:
 
     @property
     def cycles(self) -> float:
-        """The number of cycles in the film: frames times the median step of phase."""
+        """Return the number of gait cycles in the film: frames times the median step of phase."""
         return float(len(self.phase) * np.median(np.diff(self.phase)))
 
 
 @dataclass(frozen=True)
 class Keys:
-    """Key frames 1, 2 and 1' (half a cycle after 1): contours (n, 2) by id."""
+    """The key frames 1, 2 and 1' (half a cycle after 1): contours (n, 2) by id."""
 
     first: dict[str, Points]
     second: dict[str, Points]
     first_later: dict[str, Points]
 
     def ends(self, name: str, which: int) -> tuple[Points, Points]:
-        """Return the key frames at which subcycle A (0) or B (1) begins and ends."""
+        """Return the contours (n, 2) of an id at which subcycle A (0) or B (1) begins and ends."""
         start, end = (self.first, self.second) if which == 0 else (self.second, self.first_later)
         return start[name], end[name]
 
@@ -86,10 +86,11 @@ def check(film: GaitContours) -> None:
 
 
 def hip_offsets(film: GaitContours) -> dict[str, Points]:
-    """Return how far right and down of its partner each limb hangs, (2,) by id.
+    """Return how far right and down of its partner each limb hangs: (2,) by id, the contours' unit.
 
-    The mean over the film, of a limb and its partner half a cycle later, when both are at the same
-    point of their motion. 0 if the film is shorter than a cycle, or lacks one of the two limbs.
+    It is the mean over the film of the difference between a limb and its partner half a cycle
+    later, when both are at the same point of their motion. 0 if the film is shorter than a cycle,
+    or lacks one of the two limbs.
     """
     out = {name: np.zeros(2) for name in film.contours}
     if film.cycles < 1 - 1e-6:
@@ -113,11 +114,11 @@ def hip_offsets(film: GaitContours) -> dict[str, Points]:
 def keys_of(film: GaitContours, split: float) -> Keys:
     """Return key frames by linear interpolation, the mean over all cycles and both halves.
 
-    A triangle about the key's phase, one frame's step wide on each side, gives the weights. So one
-    cycle gives the interpolation between the two frames beside the phase, and several cycles give
-    its mean. Missing frames widen the triangle up to WIDEST. For the error of the interpolation see
-    `gait.fit.corrected_keys`. FinloopError if a contour is missing in every frame near a key; the
-    message names all such contours.
+    split: phase of key 2, in cycles. Weights fall linearly to 0 at one frame's step from the key's
+    phase. So one cycle gives the interpolation between the two frames beside the phase, and several
+    cycles give its mean. Missing frames widen the weights up to WIDEST. For the error of the
+    interpolation see `gait.fit.corrected_keys`. FinloopError if a contour is missing in every frame
+    near a key; the message names all such contours.
     """
     phase, here = film.phase, film.contours
     there = film.later(here)
@@ -151,7 +152,11 @@ def keys_of(film: GaitContours, split: float) -> Keys:
 
 @dataclass(frozen=True)
 class Samples:
-    """Frames of one contour in one subcycle: tau (s,), coefficients (s, n, 2), frame numbers."""
+    """The s frames that show one contour in one subcycle.
+
+    tau (s,): shares 0-1 of the subcycle; coefficients (s, n, 2): of the contour; frame (s,):
+    numbers of the frames in the film.
+    """
 
     tau: Points
     coefficients: Points
@@ -161,7 +166,11 @@ class Samples:
 def samples_of(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> dict[str, list[Samples]]:
-    """Return the samples of A and B by id; by symmetry they include the frames of C and D."""
+    """Return, by id, the film's frames in subcycle A and in B: a list of two `Samples`.
+
+    By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet,
+    coarse: of the descriptor.
+    """
     later = film.later(film.contours)
     second = np.mod(film.phase, 1.0) >= 0.5
     which, tau = subcycle(np.mod(film.phase, 0.5), split)

@@ -26,7 +26,7 @@ LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys ge
 
 @dataclass(frozen=True)
 class Subcycle:
-    """One contour in one subcycle, as coefficients."""
+    """One contour in one subcycle, as n wavelet coefficients."""
 
     samples: Samples  # the film's frames in the subcycle
     # start, end: the key frames at both ends, (n, 2)
@@ -35,14 +35,17 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def sums(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return `gamma_sums` for a scale, by default for all scales together."""
+        """Return numerator and denominator of γ (`gamma_sums`) for a scale, by default for all."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_sums(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
         )
 
     def gammas(self, per_scale: bool, still: float) -> tuple[float, ...]:
-        """Return γ per scale, or one for all; 0 if points move less than `still` (RMS)."""
+        """Return one γ per scale, coarse to fine, or a single one for all scales.
+
+        still: γ is 0 where points move less than this (RMS), in the unit of the contours.
+        """
         out = []
         for scale in self.scales if per_scale else [slice(None)]:
             way = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
@@ -51,14 +54,20 @@ class Subcycle:
         return tuple(out)
 
     def predict(self, tau: Points, gamma: Points) -> Points:
-        """Return the model's coefficients (s, n, 2) at tau (s,); γ is (n,), or (1,) for all."""
+        """Return the predicted coefficients (s, n, 2) at tau (s,), shares 0-1 of the subcycle.
+
+        gamma: (n,), one for each coefficient, or (1,) for all.
+        """
         return self.end + clock(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
 
 def subcycles_of(
     keys: Keys, samples: Mapping[str, list[Samples]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Subcycle]:
-    """Return every contour in subcycles A (0) and B (1), by (id, subcycle)."""
+    """Return every contour in subcycles A (0) and B (1), with key (id, 0 or 1).
+
+    samples: by id, the frames in A and in B.
+    """
     out = {}
     for name, pair in samples.items():
         for sub, frames in enumerate(pair):
@@ -70,7 +79,10 @@ def subcycles_of(
 def gammas_of(
     subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
 ) -> Gammas:
-    """Return γ of every contour in both subcycles, by id and letter."""
+    """Return γ of every contour, by id and then by "A" and "B": one per scale, or one for all.
+
+    still: γ is 0 where points move less than this (RMS), in the unit of the contours.
+    """
     out: Gammas = {}
     for (name, sub), contour_subcycle in subcycles.items():
         out.setdefault(name, {})["AB"[sub]] = contour_subcycle.gammas(per_scale, still)
@@ -95,13 +107,14 @@ def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
 def corrected_keys(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
-    """Return key frames corrected for the curvature of the motion, and the subcycles between.
+    """Return key frames corrected for the curvature of the motion, and the subcycles between them.
 
-    `keys_of` interpolates linearly between the frames beside a key, which flattens the curved
-    motion. A model of the film, a cubic for each coefficient of each subcycle, gives the error: the
-    same interpolation of the model is off by as much. ROUNDS times that difference is subtracted. A
-    frame exactly at a key's phase stays that key. FinloopError as in `keys_of`, or if a subcycle of
-    a contour has fewer than LEAST frames between its keys.
+    The subcycles have keys (id, 0 for A or 1 for B). `keys_of` interpolates linearly between the
+    frames beside a key, which flattens the curved motion. A model of the film, a cubic for each
+    coefficient of each subcycle, gives the error: the same interpolation of the model is off by as
+    much. ROUNDS times that difference is subtracted. A frame exactly at a key's phase stays that
+    key. FinloopError as in `keys_of`, or if a subcycle of a contour has fewer than LEAST frames
+    between its keys.
     """
     samples = samples_of(film, split, wavelet, coarse)
     _check_samples(samples)
@@ -167,7 +180,7 @@ def fit(
     coarse: int = 4,
     per_scale: bool = False,
 ) -> tuple[Gait, Keys]:
-    """Fit a gait to a film; return it and its key frames.
+    """Fit a gait to the contours of a film; return the gait and its key frames.
 
     The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
     to all contours together. FinloopError as in `check` and `corrected_keys`.
@@ -177,11 +190,11 @@ def fit(
     film
         Contours with their phases.
     name, frequency_hz
-        Name and frequency of the gait.
+        Name of the gait, and its cycles per second.
     split
-        Phase of key 2.
+        Phase of key 2, in cycles.
     wavelet, coarse
-        Settings of the descriptor.
+        Wavelet of the descriptor, and its number of approximation coefficients.
     per_scale
         Fit one γ for each scale instead of one for all.
     """
@@ -211,10 +224,11 @@ def fit(
 def support_of(
     film: GaitContours, keys: Keys, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return the spans of phase (from, to) in which each limb's foot is on the ground.
+    """Return, by id, the spans of phase (from, to) in which a limb's foot is on the ground.
 
-    A foot is down from its foremost to its hindmost place; the animal heads for screen right. A
-    foot is the lowest point of a contour that has "left" or "right" in its id.
+    Phases are in cycles; `to` may exceed 1. A foot is down from its foremost to its hindmost place;
+    the animal heads for screen right. A foot is the lowest point of a contour that has "left" or
+    "right" in its id.
     """
     frames = 240
     out = dict[str, tuple[tuple[float, float], ...]]()

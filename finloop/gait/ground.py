@@ -31,7 +31,7 @@ Paths = dict[str, list[tuple[Ints, Points]]]
 
 
 class Ground(NamedTuple):
-    """Motion of the ground, and of the feet on it."""
+    """The speed of the ground under a walking animal, and how far each foot slides on it."""
 
     # speed of the ground in the body frame, drawing units a frame; negative to the left
     speed: float
@@ -41,22 +41,29 @@ class Ground(NamedTuple):
 
 
 def supports(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
-    """Return the frames of each support (from, to), ends included; may exceed `frames`."""
+    """Return the frame numbers of each span of support (from, to), ends included.
+
+    spans: phases in cycles; frames: frames of one cycle. A number may exceed `frames`.
+    """
     room = 1e-9
     ends = [(np.ceil((a - room) * frames), np.floor((b + room) * frames)) for a, b in spans]
     return [np.arange(int(a), int(b) + 1) for a, b in ends if b >= a]
 
 
 def ground(limbs: Mapping[str, Points], support: Support) -> Ground:
-    """Return the ground speed that fits all feet in `support` best, and how far each slides."""
+    """Return the ground speed that fits all supporting feet best, and how far each foot slides.
+
+    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase by id.
+    """
     return _ground(_paths(limbs, support))
 
 
 def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """Shear limbs so that supporting feet move with the ground, and no foot is below it.
+    """Return the limbs, sheared so that supporting feet move with the ground and none is below it.
 
-    During the swing the correction changes smoothly from one support to the next. Ids outside
-    `support` are unchanged. FinloopError if a limb has no height.
+    limbs: contours (frames, n, 2) of one cycle by id; support: spans of phase by id. During the
+    swing the correction changes smoothly from one support to the next. Ids outside `support` are
+    unchanged. FinloopError if a limb has no height.
     """
     paths = _paths(limbs, support)
     speed = _ground(paths).speed
@@ -67,7 +74,7 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
 
 
 def path(stack: Points) -> Points:
-    """Return the foot's displacement (f,) in x since the first frame, for a limb (f, n, 2)."""
+    """Return how far the foot of a limb (f, n, 2) moves in x since the first frame: (f,)."""
     return np.concatenate([[0.0], np.cumsum([_step(*pair) for pair in pairwise(stack)])])
 
 

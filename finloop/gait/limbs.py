@@ -36,7 +36,7 @@ Region = Curve | str  # a contour, or why a frame has none: MISSING, EMPTY or BO
 
 @dataclass(frozen=True)
 class Limbs:
-    """Contours of limbs in the body frame, px: x right, y down, 0 where the body is."""
+    """Contours of limbs in the body frame, px: x right, y down, the body's smoothed place at 0."""
 
     points: dict[str, Floats]  # by id, (frames, n, 2); NaN in frames that lack the limb
     course: Floats  # smoothed place of the body in the picture, (frames, 2)
@@ -46,10 +46,11 @@ class Limbs:
 
 
 def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
-    """Return the closed subpixel contour of the largest part of a mask (h, w), clockwise.
+    """Return the closed subpixel contour of the largest part of a mask (h, w), clockwise, px.
 
-    A Gaussian smooths the mask, and the contour runs at half height. This removes pixel steps; a
-    corner of radius r shrinks by about smooth_px² / 2r. Pixel centres are whole numbers.
+    The result is EMPTY or BORDER where there is no whole region. A Gaussian of SD `smooth_px`
+    smooths the mask, and the contour runs at half height. This removes pixel steps; a corner of
+    radius r shrinks by about smooth_px² / 2r. Pixel centres are whole numbers.
     """
     if int(mask.sum()) < LEAST_PX:
         return EMPTY
@@ -72,7 +73,7 @@ def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
 
 
 def trace_contour(curve: Curve, width: float, height: float) -> Region:
-    """Return a traced contour, or BORDER if it leaves the picture."""
+    """Return a traced contour (px) unchanged, or BORDER if it leaves the picture."""
     inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
     return curve if inside else BORDER
 
@@ -83,7 +84,7 @@ def limbs(
     smooth_frames: float | None = None,
     first: int = 0,
 ) -> Limbs:
-    """Return the contours of all limbs in the frames, in the body frame.
+    """Return the contours of all limbs in all frames, in the body frame.
 
     FinloopError if there is no limb, or less than half of the frames show a limb.
 
@@ -95,8 +96,8 @@ def limbs(
     n
         Points of a contour.
     smooth_frames
-        Frames of a cycle; the body's sway within it counts as motion of the limbs. None = the body
-        moves straight.
+        Frames of a cycle, over which the body's track is smoothed: its sway within a cycle counts
+        as motion of the limbs. None = the body moves straight.
     first
         Number of the first frame, for messages.
     """
@@ -127,11 +128,12 @@ def limbs(
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
-    """Return contours (frames, n, 2) whose points i correspond; NaN where there is none.
+    """Return contours (frames, n, 2) whose points i correspond, px; NaN where a frame has none.
 
-    Arc lengths are equal. Each contour starts where, turned and moved, it fits the mean shape best:
-    the greatest |Σ a̅ b| of centred contours a, b as complex numbers, by FFT. The start may lie
-    between two points. Point 0 is the uppermost of the mean shape: the hip or the shoulder.
+    Points lie at equal distances along a contour. Each contour starts where, turned and moved, it
+    fits the mean shape best: the greatest |Σ a̅ b| of centred contours a, b as complex numbers, by
+    FFT. The start may lie between two points. Point 0 is the uppermost of the mean shape: the hip
+    or the shoulder.
     """
     curves = [clockwise(region) if isinstance(region, Curve) else None for region in regions]
     there = [k for k, curve in enumerate(curves) if curve is not None]
@@ -160,7 +162,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
 
 
 def smooth_track(track: Floats, window: float | None) -> Floats:
-    """Smooth a track (frames, k) by the mean over `window` frames; None = a straight line.
+    """Return a track (frames, k) smoothed by the mean over `window` frames; None = a straight line.
 
     Within half a window of the ends, the means continue in a straight line. A track shorter than
     two windows becomes one straight line.

@@ -23,7 +23,7 @@ FINE = 8  # start points tried between two points of a contour
 def match_poses(
     key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
 ) -> tuple[dict[str, Points], dict[str, Points]]:
-    """Return the contours (points, 2) of both keys by id, with corresponding rows.
+    """Return the contours (points, 2) of both key poses by id, with corresponding rows.
 
     In a swap the rows of left and right limbs correspond too: the first of the pair in drawing
     order numbers all four contours. FinloopError if a limb is closed and its partner or its other
@@ -46,7 +46,7 @@ def match_poses(
 
 
 def renumber_curve(model: Points, curve: Curve) -> Points:
-    """Return the curve at as many points as `model` (n, 2), in the order most like the model.
+    """Return the curve resampled to n points (n, 2), numbered to be most like `model` (n, 2).
 
     A closed curve may start between two points: an error of half a step would make feet slide.
     """
@@ -67,9 +67,11 @@ def renumber_curve(model: Points, curve: Curve) -> Points:
 def mirror_orders(
     key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
-    """Return the orders for `gait.model.four_keys` that make 1' most like 2, and 2' like 1.
+    """Return, by id, the point order (n,) that makes mirrored key poses most like the other key.
 
-    The cycle blends these keys with each other. An id and its partner share one order.
+    key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_keys` mirrors key 1 into 1'
+    and key 2 into 2' with these orders. The cycle blends 1' with 2 and 2' with 1. An id and its
+    partner share one order.
     """
     orders = dict[str, Ints]()
     for name in key1:
@@ -94,7 +96,11 @@ def mirror_orders(
 
 
 def likeness(product: Complex) -> Points:
-    """Return the likeness of contours from z = Σ a conj(b), any shape; turns lower it a little."""
+    """Return how alike two contours are, from z = Σ a conj(b) of any shape.
+
+    a, b: the contours' points as centred complex numbers. A turn of one contour lowers the likeness
+    a little.
+    """
     return np.abs(product) + UPRIGHT * product.real
 
 

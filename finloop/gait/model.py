@@ -85,14 +85,14 @@ def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> st
 
 
 def reversal(n: int, start: int = 0) -> Ints:
-    """Return the indices (start − i) mod n: a closed contour in the opposite direction."""
+    """Return the indices (start − i) mod n, (n,), that reverse a closed contour of n points."""
     return (start - np.arange(n)) % n
 
 
 def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
-    """Reflect contours (…, n, 2) in the line y = middle and renumber to keep their direction.
+    """Return contours (…, n, 2) reflected in the line y = middle; they keep their direction.
 
-    `order` (n,) are the indices of the points, by default `reversal(n)`, for an outline from the
+    order (n,): indices that renumber the points, by default `reversal(n)`, for an outline from the
     snout on. Reflecting twice is the identity if `order` is its own inverse.
     """
     order = reversal(points.shape[-2]) if order is None else order
@@ -117,10 +117,11 @@ def four_keys(
     symmetry: Symmetry,
     layout: Layout = Layout(),
 ) -> tuple[dict[str, Points], dict[str, Points], dict[str, Points], dict[str, Points]]:
-    """Return keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2, contours (n, 2) by id.
+    """Return keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2: contours (n, 2) by id.
 
-    Point i of an id corresponds to point i in the other key, and (swap) of its partner.
-    FinloopError if ids or numbers of points differ between the keys or between partners.
+    Point i of an id corresponds to point i in the other key, and, if the symmetry is "swap", to
+    point i of its partner. FinloopError if ids or numbers of points differ between the keys or
+    between partners.
     """
     _check_keys(key1, key2)
     keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
@@ -131,9 +132,10 @@ def four_keys(
 def half_later(
     contours: Mapping[str, Points], symmetry: Symmetry, layout: Layout = Layout()
 ) -> dict[str, Points]:
-    """Return contours (…, n, 2) by id half a cycle later; applied twice, the identity.
+    """Return contours (…, n, 2) by id as they are half a cycle later, by symmetry.
 
-    FinloopError if the symmetry is none of SYMMETRIES, or the layout does not undo itself.
+    Applied twice, it returns the same contours. FinloopError if the symmetry is none of SYMMETRIES,
+    or the layout does not undo itself.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
@@ -161,7 +163,10 @@ def half_later(
 
 
 def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Return subcycle (0…3 for A…D) and tau in [0, 1) of phases of any shape."""
+    """Return the subcycle (0…3 for A…D) of each phase, and the share tau of it, in [0, 1).
+
+    phase: in cycles, any shape, which the results share; split: phase of key 2.
+    """
     ends = _ends(split)
     phase = np.mod(phase, 1.0)
     which = np.searchsorted(ends[1:-1], phase, side="right")
@@ -169,7 +174,10 @@ def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 
 
 def gamma_of(gait: Gait, name: str, which: int) -> tuple[float, ...]:
-    """Return γ of an id in subcycle A (0) or B (1); POOLED serves ids that the gait lacks."""
+    """Return γ of an id in subcycle A (0) or B (1): one per scale, or one for all.
+
+    Ids that the gait lacks get the γ of POOLED, or 0.
+    """
     gammas = gait.gamma.get(name, gait.gamma.get(POOLED))
     return (0.0,) if gammas is None else gammas[SUBCYCLES[which]]
 
@@ -182,10 +190,10 @@ def cycle(
     layout: Layout = Layout(),
     **options: Any,
 ) -> dict[str, Points]:
-    """Return a whole cycle, (frames, n, 2) by id, from two keys and γ (Figs. 12–14).
+    """Return a whole gait cycle, (frames, n, 2) by id, from two key frames and γ (Figs. 12–14).
 
-    Frame k is at phase k / frames, so the first frame follows the last. Options and errors are
-    those of `at_phases`; at least 4 frames.
+    Frame k is at phase k / frames, so the first frame follows the last. options: `closed` and
+    `control` of `at_phases`. FinloopError as there, or if `frames` is below 4.
     """
     if frames < 4:
         raise FinloopError(
@@ -204,15 +212,17 @@ def at_phases(
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
-    """Return the contours (f, n, 2) by id at phases (f,) of a cycle, from two keys and γ.
+    """Return contours (f, n, 2) by id at phases (f,) of a gait cycle, from two key frames and γ.
 
     FinloopError as in `four_keys`, or if γ per scale or control points meet contours whose number
     of points is no power of two.
 
     Parameters
     ----------
-    key1, key2, gait, layout
-        As in `four_keys`; the gait gives γ, split and symmetry.
+    key1, key2
+        Key frames: contours (n, 2) by id.
+    gait, layout
+        The gait gives γ, split and symmetry; the layout is that of `half_later`.
     phases
         In cycles.
     closed

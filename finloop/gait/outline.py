@@ -30,10 +30,11 @@ TAIL = 1 / 16  # share of the contour on either side of the tail end that shows 
 
 @dataclass(frozen=True)
 class TrackContours:
-    """One track: contours (frames, n, 2) in the body frame, body lengths, and their beat.
+    """One track: contours (frames, n, 2) in the body frame, in body lengths, and their tail beat.
 
-    Point 0 is the snout, n / 2 the tail end; clockwise as seen. Phase 0 is where the tail is
-    farthest to the left. Without a beat, every frame is aligned by its own pose.
+    Point 0 is the snout, n / 2 the tail end; clockwise on screen. Phase 0 is where the tail is
+    farthest to the left. Without a beat, every frame is aligned by its own pose. length_px: body
+    length.
     """
 
     points: Floats
@@ -42,9 +43,10 @@ class TrackContours:
 
 
 def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Floats]:
-    """Return outlines (frames, m, 2) and backbones (frames, k, 2), head first, of a track, px.
+    """Return a track's outlines (frames, m, 2) and backbones (frames, k, 2), head first, px.
 
-    Both tables must hold the same frames; the feature table determines which end is the head.
+    track, features: rows of both tables for the same frames; the feature table determines which end
+    is the head.
     """
     outline, backbone = (lists_to_points(track, name) for name in ("outline", "backbone"))
     if len(track) != len(features) or (track["frame"].values != features["frame"].values).any():
@@ -60,10 +62,10 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
 def swim(
     outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
 ) -> TrackContours:
-    """Return contours in the body frame and the tail beat, for consecutive frames of one fish.
+    """Return a fish's contours in the body frame and its tail beat, for consecutive frames.
 
-    Outlines (frames, m, 2) run in either direction, backbones (frames, k, 2) head first; n, the
-    points of a contour, is even.
+    outline_px (frames, m, 2) in either direction; backbone_px (frames, k, 2) head first; n: points
+    of a contour, even.
     """
     points = contours(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
@@ -84,10 +86,11 @@ def swim(
 
 
 def steady(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
-    """Join the steady frames of periodic tracks: contours (f, n, 2) and rising phase (f,).
+    """Join the steady frames of periodic tracks: return contours (f, n, 2) and their phases (f,).
 
-    Each stretch of steady frames begins a new cycle, so the phase counts the cycles of the result.
-    FinloopError if no track is periodic; the message counts the reasons.
+    Phases are in cycles and rise. Each stretch of steady frames begins a new cycle, so the phase
+    counts the cycles of the result. FinloopError if no track is periodic; the message counts the
+    reasons.
     """
     points, phase = list[Floats](), list[Floats]()
     begin = 0.0
@@ -114,9 +117,10 @@ def steady(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
 
 
 def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
-    """Resample outlines (frames, m, 2) to (frames, n, 2): clockwise, equal arcs, from the snout.
+    """Return outlines (frames, m, 2) as n points from the snout on, clockwise: (frames, n, 2) px.
 
-    Point 0 is the place on the outline nearest to `snout_px` (frames, 2).
+    snout_px (frames, 2): point 0 is the place on the outline nearest to it. Points lie at equal
+    distances along the outline.
     """
     out = np.empty((len(outline_px), n, 2))
     for outline, snout, row in zip(outline_px, snout_px, out, strict=True):
@@ -137,8 +141,9 @@ def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
 def pose(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
     """Return the centre (frames, 2) of contours and the direction (frames,) of backbones.
 
-    The direction follows the line nearest to the backbone, towards the head; radians from x towards
-    y, not wrapped.
+    points (frames, n, 2); backbone (frames, k, 2), head first, in the same unit. The direction is
+    that of the line nearest to the backbone, towards the head: radians from x towards y, not
+    wrapped.
     """
     off = backbone - backbone.mean(axis=1, keepdims=True)
     xx, yy, xy = (off**2).sum(axis=1).T[0], (off**2).sum(axis=1).T[1], off.prod(axis=2).sum(axis=1)
@@ -149,7 +154,10 @@ def pose(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
 
 
 def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
-    """Move contours (frames, n, 2) by −centre (frames, 2) and turn `angle` (frames,) to +x."""
+    """Return contours (frames, n, 2) moved and turned so that the body is at 0 and heads for +x.
+
+    centre (frames, 2): place of the body; angle (frames,): its direction, radians from x towards y.
+    """
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return (points - centre[:, None]) @ turn
@@ -158,24 +166,29 @@ def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
 def sideways(points: Floats) -> Floats:
     """Return the midline's sideways position (frames, n / 2 + 1), snout to tail, + to the right.
 
-    It is the mean of the two points equally far from the snout on either side. A tail beat moves
-    it; fins that spread on both sides do not.
+    points (frames, n, 2): contours in the body frame, whose unit the result has. It is the mean of
+    the two points equally far from the snout on either side. A tail beat moves it; fins that spread
+    on both sides do not.
     """
     y = points[..., 1]
     return (y + y[:, -np.arange(y.shape[1])])[:, : y.shape[1] // 2 + 1] / 2
 
 
 def asymmetry(points: Floats) -> Floats:
-    """Return the asymmetry (frames,) of contours in the body frame: 0 if the fish is straight.
+    """Return how asymmetric contours (frames, n, 2) in the body frame are; 0 is straight.
 
-    It is half the RMS distance of corresponding points of the contour and its mirror image.
+    The result (frames,) has the contours' unit. It is half the RMS distance of corresponding points
+    of the contour and its mirror image.
     """
     image = points[:, -np.arange(points.shape[1])] * [1, -1]
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
 
 
 def tail(points: Floats) -> Floats:
-    """Return the sideways position (frames,) of the tail end in the body frame, + to the right."""
+    """Return the tail end's sideways position (frames,) in the body frame, + to the right.
+
+    points (frames, n, 2): contours from the snout on, whose unit the result has.
+    """
     n = points.shape[1]
     reach = max(1, round(TAIL * n))
     return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

@@ -47,7 +47,7 @@ def period(
     slowest_hz: float = 0.0,
     fastest_hz: float = np.inf,
 ) -> Period:
-    """Find the period of coordinates (frames, k); rows with NaN are missing frames.
+    """Find the frequency and phase of a motion that repeats, from coordinates (frames, k).
 
     FinloopError if the signal is not (frames, k), has no complete row, or the rate is not positive.
     A motion that does not repeat is no error: see `Period.why` and `require_periodic`.
@@ -55,9 +55,9 @@ def period(
     Parameters
     ----------
     signal, frame_rate_hz
-        Coordinates in a row for each frame, and the frames per second.
+        Coordinates, a row for each frame, NaN where missing; and the frames per second.
     extreme
-        (frames,), phase 0 is where its fundamental is greatest; by default the strongest mode,
+        (frames,): phase 0 is where its fundamental is greatest; by default the strongest mode,
         signed so that its largest coordinate is positive.
     slowest_hz, fastest_hz
         Bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
@@ -92,9 +92,10 @@ def period(
 
 
 def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
-    """Return the period and confidence of a motion (frames, k) of known phase (frames,).
+    """Return the period of a motion (frames, k) of known phase, with the confidence in it.
 
-    Steady frames are runs of `good` (frames,) of at least one cycle.
+    phase (frames,): in cycles. good (frames,): where the motion may be steady; steady frames are
+    its runs of at least one cycle.
     """
     steady = _long_runs(good, phase)
     inner = steady[1:] & steady[:-1]
@@ -117,7 +118,10 @@ def with_phase_zero(beat: Period, extreme: Floats) -> Period:
 
 
 def require_periodic(beat: Period, name: str) -> Period:
-    """Return the period; FinloopError if the motion of `name` does not repeat."""
+    """Return the period unchanged; FinloopError if the motion does not repeat.
+
+    name: what moves, for the message.
+    """
     if beat.why:
         raise FinloopError(
             f"the motion of {name} is not periodic: {beat.why} (confidence {beat.confidence:.2f},"
@@ -149,7 +153,7 @@ def _none(frames: int, why: str) -> Period:
 
 
 def fill_gaps(signal: Floats) -> Floats:
-    """Fill the NaN of a signal (frames, k) by linear interpolation, column by column.
+    """Return a signal (frames, k) with NaN replaced by linear interpolation, column by column.
 
     FinloopError if a column is all NaN.
     """
@@ -192,11 +196,12 @@ def _long_runs(good: Mask, phase: Floats) -> Mask:
 
 
 def remove_beat(values: Floats, phase: Floats) -> Floats:
-    """Return values (frames, k) without the beat.
+    """Return values (frames, k) without the part that repeats with the beat.
 
-    At every frame a straight line plus a sinusoid of the beat is fitted over the cycle and a half
-    about it (at both ends over the first or last such window), and the line's value is kept. So a
-    steady turn or drift remains, and the beat is removed completely.
+    phase (frames,): of the beat, in cycles. At every frame a straight line plus a sinusoid of the
+    beat is fitted over the cycle and a half about it (at both ends over the first or last such
+    window), and the line's value is kept. So a steady turn or drift remains, and the beat is
+    removed completely.
     """
     out = np.empty_like(values)
     span = 2 * _HALF_WINDOW

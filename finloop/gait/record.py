@@ -15,7 +15,10 @@ DO = "correct it by the examples in data/gaits/, or fit a gait: dvc repro gait"
 
 
 def record_of(gait: Gait) -> dict[str, Any]:
-    """Return a gait as plain values, rounded to DECIMALS; FinloopError if `gait_of` rejects it."""
+    """Return a gait as plain values for JSON, rounded to DECIMALS.
+
+    FinloopError if the gait is invalid, so that `gait_of` would reject its record.
+    """
     content = json.loads(json.dumps(_round_floats(asdict(gait))))
     try:
         gait_of(content)
@@ -25,7 +28,7 @@ def record_of(gait: Gait) -> dict[str, Any]:
 
 
 def gait_of(content: Any) -> Gait:
-    """Return the gait with these values, from `record_of` or written by hand.
+    """Return the gait that plain values describe, from `record_of` or written by hand.
 
     ValueError, with all problems, if the content is no gait.
     """

@@ -23,7 +23,10 @@ _OCTAVE = 0.5  # cost, in shares, of a change of frequency by an octave within a
 
 
 def grid_of(low: float, high: float) -> Floats:
-    """Return the frequencies from `low` to `high`, evenly spaced on a logarithmic scale."""
+    """Return the frequencies from `low` to `high`, evenly spaced on a logarithmic scale.
+
+    Neighbours differ by about 4 % or less; the unit is that of the bounds.
+    """
     return np.geomspace(low, high, max(3, int(np.ceil(np.log(high / low) / np.log(_STEP)))))
 
 
@@ -61,15 +64,20 @@ def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
 
 
 def shares(modes: Floats, grid: Floats) -> Floats:
-    """Return the share (frequencies, frames) that each frequency of `grid` explains."""
+    """Return how well each frequency explains the motion about each frame: (frequencies, frames).
+
+    modes (frames, m): the motion; grid: frequencies in cycles a frame. The values are shares of the
+    variance in a window, 0-1.
+    """
     return np.stack([_windows(modes, frequency)[0] for frequency in grid])
 
 
 def ridge(share: Floats, grid: Floats) -> NDArray[np.intp]:
-    """Return the path (frames,) of indices in `grid` with the greatest sum of shares.
+    """Return the best frequency of every frame: indices (frames,) in `grid`, a smooth path.
 
-    From one frame to the next an index changes by at most one. A change costs more for a slow beat,
-    as a beat changes little within a cycle.
+    share: of `shares`; grid: frequencies in cycles a frame. The path has the greatest sum of
+    shares. From one frame to the next an index changes by at most one. A change costs more for a
+    slow beat, as a beat changes little within a cycle.
     """
     count, frames = share.shape
     cost = _OCTAVE * np.log2(grid[1] / grid[0]) / grid  # cycles a frame: slow beats move seldom
@@ -100,11 +108,12 @@ def _peak(share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
 
 
 def phase_along(modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
-    """Return the common phase (frames,) of all modes, in cycles, along the ridge `path`.
+    """Return the common phase (frames,) of all modes (frames, m), in cycles, not wrapped.
 
-    The amplitudes (frames, modes), turned from the middle of the window to the frame, are
-    approximated by one pattern of modes times one complex number a frame. A wave runs through the
-    modes in one direction, so the number's angle always rises.
+    share, path: of `shares` and `ridge`; grid: frequencies in cycles a frame. The amplitudes
+    (frames, m), turned from the middle of the window to the frame, are approximated by one pattern
+    of modes times one complex number a frame. A wave runs through the modes in one direction, so
+    the number's angle always rises.
     """
     frequency = _peak(share, path, grid)
     amplitudes = np.empty(modes.shape, np.complex128)

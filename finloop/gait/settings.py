@@ -10,7 +10,7 @@ from finloop.base.settings import Positive
 
 @dataclass(frozen=True)
 class GaitSettings:
-    """Where limbs come from, how their gait is fitted, and what it then drives."""
+    """Parameters of `gait`: where limbs come from, how a gait is fitted, what it then drives."""
 
     limbs: Literal["dog", "regions"]
     regions: str | None

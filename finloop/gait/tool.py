@@ -52,7 +52,10 @@ def load_gait(path: Path) -> Gait:
 
 
 def path_of(name: str, shipped: Path) -> Path:
-    """Return the file of a gait, given the name of a shipped gait or a path."""
+    """Return the JSON file of a gait, given the name of a shipped gait or a path.
+
+    shipped: folder of the shipped gaits. FinloopError if there is no such gait.
+    """
     paths = gaits(shipped)
     if name in paths:
         return paths[name]
@@ -66,12 +69,15 @@ def path_of(name: str, shipped: Path) -> Path:
 
 
 def gaits(shipped: Path) -> dict[str, Path]:
-    """Return the files of the shipped gaits by name."""
+    """Return the JSON files of the gaits in the folder `shipped`, by name."""
     return {path.stem: path for path in sorted(shipped.glob("*.json"))}
 
 
 def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tuple[int, Fraction]:
-    """Return frames per cycle and frames per second that keep the gait's frequency, if possible."""
+    """Return frames per cycle, and frames per second, that keep the gait's frequency if possible.
+
+    frames: per cycle; rate: per second; None = chosen to fit the other.
+    """
     if frames is None:
         rate = rate or RATE
         return min(max(LEAST_FRAMES, round(float(rate) / frequency_hz)), MOST_FRAMES), rate
@@ -79,7 +85,10 @@ def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tu
 
 
 def summary(result: Transfer, gait: Gait, seconds: float) -> str:
-    """Return some lines on the parts of a cycle, its feet and its folds."""
+    """Return some lines for the user: the size of a cycle, how far feet slide, and where it folds.
+
+    seconds: duration of the cycle.
+    """
     morph = result.morph
     frames = len(morph.tau)
     lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]

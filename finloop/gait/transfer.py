@@ -26,7 +26,7 @@ DIGITS = 5  # significant digits of the larger side: 0.01 px if the drawing has 
 
 @dataclass(frozen=True)
 class Transfer:
-    """A drawing set in motion."""
+    """A drawing set in motion: one gait cycle, and what may look wrong in it."""
 
     # one cycle, frame k at phase k / frames; tau rises from 0 at key 1 to 1 at key 1', then falls
     morph: Morph
@@ -48,7 +48,7 @@ def transfer(
     points: int = 128,
     control: int | None = None,
 ) -> Transfer:
-    """Animate a drawing: the cycle from its key poses 1 and 2, with its feet on the ground.
+    """Animate a drawing: return the cycle from its key poses 1 and 2, with its feet on the ground.
 
     FinloopError if the poses do not match, a limb has no height, or a number is out of range.
 
@@ -114,7 +114,7 @@ def _morph(
 
 
 def repeat(morph: Morph, cycles: int) -> Morph:
-    """Repeat a cycle several times."""
+    """Return the morph of one cycle repeated `cycles` times."""
     return replace(
         morph,
         tau=np.tile(morph.tau, cycles),
@@ -124,7 +124,7 @@ def repeat(morph: Morph, cycles: int) -> Morph:
 
 
 def with_pooled_gamma(gait: Gait) -> Gait:
-    """Return the gait with a γ for ids that it lacks: the mean over its limbs."""
+    """Return the gait with a γ for ids that it lacks (POOLED): the mean over its limbs."""
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {

@@ -9,10 +9,10 @@ QUADRATURE = 401
 
 
 def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
-    """Return the least-squares γ of the exact contours, by limb and subcycle ("A", "B").
+    """Return the drawn dog's true γ, by limb and then by subcycle ("A", "B").
 
-    It differs a little from the γ of the foot's clock (`gammas`), as points move on arcs and the
-    body bobs.
+    n: points of a contour. It is the least-squares γ of the exact contours. It differs a little
+    from the γ of the foot's clock (`gammas`), as points move on arcs and the body bobs.
     """
     tau = np.linspace(0, 1, QUADRATURE)
     out = dict[str, dict[str, float]]()

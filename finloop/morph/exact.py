@@ -67,7 +67,11 @@ def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: floa
 
 @kernel
 def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
-    """Return whether segments ab, cd of points (n, 2) share a point; their boxes must overlap."""
+    """Return whether the segments ab and cd share a point, without rounding errors.
+
+    points (n, 2): corners of a polygon; a, b, c, d: rows of the segments' ends. The bounding boxes
+    of the two segments must overlap.
+    """
     ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
     cx, cy, dx, dy = points[c, 0], points[c, 1], points[d, 0], points[d, 1]
     abc = _orientation(ax, ay, bx, by, cx, cy)
@@ -80,7 +84,7 @@ def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
 
 @kernel
 def turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
-    """Return whether the edges pq and qr, both longer than 0, overlap in more than q."""
+    """Return whether the edges pq and qr, both longer than 0, share more than their corner q."""
     if _orientation(px, py, qx, qy, rx, ry) != 0:
         return False
     return ((px > qx) == (rx > qx) and px != qx) or ((py > qy) == (ry > qy) and py != qy)

@@ -37,7 +37,7 @@ JOIN = 64  # poses from one plain end to the other
 
 @kernel
 def area(points: Points) -> float:
-    """Return the area within a closed polygon (n, 2), positive if clockwise as seen (y down)."""
+    """Return the area within a closed polygon (n, 2), positive if clockwise on screen (y down)."""
     n, twice = len(points), 0.0
     x0, y0 = points[0, 0], points[0, 1]
     for i in range(n):
@@ -49,7 +49,10 @@ def area(points: Points) -> float:
 
 @kernel
 def resize_polygon(points: Points, goal: float) -> Points:
-    """Scale the polygon about the mean of its vertices to the area `goal`, of the same sign."""
+    """Return a polygon (n, 2) scaled about the mean of its vertices to the area `goal`.
+
+    goal: signed as by `area`, with the same sign as the polygon's area.
+    """
     n = len(points)
     size = np.sqrt(goal / area(points))
     out = np.empty_like(points)
@@ -64,7 +67,11 @@ def resize_polygon(points: Points, goal: float) -> Points:
 
 
 def shorten_polygon(points: Points) -> tuple[Points, bool]:
-    """Shorten a simple polygon: poses (k, n, 2) of equal area, and whether the last is round."""
+    """Return poses (k, n, 2) from a simple polygon (n, 2) to a round one, and whether it is round.
+
+    All poses have the same area, and no step makes a fold. The last pose is not round if the method
+    gives up.
+    """
     poses = [np.ascontiguousarray(points, np.float64)]
     goal = area(poses[0])
     step, halved = (_length(poses[0]) / len(points)) ** 2, 0
@@ -133,9 +140,10 @@ def _implicit_step(points: Points, step: float) -> Points:
 
 
 def ears_off(points: Points) -> tuple[Points, bool]:
-    """Cut ears off a simple polygon: poses (n − 2, n, 2), and whether the last is a triangle.
+    """Return poses (k, n, 2) from a simple polygon (n, 2) to a triangle, and whether it is one.
 
-    Each step restores the area. Only rounding can stop the method before the triangle.
+    Each step straightens one corner (an "ear") and restores the area, so k is n − 2. Only rounding
+    can stop the method before the triangle.
     """
     pose = np.ascontiguousarray(points, np.float64)
     goal = area(pose)
@@ -168,7 +176,10 @@ def _straighten(points: Points, first: int, last: int) -> Points:
 
 
 def straighten_curve(points: Points) -> tuple[Points, bool]:
-    """Straighten a simple open curve: poses (k, n, 2), and whether the last is straight."""
+    """Return poses (k, n, 2) from a simple open curve (n, 2) to a straight one, and whether it is.
+
+    Straight means that every edge runs within 45° of the line from end to end.
+    """
     points = np.ascontiguousarray(points, np.float64)
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     poses, part, shrink = [points], 1.0, SHRINK
@@ -195,10 +206,11 @@ def _is_straight(points: Points) -> bool:
 
 
 def join_plain_ends(first: Points, second: Points, closed: bool) -> Points:
-    """Return poses (JOIN, n, 2) between two plain polygons of one turning sense, or two lines.
+    """Return JOIN poses from one plain pose (n, 2) to another: (JOIN, n, 2), both included.
 
-    Closed: from a point that sees the whole polygon, the vertices lie at increasing angles, less
-    than half a turn apart. This holds for every mean of two such polygons, at all radii.
+    Closed: two polygons of one turning sense; open: two lines. From a point that sees a whole plain
+    polygon, the vertices lie at increasing angles, less than half a turn apart. This holds for
+    every mean of two such polygons, at all radii, so no pose has a fold.
     """
     share = np.linspace(0, 1, JOIN)
     centres = first.mean(axis=0), second.mean(axis=0)

@@ -25,7 +25,7 @@ DEPTH = 14  # halvings of the time between two poses before giving up
 
 
 class EdgePolynomials(NamedTuple):
-    """Bernstein coefficients of a cross and of a dot product, and the margin for rounding."""
+    """Bernstein coefficients, over time, of a cross and a dot product; and the rounding margin."""
 
     cross_0: float
     cross_1: float
@@ -37,7 +37,7 @@ class EdgePolynomials(NamedTuple):
 
 
 def folds(stack: Reals, closed: bool = True) -> Ints:
-    """Return the exact number (f,) of edge pairs that meet in each polygon; 0 = strictly simple.
+    """Count the pairs of edges that meet in each polygon, (f,), exactly; 0 = strictly simple.
 
     Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
     more. FinloopError if a coordinate is not finite, or there are too few vertices.
@@ -45,7 +45,7 @@ def folds(stack: Reals, closed: bool = True) -> Ints:
     Parameters
     ----------
     stack
-        Polygons (f, n, 2) or (n, 2), n ≥ 3 (open: 2); the first vertex is not repeated.
+        Polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not repeated.
     closed
         Whether the last vertex is joined to the first.
     """
@@ -54,14 +54,15 @@ def folds(stack: Reals, closed: bool = True) -> Ints:
 
 
 def is_simple(points: Reals, closed: bool = True) -> bool:
-    """Return whether one polygon (n, 2) has no folds."""
+    """Return whether no two edges of one polygon (n, 2) meet, as `folds` counts them."""
     return count_folds(_stack(points, closed)[0], closed, True) == 0
 
 
 def stays_simple(path: Reals, closed: bool = True) -> bool:
-    """Return whether a polygon that moves straight from pose to pose (k, n, 2) stays simple.
+    """Return whether a polygon that moves straight from pose to pose (k, n, 2) never meets itself.
 
-    True is a proof for every moment, not only for the poses; see the head of this file.
+    True is a proof for every moment, not only for the poses. False may mean that two parts come too
+    near each other to decide.
     """
     path = _stack(path, closed)
     if count_folds(path[0], closed, True):
@@ -121,7 +122,10 @@ def _overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
 
 @kernel
 def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
-    """Count the folds of one polygon (n, 2) of floats without checks; `first_only` stops at one."""
+    """Count the pairs of edges that meet in one polygon (n, 2), as `folds` does, without checks.
+
+    first_only: stop at the first pair, so the result is 0 if and only if there is none.
+    """
     n = len(points)
     edges = n if closed else n - 1
     count = 0
@@ -208,7 +212,10 @@ def _assign(row, values):  # type: ignore[no-untyped-def]
 
 @kernel
 def no_contact(path: Floats, closed: bool) -> bool:
-    """Return `stays_simple` of poses (k, n, 2) without checks; the first pose must be simple."""
+    """Return whether a polygon stays simple from pose to pose (k, n, 2), without checks.
+
+    This is the test of `stays_simple`; the first pose must be simple.
+    """
     poses, n = len(path), path.shape[1]
     edges = n if closed else n - 1
     points = np.empty((n, 4))  # bounding boxes of the moving vertices, below of the edges

@@ -27,14 +27,20 @@ MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
 
 
 class Scales(NamedTuple):
-    """The number of scales that the linear morph omits, None = none, and their wavelet's name."""
+    """Settings of the linear morph: how many scales of details it omits, and their wavelet.
+
+    level: None omits none, and needs no wavelet.
+    """
 
     level: int | None = None
     wavelet: str = "coif2"
 
 
 class Physics(NamedTuple):
-    """e₀, c and ρ of the physical morph; by default the curve swings a little and settles."""
+    """Settings of the physical morph: elastic constant e₀, damping c and density ρ (`mass`).
+
+    By default the curve swings a little and settles.
+    """
 
     elastic: float = 1.0
     damping: float = 8.0
@@ -50,7 +56,7 @@ def morph(
     scales: Scales = Scales(),  # noqa: B008  (immutable)
     physics: Physics = Physics(),  # noqa: B008  (immutable)
 ) -> Morph:
-    """Morph drawing `a` into drawing `b`, which is fitted into the picture of `a`.
+    """Return the morph of drawing `a` into drawing `b`, which is fitted into the picture of `a`.
 
     FinloopError if the drawings do not match, a number is out of range, or the method cannot morph
     a contour; the message names it.
@@ -64,7 +70,8 @@ def morph(
     frames
         Number of frames, at least 2, both ends included.
     points
-        Points of every contour, at least 8; a power of two if the method uses wavelets.
+        Points of every contour, at least 8; a power of two for `physical`, and for `linear` with a
+        level.
     scales, physics
         Settings of the linear and the physical morph.
     """
@@ -131,7 +138,10 @@ def _contour(
 
 
 def there_and_back(morph: Morph) -> Morph:
-    """Return the morph followed by its reverse, without repeating the frames at the ends."""
+    """Return the morph followed by its reverse, so that it repeats without a jump.
+
+    The frames at both ends are not repeated: f frames become 2 f − 2.
+    """
 
     def both(values: NDArray) -> NDArray:
         return np.concatenate([values, values[-2:0:-1]])
@@ -145,7 +155,10 @@ def there_and_back(morph: Morph) -> Morph:
 
 
 def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
-    """Scale the drawing to fit a picture and centre it there, as SVG fits a viewBox."""
+    """Return the drawing scaled to fit a picture and centred there, as SVG fits a viewBox.
+
+    width, height: of the picture, in the unit of its coordinates.
+    """
     scale = min(width / drawing.width, height / drawing.height)
     if scale == 1 and (drawing.width, drawing.height) == (width, height):
         return drawing
@@ -166,7 +179,10 @@ def _check_numbers(method: str, frames: int, points: int) -> None:
 
 
 def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
-    """Raise FinloopError if the number of frames or points is out of range."""
+    """Raise FinloopError if the number of frames, or of points of a contour, is out of range.
+
+    what: the noun for the message, such as "morph"; least_frames: fewest frames allowed.
+    """
     for name, count, least, most, usual in (
         (f"a {what} of {frames} frames", frames, least_frames, MOST_FRAMES, "24 frames or more"),
         (f"contours of {points} points", points, LEAST_POINTS, MOST_POINTS, "128 points"),

@@ -19,12 +19,12 @@ FADE = 0.25
 def linear(
     a: Curve, b: Curve, frames: int, points: int, level: int | None = None, wavelet: str = "coif2"
 ) -> Points:
-    """Morph a into b by Eq. 4.1, A(τ) = (1 − τ) Aˢ + τ Aᵈ: (frames, points, 2), both ends included.
+    """Return frames (frames, points, 2) of the linear morph from a to b (Eq. 4.1), ends included.
 
-    A are the control points for 1/2^level of the samples, without details, so the ends are coarse
-    versions of the curves. Without a level A are all coefficients, which equals blending the
-    points, and `points` need not be a power of two. FinloopError if one curve is open and the other
-    closed, or, with a level, as in `curve.wavelet.check`.
+    A(τ) = (1 − τ) Aˢ + τ Aᵈ, with A the points of both curves. With a level, A are the control
+    points for 1/2^level of the points, so the ends are coarse versions of the curves, and `points`
+    is a power of two. FinloopError if one curve is open and the other closed, or, with a level, as
+    in `curve.wavelet.check`.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
@@ -37,11 +37,12 @@ def linear(
 def physical(
     a: Curve, b: Curve, frames: int, points: int, elastic: float, damping: float, mass: float
 ) -> Points:
-    """Bend b into the shape of a and release it (Fig. 5): frames (frames, points, 2).
+    """Return frames (frames, points, 2) of b, bent into the shape of a and released (Fig. 5).
 
-    ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1, ρ = mass, c = damping, K of e₀ = elastic. Mode m
-    of a closed curve swings m √(e₀/ρ) times, of an open curve half as often. With little damping
-    the curve overshoots, with much it creeps, without mass it does not swing.
+    The last frame is b. The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1, ρ = mass, c =
+    damping, K of e₀ = elastic. Mode m of a closed curve swings m √(e₀/ρ) times, of an open curve
+    half as often. With little damping the curve overshoots, with much it creeps, without mass it
+    does not swing.
 
     Stiffness does not depend on position, so the mean of the points moves as the slowest mode does.
     FinloopError if one curve is open and the other closed, `points` is no power of two, or mass and

@@ -15,9 +15,9 @@ from finloop.morph.folds import is_simple
 
 
 def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
-    """Return points (n, 2) of both curves, matched row by row; a's order is kept.
+    """Return points (n, 2) of both curves at equal distances along them, matched row by row.
 
-    FinloopError if one is closed and the other open.
+    The order of a is kept, b is renumbered. FinloopError if one is closed and the other open.
     """
     if a.closed != b.closed:
         kinds = ["closed" if curve.closed else "open" for curve in (a, b)]
@@ -33,7 +33,10 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
 
 
 def best_start(first: Floats, second: Floats) -> Floats:
-    """Return the closed polygon `second` (n, 2), or its reverse, from its best start point on."""
+    """Return a closed polygon (n, 2) renumbered to lie nearest to another, row by row.
+
+    The result is `second` or its reverse, from its best start point on; positions do not matter.
+    """
     fits = [(misfit(first, points), points) for points in _directions(first, second)]
     far, points = min(fits, key=lambda fit: fit[0].min())
     return np.roll(points, -int(far.argmin()), axis=0)
@@ -47,7 +50,10 @@ def _directions(first: Floats, second: Floats) -> tuple[Floats, ...]:
 
 
 def misfit(first: Floats, second: Floats) -> Floats:
-    """Return Σ ‖a_i − b_{i+s}‖² for each start point s (n,) of centred closed polygons, by FFT."""
+    """Return, for each start point s, how badly polygon b fits a: Σ_i ‖a_i − b_{i+s}‖².
+
+    first, second (n, 2): closed polygons a, b, which are centred first. The result is (n,).
+    """
     a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (first, second))
     product = np.fft.ifft(np.fft.fft(b) * np.fft.fft(a).conj()).real
     return (abs(a) ** 2).sum() + (abs(b) ** 2).sum() - 2 * product

@@ -10,7 +10,7 @@ from finloop.base.settings import NotNegative
 
 @dataclass(frozen=True)
 class MorphSettings:
-    """Which drawings, how one becomes the other, and how that is filmed."""
+    """Parameters of `morph`: which drawings, how one becomes the other, how that is filmed."""
 
     first_drawing: str
     last_drawing: str

@@ -48,7 +48,7 @@ class SimpleMorph:
 
 
 def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
-    """Return strictly simple frames (frames, points, 2) from a to b, ends included.
+    """Return frames (frames, points, 2) from curve a to b, ends included; none meets itself.
 
     FinloopError if one curve is open and the other closed, or a curve, resampled, meets itself.
     """
@@ -56,7 +56,10 @@ def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
 
 
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
-    """Morph as `simple` does; also return the path and whether it is proved simple."""
+    """Return a morph from a to b without folds, the kind of its path, and whether it is proved.
+
+    points: of every frame. FinloopError as in `simple`.
+    """
     first, second = match_curves(a, b, points)
     closed = a.closed
     for name, ends in (("first", first), ("second", second)):
@@ -84,7 +87,7 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
 
 
 def path_length(frames: Points) -> float:
-    """Return the mean length of the vertices' paths through the frames (f, n, 2)."""
+    """Return how far a vertex travels through frames (f, n, 2): the mean, in the points' unit."""
     return float(np.hypot(*np.moveaxis(np.diff(frames, axis=0), 2, 0)).sum(axis=0).mean())
 
 

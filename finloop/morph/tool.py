@@ -35,7 +35,7 @@ def _write(options: argparse.Namespace) -> str:
 
 
 def summary(result: Morph) -> str:
-    """Return a line or two on the parts of a morph and its folds."""
+    """Return a line for the user: how many contours and frames a morph has, and where it folds."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
     if folded := result.count_fold_frames():

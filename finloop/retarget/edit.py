@@ -16,9 +16,9 @@ from finloop.puppet import Pose
 
 @dataclass(frozen=True)
 class RowSequence:
-    """Rows (T,) of the film and whether each is mirrored.
+    """The film rows that are shown: at each of T ticks a row (T,), and whether it is mirrored (T,).
 
-    switch: the ticks from 1 on at which the film does not play on.
+    switch: the ticks, from 1 on, at which another row is shown than the film's next one.
     """
 
     row: Ints
@@ -27,18 +27,26 @@ class RowSequence:
 
     @classmethod
     def from_rows(cls, numbers: Ints, follows: Ints, count: int) -> "RowSequence":
-        """Build a sequence from numbers (T,) and `follows` (m,) of `FilmRows`; count: its rows."""
+        """Build a sequence from numbers (T,) of rows; a mirror image has its row's number + count.
+
+        follows (m,): the number that comes next in the film, as in `FilmRows`; count: rows of the
+        film.
+        """
         switch = np.flatnonzero(numbers[1:] != follows[numbers[:-1]]) + 1
         return cls(numbers % count, numbers >= count, switch)
 
     def to_shown(self, heading_deg: Floats, bodies: Bodies) -> PictureSequence:
-        """Convert to pictures of `finloop.edit.joins`, with headings (T,) on screen."""
+        """Return the pictures to draw, turned to headings (T,) on screen, degrees."""
         turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
         return PictureSequence(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
 
 
 def film_codes(sources: RowSequence, heading_deg: Floats, how: Joins) -> Floats:
-    """Return the pose codes (T, c) of the rows themselves, smoothed over jumps as by all joins."""
+    """Return the pose codes (T, c) that the shown rows have in the film.
+
+    heading_deg (T,): on screen. If transitions are inertialized (`how.kind`), the codes are
+    smoothed over them.
+    """
     own = sources.to_shown(heading_deg, how.bodies)
     codes = how.bodies.codes(
         how.bodies.picture_bodies(own.frame, own.number, own.rot, own.mirrored)
@@ -52,9 +60,10 @@ def film_codes(sources: RowSequence, heading_deg: Floats, how: Joins) -> Floats:
 def edit_list(
     sources: RowSequence, pose: Pose, codes: Floats, scale: Floats, how: Joins, rate_hz: float
 ) -> pd.DataFrame:
-    """Return the edit list (columns of `EDIT`).
+    """Return the edit list of a retargeted track (columns of `EDIT`), one line a tick.
 
-    pose (T): as drawn; codes (T, c): of these poses; scale (n,): of the film's rows.
+    sources: the shown rows; pose (T): as drawn; codes (T, c): of these poses; scale (n,): at which
+    each film row is drawn; how: the kind of transitions; rate_hz: ticks per second.
     """
     ticks, bodies = len(sources.row), how.bodies
     heading = wrap_deg(np.degrees(pose.heading_rad))

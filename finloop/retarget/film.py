@@ -46,10 +46,11 @@ to one that the film shows; switch: another row of the film begins."""
 
 
 class RetargetData(NamedTuple):
-    """Results of earlier stages, of the film that is drawn.
+    """What earlier stages know of the film whose frames are drawn.
 
-    arena (h, w): where the fish can be; look: from the stage `jumps`; size: px of compared
-    pictures.
+    rate_hz: frames per second; arena (h, w): where the fish can be; reel: its rows; poses: their
+    postures; look: light and skin of each row, then of each mirror image, as numbers; size: px of
+    compared pictures.
     """
 
     rate_hz: float
@@ -61,17 +62,20 @@ class RetargetData(NamedTuple):
 
     @property
     def bodies(self) -> Bodies:
-        """The film's postures; there are no sprites."""
+        """Return the postures of the film's rows, without sprites."""
         return Bodies(self.poses, self.reel.goes_on, pd.DataFrame())
 
     @property
     def pictures(self) -> Pictures:
-        """The pictures that an edit list names."""
+        """Return the film's pictures, as an edit list names them."""
         return Pictures(self.reel, self.size, self.bodies)
 
 
 class Retargeted(NamedTuple):
-    """An edit list (columns of `EDIT`), the requested motion (columns of `ASKED`), and numbers."""
+    """A retargeted track: edit list (columns of `EDIT`), requested motion, and metrics.
+
+    asked: every tick as requested and as drawn, columns of `ASKED`; numbers: metrics by name.
+    """
 
     edit: pd.DataFrame
     asked: pd.DataFrame
@@ -79,7 +83,10 @@ class Retargeted(NamedTuple):
 
 
 class JoinParameters(NamedTuple):
-    """Parameters of `jumps` and `animate`: how rows are compared, and how they are joined."""
+    """Parameters of other stages: `jumps` (how rows are compared) and `animate` (transitions).
+
+    join: the kind of transition, a cut, a cross-fade or inertialization.
+    """
 
     weights: Weights
     joins: JoinTimes
@@ -87,7 +94,10 @@ class JoinParameters(NamedTuple):
 
 
 def own_track(film: RetargetData, rows: Ints, name: str) -> Track:
-    """Return a track of this film, with its postures."""
+    """Return a track of the drawn film itself, with its postures.
+
+    rows (t,): its rows in the film; name: for messages.
+    """
     poses, features = film.poses, film.reel.features
     steps = poses.pose[rows].backbone_px()
     size = float(poses.pose.size_px[rows[0]])
@@ -100,10 +110,10 @@ def own_track(film: RetargetData, rows: Ints, name: str) -> Track:
 def retarget_track(
     track: Track, film: RetargetData, p: RetargetSettings, others: JoinParameters
 ) -> Retargeted:
-    """Retarget a track to the film's fish.
+    """Retarget a recorded track to the film's fish; return the edit list and metrics.
 
-    FinloopError if the track is too short, swims tail first, has no body length, or does not fit
-    into the tank.
+    film: the film whose frames are drawn. FinloopError if the track is too short, swims tail first,
+    has no body length, or does not fit into the tank.
     """
     reel = film.reel
     motion = motion_of(track, film.rate_hz, p)

@@ -30,9 +30,9 @@ _LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
 
 
 def load_track(film: RetargetData, p: RetargetSettings) -> Track:
-    """Load the track that `retarget.tracks` names; raise FinloopError where it cannot be read.
+    """Load the track that `retarget.tracks` names: from a file, another film, or `film` itself.
 
-    film: the one that is drawn.
+    film: the film whose frames are drawn. FinloopError if the track cannot be read.
     """
     assert p.tracks is not None
     steps = film.poses.pose.posture.shape[1] // 2 - 1
@@ -50,13 +50,19 @@ def load_track(film: RetargetData, p: RetargetSettings) -> Track:
 
 
 def film_folder(path: Path) -> Path | None:
-    """Return the folder data/ of another film from its path or its extract/; None: not a film."""
+    """Return the folder data/ of another film; None if `path` is not a film's.
+
+    path: that folder, or the folder extract/ in it.
+    """
     folder = path.parent if path.name == "extract" else path
     return folder if (folder / _TRACKS).exists() else None
 
 
 def film_files(folder: Path) -> list[Path]:
-    """Return the files from which the track of another film is read; folder: its data/."""
+    """Return the four files that a track of another film is read from.
+
+    folder: data/ of that film.
+    """
     return [folder / name for name in (_SCENE, _TRACKS, _FEATURES, _FACTS)]
 
 

@@ -16,10 +16,10 @@ _BACKWARDS = 0.25  # of the path; below this share head first, head and tail are
 
 
 class RecordedMotion(NamedTuple):
-    """A stretch of a track at the film's rate.
+    """The used stretch of a track, one point of time a tick of the animation.
 
-    time_s: (T,) in the file; points: (T, m, 2) px; codes: (T, c) of postures of this film, or None;
-    numbers: how much was filled and left out.
+    time_s (T,): in the track's file; points (T, m, 2): px of the file; codes (T, c): pose codes, of
+    a track of the drawn film, else None; numbers: how much was filled and left out, by name.
     """
 
     time_s: Floats
@@ -29,9 +29,9 @@ class RecordedMotion(NamedTuple):
 
 
 def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMotion:
-    """Return the longest stretch of a track without a long gap, by splines at another rate.
+    """Return the longest stretch of a track without a long gap, resampled by splines.
 
-    FinloopError if it is too short, or the animal swims tail first.
+    rate_hz: ticks per second. FinloopError if it is too short, or the animal swims tail first.
     """
     time = track.frame / track.rate_hz
     asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
@@ -81,7 +81,10 @@ def motion_of(track: Track, rate_hz: float, p: RetargetSettings) -> RecordedMoti
 
 
 def forward_share(points: Floats) -> float:
-    """Return the share of the path that points (T, m, 2) travel head first; 1 for single points."""
+    """Return which share of its path an animal travels head first, 0-1.
+
+    points (T, m, 2): head first; the result is 1 if m is 1.
+    """
     if points.shape[1] < 2:
         return 1.0
     ahead = points[:, 0] - points[:, -1]

@@ -16,7 +16,8 @@ _ROUNDS = 12  # of halving, to find how much smaller a path has to be
 def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
     """Return the scale of a track, in px of the tank per px of the file.
 
-    length_px: what `track` measures, on this film's fish. FinloopError if the track has no length.
+    length_px: on this film's fish, the length of what `track.length_px` measures. FinloopError if
+    the track has no length.
     """
     if p.scale != "auto":
         return float(p.scale)
@@ -31,12 +32,12 @@ def scale_of(track: Track, length_px: float, p: RetargetSettings) -> float:
 
 
 def mirror_points(points: Points, width_px: int) -> Points:
-    """Mirror points (…, 2) px left to right in a tank of this width."""
+    """Return points (…, 2) px mirrored left to right in a tank `width_px` wide."""
     return np.stack([width_px - 1 - points[..., 0], points[..., 1]], -1)
 
 
 def outside(points: Points, arena: Mask) -> Mask:
-    """Return which points (…, 2) are not in the arena (h, w)."""
+    """Return which points (…, 2) px are not in the arena (h, w): (…) bool."""
     column, row = np.moveaxis(_pixels(points), -1, 0)
     there = (row >= 0) & (row < arena.shape[0]) & (column >= 0) & (column < arena.shape[1])
     inside = arena[np.where(there, row, 0), np.where(there, column, 0)]
@@ -51,10 +52,11 @@ def _pixels(points: Points) -> Ints:
 def find_placement(
     bodies: Points, arena: Mask, length_px: float, p: RetargetSettings
 ) -> tuple[Floats, float]:
-    """Return the shift (2,) of a path and the size at which it is drawn.
+    """Return the shift (2,) px of a path into the tank, and the relative size it is drawn at.
 
-    bodies (T, k, 2) px: the drawn points of the animal; a smaller path keeps their size.
-    FinloopError if they fit nowhere.
+    bodies (T, k, 2) px: the drawn points of the animal, which keeps its size on a smaller path;
+    length_px: body length. The size is 1 unless the placement is "shrink". FinloopError if the path
+    fits nowhere.
     """
     if p.placement == "given":
         return np.zeros(2), 1.0
@@ -88,7 +90,7 @@ def find_placement(
 
 
 def smaller(bodies: Points, size: float) -> Points:
-    """Move points (T, k, 2) so that the distances of their means shrink to `size` times."""
+    """Return points (T, k, 2) on a path of `size` times the size; each body keeps its own."""
     centre = bodies.mean(1, keepdims=True)
     return bodies + (size - 1) * (centre - centre.mean(0))
 
@@ -99,11 +101,11 @@ def _size(points: Points, length_px: float) -> str:
 
 
 def shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
-    """Return the shift (2,) in whole px that moves points (T, k, 2) into the arena, or None.
+    """Return the shift (2,) in whole px that moves points (T, k, 2) px into the arena, or None.
 
-    Of the shifts that leave no point outside, the one with the points farthest from the walls is
-    taken. Shifts by whole cells of a map of `_CELLS` cells a side come first. Where none of them
-    fits, every shift by whole px is tried.
+    length_px: body length. Of the shifts that leave no point outside, the one with the points
+    farthest from the walls is taken. Shifts by whole cells of a map of `_CELLS` cells a side come
+    first. Where none of them fits, every shift by whole px is tried.
     """
     pixels = _pixels(bodies.reshape(-1, 2))
     depth = scipy.ndimage.distance_transform_edt(np.pad(arena, 1))[1:-1, 1:-1]

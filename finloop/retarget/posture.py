@@ -26,7 +26,7 @@ _HEAD = 1 / 3  # of the body: its chord is the first heading
 
 
 class Asked(NamedTuple):
-    """Postures (T) as drawn: their poses, codes (T, c), and whether they were changed."""
+    """Postures (T) as drawn: their poses, codes (T, c), and whether they were changed, (T,)."""
 
     pose: Pose
     codes: Floats
@@ -36,9 +36,11 @@ class Asked(NamedTuple):
 def asked_postures(
     points: Points, at: Floats, shapes: PoseShapes, size_px: float, codes: Floats | None = None
 ) -> Asked:
-    """Return the postures of lines (T, m, 2) px with points at shares (m,) of the body, m > 2.
+    """Return the film's postures nearest to recorded lines (T, m, 2) px, head first, m > 2.
 
-    size_px: of the animal to draw; codes (T, c): the codes, where known.
+    at (m,): where along the body the points are, 0 = head, 1 = tail; size_px: typical length of the
+    animal to draw; codes (T, c): the pose codes, where known. Postures that the film does not show
+    are changed to ones that it does.
     """
     rounds = _ROUNDS if codes is None else 1
     first = _head_rad(points, at)
@@ -68,10 +70,11 @@ def _directions(points: Points, head_rad: Floats) -> Floats:
 
 
 def likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
-    """Return the most probable codes (T, c) of directions (T, m − 1) of steps.
+    """Return the most probable pose codes (T, c), given directions (T, m − 1) of body steps.
 
-    Directions are relative to the heading. at (m,): positions along the body of the points between
-    which the steps lead, on the film's points.
+    Directions are in radians relative to the heading, towards the head. at (m,): where along the
+    body the ends of the steps are, 0 = head, 1 = tail; each lies on a point of the film's
+    backbones.
     """
     count = bends(shapes.mean).size
     first = round(at[0] * count)
@@ -89,10 +92,11 @@ def likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
 def align_postures(
     postures: Floats, points: Points, at: Floats, size_px: float, heading_rad: Floats | None = None
 ) -> Pose:
-    """Place and turn postures (T, d) so that they are nearest to points (T, m, 2) px.
+    """Return postures (T, d) placed and turned to lie nearest to points (T, m, 2) px.
 
-    at (m,): shares of the body, NaN: its mass centre. heading_rad (T,): needed where a single point
-    determines no heading.
+    at (m,): where along the body the points are, 0 = head, 1 = tail, NaN = the mass centre.
+    size_px: typical length of the animal. heading_rad (T,): needed where a single point determines
+    no heading.
     """
     none = np.zeros(len(postures))
     bare = Pose(none, none, none, none + size_px, postures)
@@ -106,7 +110,10 @@ def align_postures(
 
 
 def on_body(pose: Pose, at: Floats) -> Points:
-    """Return the places (T, m, 2) px at shares (m,) of poses' backbones; NaN: the mass centre."""
+    """Return the places (T, m, 2) px on poses' backbones at shares (m,) of the body.
+
+    at: 0 = head, 1 = tail, NaN = the mass centre.
+    """
     line = pose.backbone_px()
     place = np.nan_to_num(at) * (line.shape[1] - 1)
     low = np.minimum(place.astype(int), line.shape[1] - 2)
@@ -117,12 +124,15 @@ def on_body(pose: Pose, at: Floats) -> Points:
 
 
 def body_share(shapes: PoseShapes) -> float:
-    """Return the length of the mean posture's backbone, in sizes of the animal."""
+    """Return the length of the mean posture's backbone, as a multiple of the size (`size_px`)."""
     return float(steps(shapes.mean).sum())
 
 
 def chord_share(shapes: PoseShapes, at: Floats) -> float:
-    """Return the distance between two shares (2,) of the mean posture's body, in sizes."""
+    """Return the straight distance between two places on the mean posture, per size (`size_px`).
+
+    at (2,): the places, 0 = head, 1 = tail.
+    """
     none = np.zeros(1)
     ends = on_body(Pose(none, none, none, none + 1, shapes.mean[None]), at)[0]
     return float(np.hypot(*(ends[-1] - ends[0])))

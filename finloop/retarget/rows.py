@@ -23,13 +23,13 @@ _BEAM = 4  # times the candidates: the sequences kept for the next tick
 
 @dataclass(frozen=True)
 class FilmRows:
-    """The vectors by which the n rows of a film, and mirror images if allowed, are compared.
+    """The m rows of a film that can be shown, as vectors in which they are compared.
 
-    A mirror image has the number of its row plus n.
-
-    values: (m, d) posture, its change, and motion; motion alone for a track without postures. seen:
-    (m, q) what is visible at a jump. Both are in natural steps. follows: (m,) the number that comes
-    next in the film, −1: none. scales: of the parts of `values`; span: rows, of a change.
+    m is `count`, or twice that with mirror images; a mirror image has its row's number + count.
+    values (m, d): posture, its change, and motion; motion alone for a track without postures. seen
+    (m, q): what is visible at a transition. Both are in natural steps. follows (m,): the number
+    that comes next in the film, −1 = none. scales: factors of the parts of `values`; span: rows
+    over which a change is measured.
     """
 
     count: int
@@ -45,7 +45,8 @@ class FilmRows:
     ) -> "FilmRows":
         """Build the vectors of a film's rows.
 
-        look: from the stage `jumps`; bent: whether the track has postures.
+        look: light and skin of each row, then of each mirror image, from the stage `jumps`;
+        weights: of the parts; bent: whether the track has postures.
         """
         n, span = len(reel), max(1, round(delta_of(reel.features) / 4))
         sides = len(look) // n
@@ -76,9 +77,9 @@ class FilmRows:
         )
 
     def without(self, rows: Ints) -> "FilmRows":
-        """Exclude some rows of the film, and their mirror images, by an infinite distance.
+        """Return these rows without some, which get an infinite distance with their mirror images.
 
-        FinloopError if these are all rows.
+        rows: numbers of film rows. FinloopError if no row remains.
         """
         gone = np.isin(np.arange(len(self.values)) % self.count, rows)
         if gone.all():
@@ -92,9 +93,10 @@ class FilmRows:
         return replace(self, values=values, follows=follows)
 
     def query_vectors(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
-        """Return the same numbers (T, d) for the requested motion.
+        """Return vectors (T, d) of the requested motion, comparable with `values`.
 
-        place (T, 2): body lengths; codes (T, c): of postures, None where none are requested.
+        place (T, 2): of the mass centre, body lengths; heading_rad (T,): not wrapped; codes (T, c):
+        pose codes, None for a track without postures.
         """
         goes_on = np.arange(len(place)) < len(place) - 1
         parts = [motion(place, np.degrees(heading_rad), goes_on, self.span)]
@@ -110,7 +112,12 @@ def _flat(parts: list[Floats]) -> Floats:
 
 
 def cheapest(rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int) -> Ints:
-    """Return the rows (T,) that follow the requested motion (T, d) at the least cost."""
+    """Return the numbers (T,) of rows that follow the requested motion at the least cost.
+
+    asked (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those that
+    play on; switch: cost of a transition, in natural steps; delta: Δ in ticks. A mirror image has
+    its row's number + count.
+    """
     there = np.flatnonzero(np.isfinite(rows.values).all(1))
     near = Nearest.from_vectors(rows.values[there].astype(np.float32)).search(
         asked, min(candidates, len(there))

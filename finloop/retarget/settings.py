@@ -11,7 +11,7 @@ from finloop.base.settings import NotNegative, Positive
 
 @dataclass(frozen=True)
 class RetargetSettings:
-    """Which track the fish follows, where, and which frames of the film it is drawn from."""
+    """Parameters of `retarget`: which track the fish follows, where, and with which film frames."""
 
     tracks: str | None
     animal: str | None

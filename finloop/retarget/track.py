@@ -22,11 +22,12 @@ _ZIGZAG = 1.5  # times the distance from head to tail; a longer line has its poi
 
 
 class Track(NamedTuple):
-    """Points of one animal along its body, head first.
+    """Points of one animal along its body, head first, in the px of its file.
 
-    frame: (t,) rising; points: (t, m, 2) px, NaN where not given; at: (m,) their shares of the body
-    from the head, NaN: the middle of the animal; length_px: of its body, None for a single point. A
-    track of this film also has the codes (t, c) of its postures and its rows (t,).
+    frame (t,): numbers in the file, rising; points (t, m, 2), NaN where not given; at (m,): where
+    along the body they are, 0 = head, 1 = tail, NaN = the middle of the animal; length_px: of its
+    body, None for a single point. A track of the drawn film also has pose codes (t, c) and its rows
+    (t,).
     """
 
     name: str
@@ -40,19 +41,20 @@ class Track(NamedTuple):
 
     @property
     def whole(self) -> Mask:
-        """The frames (t,) with all points."""
+        """Return which frames have all points: (t,) bool."""
         return np.asarray(np.isfinite(self.points).all((1, 2)))
 
     @property
     def has_postures(self) -> bool:
-        """Whether the points determine how the animal is bent."""
+        """Return whether there are enough points, 3, to show how the animal is bent."""
         return len(self.at) > 2
 
 
 def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
-    """Return the track of one animal of a file; steps: of a backbone of this film.
+    """Return the track of one animal of a pose file.
 
-    FinloopError if the file has no such animal or point, or no usable values of them.
+    rate_hz: frames per second of the file; steps: of a backbone of the drawn film. FinloopError if
+    the file has no such animal or point, or no usable values of them.
     """
     name, frame, points = _animal(poses, p)
     order = body_points(poses.keypoints, points, p)
@@ -79,7 +81,11 @@ def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> T
 
 
 def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
-    """Build a track from whole backbones (t, k, 2) px, head first; steps: of a film's backbone."""
+    """Return a track of whole backbones (t, k, 2) px, head first.
+
+    frame (t,): their numbers; steps: of a backbone of the drawn film; the track has steps + 1
+    points.
+    """
     at = np.arange(steps + 1) / steps
     place = at * (line.shape[1] - 1)
     points = at_places(line, place)
@@ -104,7 +110,10 @@ def _animal(poses: Poses, p: RetargetSettings) -> tuple[str, Ints, Floats]:
 
 
 def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int:
-    """Return the number of the animal with that name; None: the animal that most frames show."""
+    """Return the number of the animal with that name; None: the animal that most frames show.
+
+    counts: the frames that show each animal. FinloopError if no animal has the name.
+    """
     if animal is None:
         return int(np.argmax(counts))
     if animal not in names:
@@ -118,11 +127,12 @@ def choose_animal(animal: str | None, names: Sequence[str], counts: Ints) -> int
 
 
 def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -> Ints:
-    """Return the numbers of the keypoints along the body, head first.
+    """Return the numbers (m,) of the keypoints along the body, head first.
 
-    Without `retarget.body_keypoints` these are head, tail, and the points near the line between
-    them, in the median of all frames; eyes and fins lie beside it. Without head or tail it is one
-    point.
+    keypoints: their names; points (t, keypoints, 2) px. Without `retarget.body_keypoints` these are
+    head, tail, and the points near the line between them, in the median of all frames; eyes and
+    fins lie beside it. Without head or tail it is one point. FinloopError if a named keypoint is
+    missing.
     """
     if p.body_keypoints is not None:
         missing = [one for one in p.body_keypoints if one not in keypoints]
@@ -159,10 +169,12 @@ def _plain(name: str) -> str:
 
 
 def lines(points: Floats, share: Floats, name: str) -> Floats:
-    """Return points (t, m, 2) at shares (m,) of the curve through the k points of each frame.
+    """Return points (t, m, 2) px at shares (m,) of the curve through each frame's k points.
 
-    points: (t, k, 2). The curve is a cubic spline through the points that are given, by the length
-    of the chords between them. NaN where an end is missing, or fewer than three points are given.
+    points (t, k, 2) px, in order along the body; share: 0 = first, 1 = last point; name: for
+    messages. The curve is a cubic spline through the points that are given, by the length of the
+    chords between them. NaN where an end is missing, or fewer than three points are given.
+    FinloopError if the line goes back and forth.
     """
     there = np.asarray(np.isfinite(points).all(2))
     usable = there[:, 0] & there[:, -1] & (there.sum(1) >= 3)

@@ -31,11 +31,11 @@ class CarpPicture:
     coverage: Image  # (rows, columns) share of each pixel inside the silhouette of body and fins
 
     def area_px(self) -> float:
-        """Return the area of the silhouette."""
+        """Return the area of the silhouette of body and fins, px²."""
         return float(self.coverage.sum(dtype=np.float64))
 
     def centre_px(self) -> tuple[float, float]:
-        """Return the mass centre of the silhouette, x and y in the picture."""
+        """Return the mass centre of the silhouette: x and y in the film's picture, px."""
         area = self.area_px()
         across = self.coverage.sum(axis=0, dtype=np.float64)
         down = self.coverage.sum(axis=1, dtype=np.float64)
@@ -105,7 +105,7 @@ def draw(
     oversample: int = OVERSAMPLE,
     gloss: float = GLOSS,
 ) -> CarpPicture:
-    """Draw a fish along its midline.
+    """Draw a fish along its midline; return its picture with opacity and coverage.
 
     Parameters
     ----------
@@ -255,7 +255,10 @@ def _fin(
 
 
 def blur_drawing(drawing: CarpPicture, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
-    """Return premultiplied colour and opacity, blurred by the lens."""
+    """Return the fish's colour (rows, columns, 3) and opacity (rows, columns), blurred by the lens.
+
+    The colour is premultiplied RGB; sigma_px: SD of the blur.
+    """
     return (
         np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), sigma_px), np.float32),
         np.asarray(cv2.GaussianBlur(drawing.opacity, (0, 0), sigma_px), np.float32),

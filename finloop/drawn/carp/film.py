@@ -38,7 +38,7 @@ def _streams(seed: int) -> list[np.random.Generator]:
 
 
 def motion(params: CarpFilm) -> CarpMotion:
-    """Return the poses of all fish in all frames (about 80 bytes a fish and frame)."""
+    """Return the poses of all fish in all frames of the film (about 80 bytes a fish and frame)."""
     room = room_of(params.width_px, params.height_px, params.body_length_px)
     return simulate(
         params.frames,
@@ -60,7 +60,7 @@ def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Fl
 
 
 def looks(params: CarpFilm) -> tuple[FishColours, ...]:
-    """Return the colours of every fish, at the resolution of the drawing."""
+    """Return the colours of every fish, with skin pictures at the resolution of the drawing."""
     columns = max(160, round(params.body_length_px * OVERSAMPLE * 1.5))
     return _looks(params.seed, params.fish, columns)
 
@@ -73,7 +73,7 @@ def _looks(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
 
 
 def light(params: CarpFilm) -> Floats:
-    """Return the brightness (frames,) of the light: about 1, drifting by ± `light_drift`."""
+    """Return the brightness of the light in every frame, (frames,): 1 ± `light_drift`."""
     phase = _streams(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
     slow = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
@@ -83,7 +83,10 @@ def light(params: CarpFilm) -> Floats:
 
 
 def empty_tank(params: CarpFilm) -> Image:
-    """Return the tank without fish or noise at light 1: (height, width, 3), or 1 if grey."""
+    """Return the picture of the tank without fish or noise, in the mean light.
+
+    Grey levels (height, width, 3) RGB, or (height, width, 1) for a grey film.
+    """
     empty = floor(params.width_px, params.height_px, _streams(params.seed)[1])
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
 
@@ -148,9 +151,9 @@ def _window(
 
 
 def film(params: CarpFilm, poses: CarpMotion | None = None) -> Iterator[tuple[Picture, list[Row]]]:
-    """Stream the frames with their truth.
+    """Stream the frames, each with the true features of its fish.
 
-    `poses` default to those of `motion`; later fish cover earlier fish.
+    poses: of all fish, by default those of `motion`; later fish cover earlier fish.
 
     Yields
     ------

@@ -25,14 +25,20 @@ WAVELENGTH = 1.05  # of the tail beat: one wave on the body
 
 @cache
 def mass_weights() -> Floats:
-    """Return the share of the body's mass at each midline point, head to tail, by its width."""
+    """Return the share of the body's mass at each midline point, (65,), head to tail.
+
+    The shares follow the width of the body; their sum is 1.
+    """
     width = half_width(np.linspace(0, 1, POINTS))
     return width / width.sum()
 
 
 @cache
 def bend_shape() -> Floats:
-    """Return the C-bend curvature at the 63 inner midline points, sum 1, strongest in mid-body."""
+    """Return how a C-bend is spread over the 63 inner midline points, sum 1.
+
+    It is strongest in mid-body.
+    """
     s = np.arange(1, SEGMENTS) / SEGMENTS
     t = np.clip((s - 0.16) / 0.80, 0, 1)
     shape = np.sin(np.pi * t**0.95) ** 2
@@ -55,7 +61,10 @@ def _segment_weights() -> Floats:
 
 @cache
 def wave_shape() -> Floats:
-    """Return the bend (radians) of the tail-beat wave at each inner point, amplitude 1."""
+    """Return the largest bend by the tail beat at each of the 63 inner midline points, radians.
+
+    This holds for amplitude 1, cruising.
+    """
     s = np.arange(1, SEGMENTS) / SEGMENTS
     growth = 0.18 + 3.1 * np.clip((s - 0.2) / 0.8, 0, None) ** 1.35
     return growth * np.clip(s / 0.3, 0, 1) ** 2 / SEGMENTS
@@ -72,8 +81,10 @@ def midline(
 ) -> Floats:
     """Return the midline of a pose, (65, 2) body lengths, head to tail, of arc length 1.
 
-    Tangents are integrated from curvature, so the line cannot stretch. Then its mass centre is put
-    at (x, y) and its mean tangent along `axis`, so the head recoils against the tail as in a fish.
+    x, y: mass centre, body lengths; axis: mean direction, radians; beat: phase of the tail beat,
+    cycles; amplitude: of the beat, 1 = cruising; bend: the C-bend, radians; ripple: two small
+    random bends. Tangents are integrated from curvature, so the line cannot stretch. Then it is
+    moved and turned, so the head recoils against the tail as in a fish.
     """
     s, once, twice = _ripples()
     joint = (
@@ -92,14 +103,20 @@ def midline(
 
 
 def bend_of(line: Floats) -> float:
-    """Return the signed area between a midline and its chord / length², + for a left bend."""
+    """Return the signed area between a midline and its chord / length², + for a left bend.
+
+    line (k, 2): head to tail, any unit.
+    """
     x, y = line[:, 0], line[:, 1]
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
 
 
 def heading_of(line: Floats) -> float:
-    """Return the direction from a third of the midline to the head, degrees in (-180, 180]."""
+    """Return the direction from a third of the midline to the head, degrees in (-180, 180].
+
+    line (k, 2): head to tail, y down. 0 is to the right, + anticlockwise on screen.
+    """
     at = (len(line) - 1) / 3
     i = int(at)
     third = line[i] + (at - i) * (line[i + 1] - line[i])
@@ -108,7 +125,10 @@ def heading_of(line: Floats) -> float:
 
 
 def curvature_of(line: Floats) -> float:
-    """Return the midline's direction at the head minus at the tail, degrees, + for left."""
+    """Return the midline's direction at the head minus at the tail, degrees, + for left.
+
+    line (k, 2): head to tail, y down.
+    """
     step = line[:-1] - line[1:]
     angle = np.unwrap(np.arctan2(-step[:, 1], step[:, 0]))
     return float(np.degrees(angle[0] - angle[-1]))

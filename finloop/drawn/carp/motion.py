@@ -32,7 +32,10 @@ class CarpMotion:
 
 
 def room_of(width_px: int, height_px: int, body_length_px: float) -> Room:
-    """Return the room for mass centres, in body lengths; empty if the tank is small."""
+    """Return where mass centres may be: x0, y0, x1, y1 in body lengths.
+
+    x1 < x0 or y1 < y0 if the tank is too small.
+    """
     edge = REACH + 5 / body_length_px
     return (
         edge,
@@ -59,7 +62,7 @@ def _places(fish: int, room: Room, rng: np.random.Generator) -> list[tuple[float
 
 
 def is_crowded(fish: int, room: Room) -> bool:
-    """Return whether the room is too small: each fish needs a square of 2.2 body lengths."""
+    """Return whether the room is too small for the fish: each needs 2.2 × 2.2 body lengths."""
     wide, high = room[2] - room[0], room[3] - room[1]
     if wide < 1.2 or high < 1.2:
         return True
@@ -69,7 +72,10 @@ def is_crowded(fish: int, room: Room) -> bool:
 def simulate(
     frames: int, fish: int, room: Room, frame_rate_hz: float, fins: float, rng: np.random.Generator
 ) -> CarpMotion:
-    """Simulate the poses of all fish; a longer film begins with the same frames."""
+    """Return the poses of all fish in all frames; a longer film begins with the same frames.
+
+    fins: share of the time in which the pectoral fins are open, 0-1.
+    """
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))
     dt = 1 / (frame_rate_hz * steps)
     streams = rng.spawn(fish + 1)

@@ -12,7 +12,7 @@ SizePx = Annotated[int, Field(ge=32, le=8192)]
 
 @dataclass(frozen=True)
 class CarpFilm:
-    """What to film."""
+    """Parameters of a film of drawn carp: its size and length, the fish, the noise."""
 
     frames: Annotated[int, Field(ge=2)]
     fish: Count

@@ -39,13 +39,17 @@ def _width_squared() -> "scipy.interpolate.PchipInterpolator":
 
 
 def half_width(s: Floats) -> Floats:
-    """Return half the body's width at `s`, in body lengths; 0 at both tips."""
+    """Return half the body's width at s (0 snout, 1 tail end), in body lengths; 0 at both tips."""
     return np.sqrt(np.clip(_width_squared()(np.clip(s, 0, 1)), 0, None))
 
 
 @cache
 def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Floats, Floats]:
-    """Return `s`, the squared half width and its slope, extended linearly beyond the tips."""
+    """Return a table of the body's width, three arrays (points,): s, squared half width, its slope.
+
+    s runs from −beyond to 1 + beyond (0 snout, 1 tail end), where the table is extended linearly.
+    Widths are in body lengths; the slope is against s.
+    """
     s = np.linspace(-beyond, 1 + beyond, points)
     curve, slope = _width_squared(), _width_squared().derivative()
     inside = np.clip(s, 0, 1)
@@ -55,7 +59,7 @@ def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Float
 
 @dataclass(frozen=True)
 class FishColours:
-    """Colours of one fish."""
+    """Pictures of one fish's skin and fin, and its girth; colours are grey levels 0-255."""
 
     # (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
     skin: Image
@@ -65,7 +69,10 @@ class FishColours:
 
 
 def cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
-    """Return random texture, mean 0, SD 1: the sum of noise blurred by each of `sizes` (px)."""
+    """Return a random texture (rows, columns) of mean 0 and SD 1.
+
+    It is the sum of noise blurred by each of `sizes` (px).
+    """
     total = np.zeros(shape, np.float32)
     for size in sizes:
         # A coarse grid scaled up looks like a wide blur, and is much faster.
@@ -109,7 +116,10 @@ class _Grid(NamedTuple):
 
 
 def look(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
-    """Paint one fish; `columns` is the width of its skin picture, `coat` selects its colours."""
+    """Paint one fish; return the pictures of its skin and fin.
+
+    columns: width of the skin picture, px; coat: number of its colours.
+    """
     back, flank, dark, _ = _COATS[coat % len(_COATS)]
     full = SKIN_PER_LENGTH
     rows = int(2 * SKIN_HALF * full)
@@ -238,7 +248,7 @@ def _fin(
 
 
 def floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
-    """Paint the empty tank, (height, width, 3): sand, pebbles, light pools, walls, vignetting."""
+    """Paint the empty tank, (height, width, 3) RGB: sand, pebbles, light pools, walls."""
     shape = (height_px, width_px)
     grey = 172 + 5.5 * cloud(shape, (0.7, 1.3), rng) + 2.6 * cloud(shape, (5, 9), rng)
     grey += 4.0 * cloud(shape, (60, 130), rng)

@@ -34,12 +34,12 @@ def _smooth(x: float) -> float:
 
 
 def turn_bend(tau: float) -> float:
-    """Return the relative C-bend at the share `tau` of a turn's duration: in, hold, out."""
+    """Return the body's relative bend at the share `tau` (0-1) of a C-turn: 0 to 1 to 0."""
     return _smooth(tau / 0.36) - _smooth((tau - 0.50) / 0.46)
 
 
 def turn_progress(tau: float) -> float:
-    """Return the share of a turn's angle completed at the share `tau` of its duration."""
+    """Return which share (0-1) of a turn's angle is complete at the share `tau` of its duration."""
     return _smooth((tau - 0.06) / 0.94)
 
 
@@ -54,7 +54,11 @@ def _free_run(x: float, y: float, angle: float, room: Room) -> float:
 
 
 class Swimmer:
-    """The state of one fish; `advance` integrates it by one step."""
+    """The state of one fish; `advance` integrates it by one step.
+
+    x, y: mass centre, body lengths; axis: direction, radians; room: where mass centres may be;
+    fins: share of the time in which the pectoral fins are open.
+    """
 
     def __init__(
         self, x: float, y: float, axis: float, room: Room, fins: float, rng: np.random.Generator
@@ -167,7 +171,7 @@ class Swimmer:
         return float(mean * self.rng.uniform(0.5, 1.5))
 
     def advance(self, others: Sequence["Swimmer"], dt: float) -> None:
-        """Advance by `dt` seconds: decide, bend, turn, beat, move."""
+        """Advance the fish by `dt` seconds: decide, bend, turn, beat, move; avoid `others`."""
         self._decide(others, dt)
         axis = self.axis
         late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s

@@ -26,7 +26,7 @@ PALETTE = (NEAR, FAR, COAT, DARK, COLLAR, INK, SHADE, SKY, HILL, MEADOW, TUFT)
 
 @dataclass(frozen=True)
 class Scenery:
-    """Objects on the ground."""
+    """Objects on the meadow behind the dog, one a row."""
 
     tufts: Floats  # x [px], y [share of the meadow's depth], size [px]
     hills: Floats  # x, height [px]
@@ -48,7 +48,7 @@ def scenery(dog: DogFilm, rng: np.random.Generator) -> Scenery:
 
 
 def film(dog: DogFilm) -> Iterator[Picture]:
-    """Stream the frames, (height, width, 3) RGB."""
+    """Stream the frames of the dog's film, (height, width, 3) RGB, uint8."""
     rng = np.random.default_rng(dog.seed)
     ground = scenery(dog, rng)
     for frame in range(dog.frames):
@@ -115,9 +115,10 @@ def _fill(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> Non
 
 
 def limb_masks(picture: Picture) -> dict[str, Mask]:
-    """Segment the near limbs in a frame of the coded film by colour; return their masks.
+    """Return the masks (h, w) of the two near limbs in a frame of the drawn dog's film, by id.
 
-    FinloopError if the picture has fewer than two pale regions: it is not a frame of this film.
+    The ids are "fore_right" and "hind_right"; the limbs are found by their colour. FinloopError if
+    the picture has fewer than two pale regions: it is not a frame of this film.
     """
     palette = np.array(PALETTE, np.float32)
     # The squared distance to each colour, less the common term; whole numbers, so exact.

@@ -24,7 +24,7 @@ BLUNT = 0.02  # added to that distance, so that a point on a bone follows the ot
 
 @dataclass(frozen=True)
 class LimbShape:
-    """A limb at rest."""
+    """A limb at rest: joints, outline and how it bends; lengths in trunks."""
 
     # (5, 2): hip or shoulder, knee or elbow, hock or wrist, foot, tip of the toes
     joints: tuple[tuple[float, float], ...]
@@ -34,7 +34,7 @@ class LimbShape:
     lean: tuple[float, float]
 
     def bones(self) -> Floats:
-        """Return the lengths of the four bones."""
+        """Return the lengths (4,) of the bones, from the top to the toes, in trunks."""
         return np.asarray(np.linalg.norm(np.diff(self.joints, axis=0), axis=1))
 
 
@@ -89,7 +89,7 @@ EYE, NOSE = (0.905, -1.275), (1.145, -1.205)
 
 @cache
 def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
-    """Return n points (n, 2) of equal arc length on the closed cubic spline through the nodes."""
+    """Return n points (n, 2) at equal distances on the closed smooth curve through the nodes."""
     corners = np.array([*nodes, nodes[0]])
     knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
     spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
@@ -99,7 +99,7 @@ def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
 
 @cache
 def skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
-    """Return the outline (n, 2) at rest, and the weights (n, 4) of the bones at each point."""
+    """Return a limb's outline (n, 2) at rest, and the weights (n, 4) of its bones at each point."""
     outline, joints = smooth(shape.outline, n), np.array(shape.joints)
     along = np.diff(joints, axis=0)
     part = np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], along) / shape.bones() ** 2
@@ -110,17 +110,20 @@ def skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
 
 
 def reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
-    """Return whether the limb is long enough for feet (…, 2) with its top moved by (…, 2)."""
+    """Return whether the limb is long enough, (…) bool, to have its foot and its top there.
+
+    foot, top (…, 2): how far both are moved from rest, in trunks.
+    """
     bones, ankle = shape.bones(), _ankle(shape, foot)[0]
     far = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
     return (far < bones[0] + bones[1]) & (far > abs(bones[0] - bones[1]))
 
 
 def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
-    """Return outlines (…, n, 2) of a limb with foot and top moved by (…, 2) from rest.
+    """Return outlines (…, n, 2) of a limb, in trunks, with its foot and its top moved from rest.
 
-    The knee follows by two-link inverse kinematics. The outline is a smooth function of `foot` and
-    `top` alone.
+    foot, top (…, 2): how far both are moved, in trunks; y is down. The knee follows by two-link
+    inverse kinematics. The outline is a smooth function of `foot` and `top` alone.
     """
     rest, bones = np.array(shape.joints), shape.bones()
     ankle, pastern, paw = _ankle(shape, foot)

@@ -59,12 +59,12 @@ class DogFilm:
 
     @property
     def frequency_hz(self) -> float:
-        """Cycles per second."""
+        """Return the gait cycles per second."""
         return self.cycles * self.frame_rate_hz / self.frames
 
     @property
     def body_length_px(self) -> float:
-        """Length from the rump to the tip of the nose, standing."""
+        """Return the length from the rump to the tip of the nose, standing, px."""
         return 1.82 * self.trunk_px
 
     def __post_init__(self) -> None:
@@ -99,23 +99,29 @@ class DogFilm:
 
 
 def phases(dog: DogFilm) -> Floats:
-    """Return the phase of each frame, 0 … `cycles`, not wrapped."""
+    """Return the phase of each frame, (frames,) in cycles: from 0 to below `cycles`."""
     return np.arange(dog.frames) * dog.cycles / dog.frames
 
 
 def gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
-    """Return γ of the foot's clock in subcycles A, B, C, D."""
+    """Return the γ of a limb's foot in subcycles A, B, C, D: how unevenly it moves.
+
+    name: one of NAMES; γ is 0 while the foot is on the ground.
+    """
     swing = dog.swing_fore if name.startswith("fore") else dog.swing_hind
     return (*swing, 0.0, 0.0) if name in FIRST else (0.0, 0.0, *swing)
 
 
 def swings(name: str, phase: Floats) -> Mask:
-    """Return whether the foot is off the ground."""
+    """Return whether the foot of a limb is off the ground at phases of any shape, in cycles."""
     return np.asarray((np.mod(phase, 1.0) < 0.5) == (name in FIRST))
 
 
 def progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return the progress of a limb through its half of the cycle, 0 … 1, by its clocks."""
+    """Return how far a limb is through its present half of the cycle, 0-1, at phases of any shape.
+
+    The half is a swing or a support; γ makes the progress uneven.
+    """
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
     which = quarter.astype(int) % 4
     gamma = np.array(gammas(dog, name))[which]
@@ -123,9 +129,9 @@ def progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
 
 
 def foot(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Return the foot's displacement (…, 2) from rest in the body frame, trunks; up is negative.
+    """Return the foot's displacement (…, 2) from rest at phases (…), in trunks; up is negative.
 
-    A swinging foot follows a rounded triangle.
+    It is relative to the body frame. A swinging foot follows a rounded triangle.
     """
     part, up = progress(dog, name, phase), swings(name, phase)
     x = dog.stride * np.where(up, part - 0.5, 0.5 - part)
@@ -134,12 +140,12 @@ def foot(dog: DogFilm, name: str, phase: Floats) -> Floats:
 
 
 def bob(dog: DogFilm, phase: Floats) -> Floats:
-    """Return the body's displacement (…, 2) from its mean, in trunks; up is negative."""
+    """Return the body's displacement (…, 2) from its mean at phases (…), trunks; up is negative."""
     return np.stack([np.zeros_like(phase), dog.bob * np.cos(4 * np.pi * phase)], axis=-1)
 
 
 def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
-    """Return contours (…, n, 2) of a limb in the body frame, px, clockwise.
+    """Return contours (…, n, 2) of a limb at phases (…), in the body frame, px, clockwise.
 
     Point i is a fixed point of the skin; at rest the points have equal arc lengths.
     """
@@ -149,12 +155,18 @@ def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
 
 
 def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
-    """Return the contour (n, 2) of body, head, ear or tail in the body frame, px."""
+    """Return the contour (n, 2) of body, head, ear or tail at a phase, in the body frame, px.
+
+    nodes: BODY, HEAD, EAR or TAIL.
+    """
     return dog.trunk_px * (_rotate_part(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
 
 
 def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
-    """Return the place (2,) of the eye or nose in the body frame, px."""
+    """Return where the eye or the nose is at a phase, (2,) px in the body frame.
+
+    place: EYE or NOSE.
+    """
     return dog.trunk_px * (_rotate_part(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
 
 
@@ -176,22 +188,22 @@ def _rotate_part(nodes: tuple[tuple[float, float], ...], points: Floats, phase: 
 
 
 def course_px(dog: DogFilm) -> Floats:
-    """Return the origin (frames, 2) of the body frame in the picture, px."""
+    """Return where the origin of the body frame is in the picture, (frames, 2) px."""
     way = 2 * dog.stride * dog.trunk_px * phases(dog) * (1 - dog.pan)
     middle = 0.47 * dog.width_px - way[-1] / 2
     return np.column_stack([middle + way, np.full(dog.frames, 0.86 * dog.height_px)])
 
 
 def camera_px(dog: DogFilm) -> Floats:
-    """Return the camera's displacement (frames,) to the right, px of the ground."""
+    """Return how far the camera has moved to the right, (frames,) px."""
     return 2 * dog.stride * dog.trunk_px * phases(dog) * dog.pan
 
 
 def truth(dog: DogFilm, n: int) -> dict[str, Floats]:
-    """Return the exact contours (frames, n, 2) of the limbs by id, in the body frame, px."""
+    """Return the exact contours (frames, n, 2) of all limbs by id, in the body frame, px."""
     return {name: limb(dog, name, phases(dog), n) for name in NAMES}
 
 
 def support(name: str) -> tuple[tuple[float, float], ...]:
-    """Return the phases (from, to) in which the foot is on the ground."""
+    """Return the spans of phase (from, to), in cycles, in which a limb's foot is on the ground."""
     return ((0.5, 1.0),) if name in FIRST else ((0.0, 0.5),)
