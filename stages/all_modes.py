@@ -10,9 +10,9 @@ from finloop.project import Project
 
 
 def open_modes(project: Project) -> dict[str, Animator]:
-    """Return the animators of all modes for which the film shows enough, by name.
+    """Open every mode for which the film shows enough; return mode → animator.
 
-    NothingToUse if there is no such mode. stderr reports what each other mode lacks.
+    stderr reports what each other mode lacks. NothingToUse if no mode is left.
     """
     made: dict[str, Animator] = {}
     # A fish that another mode left as a sprite goes on from the row behind it.

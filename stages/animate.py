@@ -32,7 +32,10 @@ def played_modes() -> list[str]:
 
 
 def mode_numbers(mode: str) -> dict[str, float]:
-    """Return the measures of a mode's animation, and of its trials."""
+    """Return the measures of a mode's animation and of its random trials, name → number.
+
+    They come from data/animate/<mode>/measures.json and trials.json.
+    """
     numbers: dict[str, float] = {}
     for name in ("measures", "trials"):
         numbers |= load_json(ANIMATE / mode / f"{name}.json", dict, *remake_hint(f"modes-{mode}"))
@@ -40,7 +43,11 @@ def mode_numbers(mode: str) -> dict[str, float]:
 
 
 def film_numbers(project: Project, motion: MotionStatistics, moved: tuple) -> dict[str, float]:
-    """Return the same measures of the film; moved: from `measures.motion_of_film`."""
+    """Return the measures of the film that can be compared with those of the modes, name → number.
+
+    motion: statistics of the film's motion; moved: speeds and turn rates from
+    `measures.motion_of_film`.
+    """
     features, rate = project.features, project.rate_hz
     steps = project.steps[["headed", "as_filmed"]].dropna()
     numbers = measures.measure_film(features, moved, steps["as_filmed"].to_numpy(float), motion)
@@ -55,9 +62,10 @@ def film_numbers(project: Project, motion: MotionStatistics, moved: tuple) -> di
 
 
 def company(project: Project) -> pd.DataFrame:
-    """Compare the fish of `matching` with those of the film, as `beside` does.
+    """Return how the fish of mode `matching` differ from the film's, a row per measure.
 
-    Its first half, to which zones are fitted, is compared too. A single fish has no rows.
+    The rows are those of `beside`. The first half of the film, to which zones are fitted, is
+    compared in the same way. The table is empty for a single fish.
     """
     if project.settings("matching").fish == 1 or "matching" not in played_modes():
         return beside({}, {})
@@ -75,7 +83,10 @@ def company(project: Project) -> pd.DataFrame:
 
 
 def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
-    """Return the findings about each mode as sentences; numbers: of the modes that play."""
+    """Return the findings about the modes, columns mode and doubt (a sentence).
+
+    numbers: mode → measures, of the modes that have an animation.
+    """
     rows: list[tuple[str, str]] = []
     for mode, described in MODES.items():
         if mode not in numbers:
@@ -98,7 +109,10 @@ def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Make data/animate/beside/, reports/animate/."""
+    """Write data/animate/beside/kinematics.parquet and reports/animate/.
+
+    The reports are measures.csv, doubts.csv, left.csv, company.csv and the metrics.
+    """
     with Project() as project:
         features = project.features
         motion = learn(features, project.rate_hz, delta_of(features))

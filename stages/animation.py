@@ -41,7 +41,10 @@ More = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
 
 
 def film_data(project: Project, reel: Reel) -> FilmData:
-    """Return the data of a run that a mode of the paper needs; reel: with or without sprites."""
+    """Return the results of earlier stages that a mode of the fish paper needs.
+
+    reel: the film's pictures, with or without sprites.
+    """
     return FilmData(
         project.rate_hz, project.arena, project.background, reel, project.outlines, project.poses,
         project.map_facts, project.steps,
@@ -51,15 +54,16 @@ def film_data(project: Project, reel: Reel) -> FilmData:
 def save_no_more(
     folder: Path, animator: Animator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
-    """Write no further files and return no numbers."""
+    """Do nothing and return no numbers: the `save_more` of a mode without further files."""
     return {}
 
 
 def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
-    """Make the edit list of a mode, and its folder with samples, goals, measures and motion.
+    """Write the edit list of a mode, data/animate/<mode>.parquet, and data/animate/<mode>/.
 
-    Where the film shows too little for the mode, the list is empty, and reason.json has the reason.
-    save_more: writes further files of the mode into the folder and returns further numbers.
+    The folder has goals, samples, motion and measures. Where the film shows too little for the
+    mode, the list is empty, and the folder has only reason.json. open_mode: returns the animator;
+    save_more: writes further files of the mode and returns further numbers.
     """
     need = [name for name in sys.modules if name.startswith("finloop.")]
     with workers(need) as pool, Project() as project:
@@ -84,7 +88,7 @@ def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
 
 
 def say_where(mode: str, animator: Animator, p: Any) -> None:
-    """Report on stderr where fish are drawn smaller, and where the film does not show the tank."""
+    """Report on stderr if fish are drawn smaller than filmed, and if the tank's edge is unknown."""
     size, tank = animator.pictures.reel.size, animator.player.world.tank
     if size < 1 and p.fish_scale == "auto":
         print(
@@ -104,7 +108,10 @@ def say_where(mode: str, animator: Animator, p: Any) -> None:
 def save_animation(
     folder: Path, mode: str, animator: Animator, project: Project, save_more: More
 ) -> pd.DataFrame:
-    """Write goals, size, motion and measures of the animation; return its edit list."""
+    """Plan the animation of a mode; write its files into `folder` and return its edit list.
+
+    The files are goals.json, drawn.json (scale of the fish), measures.json and motion.parquet.
+    """
     goals = animator.goals()
     animator.check_room(goals)
     swims, edit = animator.plan(goals)
@@ -129,14 +136,18 @@ def save_animation(
 
 
 def finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
-    """Return the finite numbers, without those of turns where there were none."""
+    """Return the numbers without NaN and infinity; such a number has nothing to measure."""
     return {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
 
 
 def measure_pictures(
     edit: pd.DataFrame, animator: Animator, steps: pd.DataFrame, rate_hz: float
 ) -> dict[str, float]:
-    """Return the measures of one fish that need pictures; steps: columns of `STEPS`."""
+    """Return the measures of one fish's animation that depend on its pictures, name → number.
+
+    edit: of this fish; steps: columns headed and as_filmed of `STEPS`, the film's own
+    discontinuities.
+    """
     pictures = animator.pictures
     joins, jumps = seams(edit, pictures)
     return {
@@ -150,9 +161,9 @@ def measure_pictures(
 
 
 def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Return the measures of animations to random goals, one per seed, without pictures.
+    """Return the measures of animations to random goals, one dict per seed, without pictures.
 
-    A process of its own opens the mode once: for hours of film that takes long.
+    A worker process opens the mode once for all seeds: for hours of film that takes long.
     """
     with Project() as project:
         animator = open_mode(project)
@@ -169,7 +180,10 @@ def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]
 
 
 def measure_trials(open_mode: Open, mode: str, trials: int, pool: Workers) -> dict[str, float]:
-    """Return the mean measures of further animations of a mode, as `trials_…`."""
+    """Return the mean measures of `trials` animations to random goals, as `trials_<name>`.
+
+    open_mode: returns the animator, in the workers of `pool`. The result is empty without trials.
+    """
     most = max(1, -(-trials // pool.count))
     lots = [range(trials)[first : first + most] for first in range(0, trials, most)]
     rows: list[dict[str, float]] = []

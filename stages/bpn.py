@@ -25,7 +25,10 @@ OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 
 def main() -> None:
-    """Make data/bpn/, reports/bpn/."""
+    """Train the motion network; write data/bpn/ and reports/bpn/.
+
+    They hold model.json, model.onnx and held_out.parquet; curve.csv and the metrics.
+    """
     p: BpnSettings = load("bpn")
     project = Project()
     rate_hz, table = project.rate_hz, project.features

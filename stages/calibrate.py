@@ -30,13 +30,19 @@ OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
 def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
-    """Return the rows of the film whose tank is the clip's arena: of several films the first."""
+    """Return the rows of the feature table to calibrate with; of several films, the first's.
+
+    The clip's arena is that film's. clip: folder data/clip.
+    """
     parts = parts_of(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
 def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """Return the measures of simulated point fish, by the zones and without the others."""
+    """Return the measures (columns of `SHOAL`) of simulated point fish in two groups.
+
+    "zones" swim by the zones, "alone" without other fish.
+    """
     rows, tables = film.whole_steps(p.rows), {}
     for name, rule in (("zones", zones), ("alone", NO_ZONES)):
         steps, rng = own_steps(film, rows, rule), np.random.default_rng(p.seed)
@@ -45,7 +51,10 @@ def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.
 
 
 def numbers(film: FilmShoal, fit: Fitted | None, zones: Zones) -> dict[str, float | int]:
-    """Return the zones, and how well they predict."""
+    """Return the metrics of a fit: zones, fish per frame, and the shares explained (%).
+
+    fit: None where the film shows too few fish together.
+    """
     values: dict[str, float | int] = {"fitted": int(fit is not None), "fish": film.fish}
     if fit is not None:
         values["explained_pct"] = 100 * fit.explained
@@ -55,7 +64,7 @@ def numbers(film: FilmShoal, fit: Fitted | None, zones: Zones) -> dict[str, floa
 
 
 def save_rule(folder: Path, rule: Shoaling) -> None:
-    """Write the zones and own steps of a film, which `Project.rule` loads."""
+    """Write zones.json and steps.parquet, the rule of a film's fish, which `Project.rule` loads."""
     own = rule.steps
     save_json(folder / "zones.json", {
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
@@ -65,7 +74,11 @@ def save_rule(folder: Path, rule: Shoaling) -> None:
 
 
 def main() -> None:
-    """Make data/calibrate/, reports/calibrate/."""
+    """Write the rule of the film's school to data/calibrate/, and metrics to reports/calibrate/.
+
+    Measures of film and simulated fish are in film.parquet, zones.parquet, alone.parquet and
+    company.csv.
+    """
     p: CalibrateSettings = load("calibrate")
     project = Project()
     features = project.features

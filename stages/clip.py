@@ -34,7 +34,7 @@ FACTS = (  # among the metrics
 
 
 def main() -> None:
-    """Make data/clip/, reports/clip/metrics.json and findings.csv; report how good the film is."""
+    """Write the normalised clip to data/clip/, and metrics and findings to reports/clip/."""
     p: ClipSettings = load("clip")
     films = drop_repeated_films(films_of(p)) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
@@ -49,14 +49,17 @@ def main() -> None:
 
 
 def films_of(p: File) -> list[File]:
-    """Return the parameters of each film: a path, a folder, a pattern or a list names them."""
+    """Return the parameters of each single film, in order.
+
+    p: its path may be a file, a folder, a pattern or a list of these.
+    """
     return [
         replace(of_path, path=str(film)) for path, of_path in p.each() for film in list_films(path)
     ]
 
 
 def drop_repeated_films(films: list[File]) -> list[File]:
-    """Return the films without repeats that have the same values, and warn of each repeat."""
+    """Return the films without those named twice with equal values; warn of each on stderr."""
     taken = dict[File, File]()
     for film in films:
         key = replace(film, path=str(film.film.resolve()))
@@ -70,7 +73,10 @@ def drop_repeated_films(films: list[File]) -> list[File]:
 
 
 def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) -> dict[str, float]:
-    """Write a film's clip to a folder; return its metrics."""
+    """Write one film's clip to `folder` and return its metrics, name → number.
+
+    watch: reports progress. FinloopError if the file changes meanwhile.
+    """
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
     before = stamps(p.film) if isinstance(p, File) else []
@@ -95,7 +101,10 @@ def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) 
 
 
 def say(numbers: dict[str, float]) -> None:
-    """Write findings.csv from the metrics of one film or several, and report what it contains."""
+    """Write reports/clip/findings.csv and print the findings on stderr.
+
+    numbers: metrics of one film, or of several with the prefix `<film>_`.
+    """
     rows = []
     for name, _ in folders(CLIP):
         prefix = f"{name}_" if name else ""
@@ -108,9 +117,9 @@ def say(numbers: dict[str, float]) -> None:
 
 
 def write_clips(films: list[File], folder: Path) -> dict[str, float]:
-    """Write the clips of several films, each in its own folder, and what joins them.
+    """Write the clips of several films, a folder each, and join them; return all metrics.
 
-    A film that cannot be read is named and left out. The clip of an earlier run with the same
+    A film that cannot be read is reported and left out. The clip of an earlier run with the same
     parameters and code is reused.
     """
     code, parts = code_digest("clip"), list[FilmPart]()
@@ -139,7 +148,7 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
 
 
 def fact_metrics(facts: VideoFacts) -> dict[str, float]:
-    """Return the metrics that are facts of the clip."""
+    """Return the metrics that are facts of a clip: size, rate, duration, lost frames, segments."""
     return {name: getattr(facts, name) for name in FACTS} | {
         "duration_s": facts.frames / facts.frame_rate_hz,
         "segments": len(facts.segments),

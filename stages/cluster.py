@@ -25,9 +25,10 @@ START = "python -m stages.cluster {}"
 
 @contextmanager
 def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
-    """Return the workers of a stage; need: modules to load first; threads: not processes.
+    """Yield the workers of a stage: this machine's, or those of the cluster that conf/ names.
 
-    FinloopError if the requested cluster is not there, or does not fit.
+    need: modules to import first; threads: use threads on this machine, not processes. FinloopError
+    if the requested cluster is not there, or does not fit.
     """
     p: ClusterSettings = load("cluster")
     if isinstance(p, Default) and p.scheduler_address is None:
@@ -46,7 +47,7 @@ def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
 
 
 def main() -> None:
-    """Start workers for a scheduler."""
+    """Start Dask workers for a scheduler, on this machine; the process becomes theirs."""
     parser = argparse.ArgumentParser(prog="python -m stages.cluster", description=__doc__)
     parser.add_argument("address", help="address of Dask's scheduler: tcp://host:8786")
     parser.add_argument("--count", type=int, default=THREADS, help="workers, one thread each")

@@ -32,12 +32,15 @@ BY_NAME = {"stages/params.py": {*DECLARATIONS, "finloop/edit/modes.py"}}
 
 
 def module_of(stage: str) -> str:
-    """Return the module of a stage by its name: "plots-film" gives "stages.plots.film"."""
+    """Return the module of a stage: "plots-film" gives "stages.plots.film"."""
     return f"stages.{stage.replace('-', '.')}"
 
 
 def file_list_text(stage: str) -> str:
-    """Return the text of data/code/<stage>.txt: digest and path of each file the stage may run."""
+    """Return the text of data/code/<stage>.txt: a line with digest and path for each file.
+
+    The files are those of the program that the stage may run.
+    """
     files = add_data(follow_imports(module_files(module_of(stage))))
     lines = [f"{hash_file(file)}  {file}\n" for file in sorted(files)]
     return "".join(lines)
@@ -45,19 +48,22 @@ def file_list_text(stage: str) -> str:
 
 @cache
 def hash_file(file: str) -> str:
-    """Return a digest of a file's content."""
+    """Return 16 hexadecimal digits of the SHA-256 of a file; file: path from the root."""
     return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
 
 
 def add_data(files: set[str]) -> set[str]:
-    """Return these files and the files beside them in their packages that are not Python."""
+    """Add to Python files the other files in their packages, and return all.
+
+    Paths are relative to the root, as everywhere in this module.
+    """
     packages = {Path(file).parent for file in files} - {Path("finloop"), Path("stages")}
     return files.union(*map(package_data, packages))
 
 
 @cache
 def package_data(package: Path) -> set[str]:
-    """Return a package's files that are not Python, also in subfolders that are not packages."""
+    """Return a package's files that are not Python, with those in its plain subfolders."""
     found = set()
     for path in (ROOT / package).iterdir():
         if path.is_dir() and path.name != "__pycache__" and not (path / "__init__.py").exists():
@@ -68,7 +74,7 @@ def package_data(package: Path) -> set[str]:
 
 
 def follow_imports(files: set[str]) -> set[str]:
-    """Return these files and all files that they import, directly or indirectly."""
+    """Return these files and all files of the program that they import, directly or indirectly."""
     todo, seen = set(files), set[str]()
     while todo:
         file = todo.pop()
@@ -78,7 +84,10 @@ def follow_imports(files: set[str]) -> set[str]:
 
 
 def module_files(name: str) -> set[str]:
-    """Return a module's file and its packages' __init__.py; only these for an unknown name."""
+    """Return the files of a module: its own and the __init__.py of each package above it.
+
+    name: dotted; for an unknown name only the packages that exist.
+    """
     parts = name.split(".")
     files = set()
     for depth in range(1, len(parts) + 1):
@@ -93,13 +102,11 @@ def module_files(name: str) -> set[str]:
 def imported_files(file: str) -> set[str]:
     """Return the program's files that a file imports anywhere, or names in a string.
 
-    finloop/__init__.py imports lazily: it counts as importing nothing.
-
-    Each property and method of `Project` imports what it needs inside itself, so that a stage
-    depends on what it uses and not on the whole pipeline. So of finloop/project.py and
-    finloop/run_files.py only the imports at the top count. A file that imports `Project` also
-    counts with the imports of those members that it uses, of an object called `project` or of
-    `Project(…)`, and of the members that these use.
+    finloop/__init__.py imports lazily: it counts as importing nothing. Each property and method of
+    `Project` imports what it needs inside itself. So a stage depends on what it uses, and not on
+    the whole pipeline. Of finloop/project.py and finloop/run_files.py only the imports at the top
+    count. A file that imports `Project` also has the imports of those members that it uses, and of
+    the members that these use. It uses a member of an object called `project` or of `Project(…)`.
     """
     if file == LAZY:
         return set()
@@ -114,7 +121,7 @@ def imported_files(file: str) -> set[str]:
 
 
 def files_of_imports(nodes: list[Any]) -> set[str]:
-    """Return the files behind these nodes: imports, and strings that name one of our modules."""
+    """Return the program's files that some syntax nodes import, or name in a string constant."""
     names = set[str]()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -127,7 +134,7 @@ def files_of_imports(nodes: list[Any]) -> set[str]:
 
 
 def files_of_name(name: str) -> set[str]:
-    """Return the files behind a dotted name: of a module, a lazy package, or an object in one."""
+    """Return the files behind a dotted name: a module, a lazy package, or an object in one."""
     package, _, part = name.rpartition(".")
     attached = lazy_parts(package)
     modules = {name} | {f"{name}.{module}" for module in lazy_parts(name).values()}
@@ -138,7 +145,7 @@ def files_of_name(name: str) -> set[str]:
 
 @cache
 def lazy_parts(package: str) -> dict[str, str]:
-    """Return the names that a package offers by `lazy_loader.attach`: name → module; or {}."""
+    """Return name → module for what a package offers by `lazy_loader.attach`; else {}."""
     path = ROOT / package.replace(".", "/") / "__init__.py"
     if not package or not path.is_file():
         return {}
@@ -154,7 +161,7 @@ def lazy_parts(package: str) -> dict[str, str]:
 
 @cache
 def project_members() -> dict[str, ast.FunctionDef]:
-    """Return the syntax trees of the properties and methods of `Project` and its base, by name."""
+    """Return name → syntax tree of the members of `Project` and of its base class."""
     found = dict[str, ast.FunctionDef]()
     for file, name in PARTS.items():
         body = ast.parse((ROOT / file).read_text(encoding="utf-8")).body
@@ -164,9 +171,9 @@ def project_members() -> dict[str, ast.FunctionDef]:
 
 
 def attribute_names(tree: ast.AST, owner: str) -> set[str]:
-    """Return the attributes that are read of an object with this name, in lower case.
+    """Return the names of the attributes that code reads of an object called `owner` (lower case).
 
-    Of owner "project": x in `project.x`, in `a.project.x` and in `Project(…).x`.
+    For "project" they are x in `project.x`, in `a.project.x` and in `Project(…).x`.
     """
 
     def object_name(node: ast.AST) -> str:
@@ -179,7 +186,7 @@ def attribute_names(tree: ast.AST, owner: str) -> set[str]:
 
 
 def follow_members(names: set[str]) -> set[str]:
-    """Return the members of `Project` among these names, and all that they use by `self`."""
+    """Return those names that are members of `Project`, and the members they use by `self`."""
     todo, seen = names & set(project_members()), set[str]()
     while todo:
         member = todo.pop()

@@ -28,7 +28,10 @@ LINE = 160  # characters of the printed table; runs that do not fit stand below 
 
 
 def git(*arguments: str, at: Path | None = None) -> str:
-    """Return the output of a git command; FinloopError with its message if it fails."""
+    """Run a git command; return its output, or raise FinloopError with git's message.
+
+    at: folder to run in, None for the present one.
+    """
     process = subprocess.run(
         ["git", *arguments], cwd=at, capture_output=True, text=True, check=False
     )
@@ -42,12 +45,12 @@ def git(*arguments: str, at: Path | None = None) -> str:
 
 
 def head() -> str:
-    """Return the present commit."""
+    """Return the hash of the present commit."""
     return git("rev-parse", "HEAD").strip()
 
 
 def experiments() -> dict[str, str]:
-    """Return the experiments on the present commit: name → the experiment's commit."""
+    """Return the experiments on the present commit: name → hash of the experiment's commit."""
     parent = head()
     refs = git(
         "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{parent[:2]}/{parent[2:]}"
@@ -57,7 +60,10 @@ def experiments() -> dict[str, str]:
 
 
 def parameters(commit: str) -> dict[str, Any]:
-    """Return the parameters of a commit: `group.key` → value."""
+    """Return the parameters that a commit's params.yaml has: `group.key` → value.
+
+    Lists and mappings are JSON texts.
+    """
     values = yaml.safe_load(git("show", f"{commit}:{PARAMS}"))
     return {
         f"{word}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
@@ -68,9 +74,9 @@ def parameters(commit: str) -> dict[str, Any]:
 
 
 def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return `stage.number` → value by commit, of the stages that have metrics there.
+    """Return the numbers of some stages at some commits: commit → {`stage.number`: value}.
 
-    Where git does not keep numbers.csv, these are the numbers of metrics.json.
+    They come from numbers.csv, or from metrics.json where git does not keep that.
     """
     from dvc.repo import Repo  # not at the top: the import takes half a second
 
@@ -96,7 +102,10 @@ def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str
 
 
 def side_by_side(names: list[str], measures: list[str]) -> Comparison:
-    """Compare the named experiments, by default all of them and the present commit."""
+    """Compare experiments; names: of these, or none for all of them and the present commit.
+
+    measures: further `<stage>.<number>`. FinloopError if a name is unknown.
+    """
     commits_of = experiments()
     if missing := [name for name in names if name not in commits_of]:
         raise FinloopError(
@@ -114,7 +123,10 @@ def side_by_side(names: list[str], measures: list[str]) -> Comparison:
 
 
 def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
-    """Write the page; return its table as text, one row per parameter or measure."""
+    """Write reports/compare.html; return its table as text, a row per parameter or measure.
+
+    names, measures: as for `side_by_side`; title, why: heading and text of the page.
+    """
     table = side_by_side(names, measures)
     with whole_file(OUT) as part:
         part.write_text(html(table, title, why), encoding="utf-8")
@@ -123,7 +135,7 @@ def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
 
 
 def main() -> None:
-    """Write the page."""
+    """Write reports/compare.html and print its table."""
     parser = argparse.ArgumentParser(prog="python -m stages.compare", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="name", help="experiments to compare")
     parser.add_argument(

@@ -32,7 +32,10 @@ from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, all_problems
 
 
 def compose_params(overrides: list[str]) -> str:
-    """Return the text of params.yaml for overrides; raise FinloopError if one is refused."""
+    """Return the text of params.yaml, composed from conf/ with overrides.
+
+    overrides: in Hydra's syntax, `group.key=value`. FinloopError if one is refused.
+    """
     root = Path.cwd()
     with TemporaryDirectory() as folder:
         output = Path(folder) / PARAMS.name
@@ -87,7 +90,7 @@ def _readable(error: BaseException) -> FinloopError:
 
 
 def compare(overrides: list[str]) -> None:
-    """Refuse a params.yaml that is not the composition of conf/.
+    """Raise FinloopError if params.yaml is not the composition of conf/ with these overrides.
 
     A params.yaml composed with conf/local/, which git does not have, can be checked only where that
     folder is; elsewhere its values are checked. Stamps of films and tracks are not compared,
@@ -110,13 +113,13 @@ def compare(overrides: list[str]) -> None:
 
 
 def same_but_files(first: dict[str, Any], second: dict[str, Any]) -> bool:
-    """Return whether two compositions are equal apart from the stamps of films and tracks."""
+    """Return whether two params.yaml are equal apart from their stamps of films and tracks."""
     unstamped = dict.fromkeys(FILES)
     return first | unstamped == second | unstamped
 
 
 def main() -> None:
-    """Write params.yaml, or compare it with conf/."""
+    """Write params.yaml; or compare it with conf/, or print the parameters of groups."""
     parser = argparse.ArgumentParser(prog="make params", description=__doc__)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")

@@ -24,7 +24,10 @@ SAMPLE = 1000  # pairs measured again in float64
 
 
 def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
-    """Return how many of SAMPLE pairs differ by EXACT from new pictures in float64."""
+    """Return how many of SAMPLE stored pairs differ by more than EXACT from a new computation.
+
+    pairs: columns of `PAIRS`; the new computation draws the pictures again, `size` px, in float64.
+    """
     some = pairs.sample(min(SAMPLE, len(pairs)), random_state=0)
     count = 0
     for start in range(0, len(some), 50):
@@ -37,7 +40,7 @@ def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
 
 
 def main() -> None:
-    """Make data/distance/, reports/distance/."""
+    """Write the distance map to data/distance/, and metrics to reports/distance/."""
     p: DistanceSettings = load("distance")
     with Project() as project:
         features, reel = project.features, project.film_reel

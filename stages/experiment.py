@@ -15,7 +15,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
 
 @dataclass(frozen=True)
 class Experiment:
-    """The values of `hydra.sweeper` in conf/experiment/<name>.yaml."""
+    """A sweep: the values of `hydra.sweeper` in conf/experiment/<name>.yaml."""
 
     # title, why: text. On the page that compares the runs
     title: str
@@ -35,11 +35,14 @@ class Experiment:
 
     @property
     def stages(self) -> list[str]:
-        """The stages whose numbers are compared."""
+        """The stages whose numbers are compared, each once."""
         return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
     def runs(self, name: str) -> dict[str, list[str]]:
-        """Return every combination: name of the run → its overrides; the last varies first."""
+        """Return every run of the sweep: name → overrides; the last parameter varies first.
+
+        name: of the experiment, the beginning of each run's name. An override is `key=value`.
+        """
         runs = {}
         for values in product(*map(choices, self.params.values())):
             pairs = zip(self.params, values, strict=True)
@@ -48,7 +51,10 @@ class Experiment:
 
 
 def choices(values: str) -> Iterator[str]:
-    """Yield the values of one parameter, from Hydra's notation of a sweep."""
+    """Yield the values of one parameter in a sweep, as texts.
+
+    values: Hydra's notation, as "0.1, 0.2" or "range(1, 4)".
+    """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     override = OverridesParser.create().parse_override(f"swept={values}")

@@ -44,7 +44,11 @@ POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 
 
 def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> dict[str, Any]:
-    """Write the animation and every sequence of sprites; return the entries of films.json."""
+    """Write the animation and each sequence of sprites as WebM and WebP with transparency.
+
+    Returns the content of films.json: frame rate, scale, tank, and size and place of each film.
+    drawn: the edit list with its sources.
+    """
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
@@ -87,7 +91,10 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
 
 
 def save_alone(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> None:
-    """Write stimulus.html, a page that plays the beginning of the animation without a server."""
+    """Write stimulus.html, which plays the animation's first seconds without a server.
+
+    Nothing is written if export.stimulus_seconds is 0.
+    """
     facts = project.facts
     ticks = round(p.stimulus_seconds * facts.frame_rate)
     if not ticks:
@@ -104,7 +111,11 @@ def save_alone(folder: Path, p: ExportSettings, project: Project, drawn: EditSou
 
 
 def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
-    """Return the name of every row's animal: from another program, or `animal_` and its number."""
+    """Return the animal's name of every row of `tracks`.
+
+    It comes from the file of tracks if there is one, else it is `animal_` and the identity's
+    number.
+    """
     if project.external_tracks is not None:
         return project.external_tracks["animal"]
     identities = project.identities
@@ -114,7 +125,7 @@ def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
 
 
 def main() -> None:
-    """Make data/export/, reports/export/."""
+    """Write the files for other programs to data/export/, and metrics to reports/export/."""
     p: ExportSettings = load("export")
     with Project() as project, whole_folder(OUT) as folder:
         facts, features, sprites = project.facts, project.features[POINTS], project.sprites

@@ -46,7 +46,10 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pie
 
 
 def main() -> None:
-    """Make data/extract/, reports/extract/metrics.json and films.csv."""
+    """Write tracks, cut-outs and background to data/extract/, and reports/extract/.
+
+    The reports are the metrics and films.csv.
+    """
     settings: ExtractSettings = load("extract")
     with workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
         if parts_of(CLIP):
@@ -66,7 +69,10 @@ def main() -> None:
 
 
 def track_inputs(clip: Path, own: ExtractSettings) -> dict[str, Any]:
-    """Return everything from which the tracks of a clip's folder are made."""
+    """Return everything from which the tracks of a clip are made, as plain values: a key for reuse.
+
+    clip: its folder; own: parameters of this film.
+    """
     key = clip / KEY_NAME  # exists for one of several films
     film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
     tracks = stamps_of(Path(own.tracks_path).expanduser()) if own.tracks_path else None
@@ -74,14 +80,17 @@ def track_inputs(clip: Path, own: ExtractSettings) -> dict[str, Any]:
 
 
 def stamps_of(path: Path) -> list[Stamp] | None:
-    """Return the stamps of a file or of a folder's files; None where there is nothing."""
+    """Return the stamps of a file, or of all files in a folder; None if the path does not exist."""
     return stamps(path) if path.exists() else None
 
 
 def extract_film(
     clip: Path, settings: ExtractSettings, pool: Workers, pieces: Pieces, folder: Path
 ) -> dict[str, float]:
-    """Write the tracks and cut-outs of a clip to a folder; return its metrics."""
+    """Write the tracks and cut-outs of one clip to `folder`; return its metrics, name → number.
+
+    clip: its folder; pieces: results of an interrupted run, which are used.
+    """
     facts = load_facts(clip / FACTS_NAME)
     if pieces.size():
         print("finloop: continues with the results of an interrupted run", file=sys.stderr)
@@ -103,7 +112,10 @@ def extract_film(
 
 
 def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
-    """Return notes for the user on tracks from a file; none without one."""
+    """Yield sentences on how much of the user's file of tracks is used; none without such a file.
+
+    numbers: `Extraction.given`.
+    """
     if numbers:
         animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
         why = (
@@ -120,10 +132,10 @@ def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
 def extract_films(
     clip: Path, settings: ExtractSettings, pool: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
-    """Write the tracks and cut-outs of several films, a folder each, and their motion base.
+    """Write the tracks and cut-outs of several films, a folder each, and join them.
 
-    A film without a track is named and left out. The tracks of an earlier run with the same clip,
-    parameters and code are reused. Returns metrics, and a row for each film.
+    A film without a track is reported and left out. The tracks of an earlier run with the same
+    clip, parameters and code are reused. Returns metrics, and a row of films.csv for each film.
     """
     numbers, every = dict[str, float](), all_parts(clip)
     errors = {part.name: part.error for part in every if part.error}
@@ -157,7 +169,10 @@ def extract_films(
 
 @contextmanager
 def left_out(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
-    """Return a context for one film: if it fails, the film is named and left out."""
+    """Run a block for one film: on FinloopError, warn, note it in `errors`, and continue.
+
+    errors: film → cause.
+    """
     try:
         yield
     except FinloopError as error:
@@ -166,7 +181,7 @@ def left_out(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
 
 
 def film_row(contribution: Contribution) -> dict[str, Any]:
-    """Return a row of films.csv."""
+    """Return one film's row of films.csv: its rows and tracks, and factors on length and light."""
     gains = contribution.like.gains or (1.0,)
     return {
         "film": contribution.name,
@@ -179,7 +194,7 @@ def film_row(contribution: Contribution) -> dict[str, Any]:
 
 
 def metrics(extraction: Extraction) -> dict[str, float]:
-    """Return numbers on noise, the typical fish, verdicts and the lengths of tracks."""
+    """Return the metrics of an extraction: noise, typical fish, verdicts, lengths of tracks."""
     scene, verdicts, lengths, given, lost = extraction
     long = [count for count in lengths.values() if count >= LONG]
     return {

@@ -25,7 +25,10 @@ TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 
 def main() -> None:
-    """Make data/features/, reports/features/."""
+    """Write the feature table to data/features/, and reports/features/.
+
+    The reports are table1.csv, fig7.csv and the metrics.
+    """
     settings: FeaturesSettings = load("features")
     project = Project()
     facts, tracks, given = project.facts, project.tracks(USED), project.external_tracks

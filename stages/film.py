@@ -28,7 +28,11 @@ WANTED = 'make film FILM=/path/of/film.mp4; several: FILM="a.mp4 b.mp4", quoted 
 
 
 def films_in(text: str) -> list[str]:
-    """Return the full paths in FILM; raise FinloopError if it names none, or one is missing."""
+    """Return the absolute paths that the text of the variable FILM names.
+
+    Paths are separated by spaces, unless the whole text is one path. FinloopError if it names none,
+    or a file is missing.
+    """
     if not text.strip():
         raise FinloopError("FILM names no film", WANTED, "give the path of your film")
     try:
@@ -50,7 +54,7 @@ def films_in(text: str) -> list[str]:
 
 
 def local_text(films: list[str]) -> str:
-    """Return the content of conf/local/default.yaml for these films."""
+    """Return the YAML text of conf/local/default.yaml that names these films."""
     # As OmegaConf reads it: `${` would begin the name of another value.
     paths = [json.dumps(film.replace("${", "\\${"), ensure_ascii=False) for film in films]
     value = paths[0] if len(paths) == 1 else "[" + ", ".join(paths) + "]"
@@ -65,7 +69,7 @@ clip:
 
 
 def name_films(films: list[str], local: Path) -> str:
-    """Let conf/local/default.yaml name these films; return a sentence on what was done.
+    """Let the file `local` (conf/local/default.yaml) name these films; return what was done.
 
     A file that names them already keeps its settings. Another file is kept as a backup, unless it
     contains only what this function wrote.
@@ -109,7 +113,7 @@ def show_report(report: Path) -> None:
 
 
 def main() -> None:
-    """Name the film and compose params.yaml; or show the report."""
+    """Name the film in conf/local/ and write params.yaml; or show the report."""
     if sys.argv[1:] == ["--report"]:
         show_report(REPORT)
         return

@@ -33,7 +33,7 @@ CURVE = ["epoch", "train_error", "held_out_error"]
 
 
 def load_visible(project: Project) -> VisibleDistance:
-    """Load the visible distance of rows, from the stage `jumps`."""
+    """Load the visible distance between rows (pictures and postures) from the stage `jumps`."""
     folder, poses = project.data / "jumps", project.poses
     natural = load_record(folder / "facts.json", VisibleFacts, "jumps").natural
     pictures = open_array(folder / "pictures.npy", (len(poses.codes), None, None, None), "uint8")
@@ -41,14 +41,20 @@ def load_visible(project: Project) -> VisibleDistance:
 
 
 def save_graph(folder: Path, swim: Sampler) -> None:
-    """Write the graph of similar rows and the predicted states, which `Project.forecast` maps."""
+    """Write start.npy, neighbours.npy and mean.npy: similar rows, and the predicted states.
+
+    `Project.forecast` maps these files.
+    """
     save_array(folder / "start.npy", swim.start)
     save_array(folder / "neighbours.npy", swim.to)
     save_array(folder / "mean.npy", swim.mean)
 
 
 def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return errors of the relative motion area Δ later, on held-out rows of the film itself."""
+    """Return the RMS errors of the relative motion area Δ later: area_rmse, persistence_area_rmse.
+
+    They are of held-out rows of the film, without mirror images; {} if there are none.
+    """
     features, poses, film = project.features, project.poses, project.states
     rows = parts.held_out[parts.held_out < film.count]
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
@@ -68,7 +74,11 @@ def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[st
 def quality(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """Return the quality of the forecasts and of a freely swimming fish; write the tables."""
+    """Return how good the forecast is, name → number; write held_out.parquet and free.parquet.
+
+    It is tested on held-out rows, and by a fish that swims by the forecast alone. swim: draws
+    states from the forecast.
+    """
     ensemble = assess.ensembles(film, swim, parts, rng)
     states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)
@@ -81,7 +91,10 @@ def quality(
 
 
 def main() -> None:
-    """Make data/forecast/, reports/forecast/; without a model where the film shows too little."""
+    """Train the forecast; write data/forecast/ and reports/forecast/ (curve.csv, metrics).
+
+    Where the film shows too little there is no model, and data/forecast/ has only reason.json.
+    """
     p: ForecastSettings = load("forecast")
     project = Project()
     with whole_folder(OUT) as folder:

@@ -52,7 +52,7 @@ Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]  # of a cycle, an
 
 
 class GaitFit(NamedTuple):
-    """A gait, the film and keys to which it is fitted, and its errors on held-out frames."""
+    """A gait, the film and key frames to which it is fitted, and its errors on held-out frames."""
 
     film: GaitContours
     gait: Gait
@@ -60,7 +60,10 @@ class GaitFit(NamedTuple):
     errors: ClockComparison
 
     def draw(self, folder: Path, pictures: Pictures | None = None) -> None:
-        """Draw Figs. 8 to 14 into a folder."""
+        """Write Figs. 8 to 14 of the curve paper to `folder`, fig8.png to fig14.png.
+
+        pictures: of one cycle with their phases; without them Fig. 8 shows contours.
+        """
         gait = self.gait
         samples = samples_of(self.film, gait.split, gait.wavelet, gait.coarse)
         subcycles = subcycles_of(self.keys, samples, gait.wavelet, gait.coarse)
@@ -68,17 +71,20 @@ class GaitFit(NamedTuple):
             save_figure(folder / f"{name}.png", figure)
 
     def rms(self) -> dict[str, float]:
-        """Return the RMS errors on held-out frames by clock, per cent of the body length."""
+        """Return the RMS errors on held-out frames, `rms_<clock>_pct`, in % of body length."""
         return {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
 
     def numbers(self, film: str) -> dict[str, float]:
-        """Return the numbers for the metrics."""
+        """Return the fit's metrics, `<film>_<name>`: frequency, confidence, cycles, errors."""
         facts = {key: getattr(self.gait, key) for key in ("frequency_hz", "confidence", "cycles")}
         return {f"{film}_{key}": value for key, value in (facts | self.rms()).items()}
 
 
 def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
-    """Fit a gait to a film, and to parts of it for the errors on held-out frames."""
+    """Fit a gait to the contours of a film, and measure its errors on held-out frames.
+
+    name: of the gait; beat: period of the motion; source: text on the film's origin.
+    """
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare(film, **basis)
     gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.gamma_per_scale)
@@ -87,9 +93,9 @@ def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sourc
 
 
 def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
-    """Return the gait of the track with the clearest tail beat, and a table of all tracks.
+    """Return the gait of the track with the clearest tail beat, and a table with a row per track.
 
-    The gait is None if no outline repeats.
+    The gait is None if no outline repeats. The table is tracks.csv.
     """
     project = Project()
     rate, tracks = project.rate_hz, project.tracks(TRACKS)
@@ -120,7 +126,7 @@ def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
 
 
 def dog(p: GaitSettings) -> DogFilm:
-    """Return the drawn dog of the parameters."""
+    """Return the drawn dog whose walk is filmed, as the parameters describe it."""
     size = p.dog_width_px / DogFilm.width_px
     return DogFilm(
         frames=p.dog_frames, frame_rate_hz=p.dog_rate_hz, cycles=p.dog_cycles,
@@ -130,7 +136,10 @@ def dog(p: GaitSettings) -> DogFilm:
 
 
 def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
-    """Film the dog and find its near limbs in the coded film; also return pictures of a cycle."""
+    """Film the drawn dog; find its near limbs in the coded film; return pictures of a cycle.
+
+    Writes dog_film.mp4 and regions/ to `folder`. Returns the pictures and their phases.
+    """
     rate = Fraction(walk.frame_rate_hz).limit_denominator(1001)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
@@ -144,9 +153,10 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
 
 
 def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
-    """Return the largest errors of γ and write its true values into the table.
+    """Return the largest errors of γ, name → number, and write true values of γ into `table`.
 
-    Column true: of the exact motion; exact: fitted to exact contours; clock: of the foot alone.
+    Columns filled in: true, of the exact motion; exact, fitted to exact contours; clock, of the
+    foot alone. table: from `table_of`.
     """
     exact = GaitContours(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
     exact = replace(exact, offsets=hip_offsets(exact))
@@ -167,7 +177,10 @@ def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[st
 
 
 def table_of(which: str, gait: Gait) -> pd.DataFrame:
-    """Return γ by contour and subcycle, the mean over the scales; the true columns are empty."""
+    """Return γ as a table, one row per contour and subcycle, the mean over the scales.
+
+    Columns true, exact and clock are NaN. which: value of the column film.
+    """
     rows = [
         (which, name, sub, float(np.mean(values)), *(np.nan,) * 3)
         for name, of in gait.gamma.items()
@@ -178,7 +191,10 @@ def table_of(which: str, gait: Gait) -> pd.DataFrame:
 
 
 def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
-    """Return the gait of the drawn dog, or of the user's film of limbs."""
+    """Return the gait of filmed limbs, and pictures of a cycle with their phases.
+
+    The film is that of the drawn dog, or the user's (gait.limbs), which has no pictures.
+    """
     pictures: Pictures | None = None
     if p.limbs == "dog":
         pictures = filmed_dog(dog(p), folder)
@@ -200,7 +216,11 @@ def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
 def animate_drawing(
     name: str, keys: tuple[str, str], gait: Gait, p: GaitSettings, folder: Path
 ) -> dict:
-    """Save a moving drawing in every format; return how far its feet slide."""
+    """Write a drawing moved by a gait to `folder`, in all ENDINGS; return its metrics.
+
+    keys: SVG files of key frames 1 and 2. The metrics count folding contours and say how far feet
+    slide.
+    """
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     result = transfer(first, second, gait, frames, p.contour_points)
@@ -231,7 +251,7 @@ def swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
 
 
 def main() -> None:
-    """Make data/gait/, reports/gait/."""
+    """Write gaits and moving drawings to data/gait/, tables and figures to reports/gait/."""
     p: GaitSettings = load("gait")
     with whole_folder(OUT) as folder:
         walker, pictures = limbs(p, folder)  # first: most user input, and so most errors

@@ -21,7 +21,11 @@ WORDS = {IN: "into", OUT: "out of"}
 
 
 def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> None:
-    """Report on stderr where there is no gateway, and how to get one."""
+    """Report on stderr each direction without a gateway, and what would give one.
+
+    ways: gateways; every: nearest pairs, both columns of `GATEWAYS`; step: median natural step;
+    least: Δ of film that must follow the frame.
+    """
     for direction, word in WORDS.items():
         if (ways["direction"] == direction).any():
             continue
@@ -35,7 +39,7 @@ def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> N
 
 
 def main() -> None:
-    """Make data/gateways/, reports/gateways/."""
+    """Write the gateways and nearest pairs to data/gateways/, metrics to reports/gateways/."""
     settings: GatewaysSettings = load("gateways")
     with Project() as project:
         features, sprites, facts = project.features, project.sprites, project.map_facts

@@ -25,7 +25,7 @@ OUT, REPORT = Path("data/identity"), Path("reports/identity")
 
 
 def main() -> None:
-    """Make data/identity/, reports/identity/."""
+    """Write data/identity/identities.parquet, and metrics to reports/identity/."""
     p: IdentitySettings = load("identity")
     with Project() as project:
         features, given = project.features, project.external_tracks
@@ -41,7 +41,10 @@ def main() -> None:
 
 
 def numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
-    """Return numbers of animals and joins, and the lengths of gaps."""
+    """Return the metrics of animals and joins: counts, and lengths of gaps in frames.
+
+    table: schema IDENTITIES.
+    """
     joins = table[table["after_track"] >= 0]
     sizes = features.merge(table, on="track_id").groupby("identity").size()
     at_once = features.groupby("frame").size()
@@ -58,7 +61,10 @@ def numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
 
 
 def join_trial(film: Evidence, table: pd.DataFrame) -> dict[str, float]:
-    """Return how confident joins are, and how often they are right in trial gaps."""
+    """Return how confident joins are, and how often artificial gaps are joined right, in per cent.
+
+    table: schema IDENTITIES.
+    """
     joins = table[table["after_track"] >= 0]
     rng = np.random.default_rng(film.settings.seed)
     right, wrong = trial_gaps(film, joins["gap_frames"].to_numpy(), rng)

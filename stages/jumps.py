@@ -29,9 +29,10 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 
 @dataclass
 class StoredFilm:
-    """A `finloop.jumps.source.RowSource` with pictures, `size` px across, in the file `path`.
+    """A film for the workers of `jumps`, whose pictures (n, size, size, c) are in the file `path`.
 
-    Every process opens the file and the project itself. OSError if the disk is full.
+    It is a `finloop.jumps.source.RowSource`. Every process opens the file and the project itself.
+    OSError if the disk is full.
     """
 
     path: Path
@@ -39,7 +40,7 @@ class StoredFilm:
     project: Project
 
     def create(self) -> None:
-        """Make the file, in the process that will fill it; others open it."""
+        """Create the file of pictures, in the process that will fill it; others only open it."""
         shape = shape_of(self.project.film_reel, self.size)
         self._pictures = new_array(self.path, shape, "uint8")
 
@@ -48,15 +49,15 @@ class StoredFilm:
         return open_array(self.path, shape_of(self.project.film_reel, self.size), "uint8")
 
     def film(self) -> tuple[Reel, FilmPoses]:
-        """Return the film, as `RowSource` does."""
+        """Return the pictures and the postures of the film's rows."""
         return self.project.film_reel, self.project.poses
 
     def pictures(self) -> Pictures:
-        """Return pictures of rows, as `RowSource` does."""
+        """Return the array (n, size, size, c) uint8 of the rows' pictures, mapped from the file."""
         return self._pictures
 
     def keep(self) -> None:
-        """Keep pictures of rows, as `RowSource` does."""
+        """Write the pictures to the file, so that other processes see them."""
         keep_array(self._pictures)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -64,7 +65,7 @@ class StoredFilm:
 
 
 def main() -> None:
-    """Make data/jumps/, reports/jumps/."""
+    """Write jumps, looks and pictures to data/jumps/, and metrics to reports/jumps/."""
     p: JumpsSettings = load("jumps")
     with (
         Project() as project,
@@ -80,7 +81,7 @@ def main() -> None:
 
 
 def save(folder: Path, result: FilmJumps) -> None:
-    """Write everything but the pictures of rows."""
+    """Write jumps.parquet, look.parquet and facts.json to `folder`."""
     save_table(folder / "jumps.parquet", result.jumps, JUMPS)
     save_record(folder / "facts.json", VisibleFacts(result.visible.natural))
     look = pd.DataFrame({"look": list(result.look)})

@@ -22,7 +22,7 @@ WAYS = 5  # ways from the last end to the first
 
 
 def write_empty_tables(none: NoLoops) -> None:
-    """Write empty tables and the reason why there are no loops."""
+    """Write the files of a film without loops: empty tables, and the reason in none.txt."""
     print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", LOOPS.empty(), LOOPS)
@@ -34,7 +34,10 @@ def write_empty_tables(none: NoLoops) -> None:
 
 
 def main() -> None:
-    """Make data/loops/, reports/loops/."""
+    """Write data/loops/loops.parquet, and reports/loops/.
+
+    The reports are position_table.csv, routes.csv and the metrics.
+    """
     settings: LoopsSettings = load("loops")
     project = Project()
     features, facts = project.features, project.map_facts

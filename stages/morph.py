@@ -42,7 +42,10 @@ SETTINGS = {  # of Fig. 5: e0, c, rho
 
 
 def tables() -> pd.DataFrame:
-    """Return Tables 1 and 2: normalised connection coefficients, and the first's true scale."""
+    """Return Tables 1 and 2 of the curve paper: connection coefficients of two wavelets.
+
+    Columns: wavelet, l, mu_normalised and nu_normalised (divided by their values at l = 0), mu, nu.
+    """
     rows = []
     for wavelet in TABLES:
         table = connection(wavelet)
@@ -55,7 +58,10 @@ def tables() -> pd.DataFrame:
 
 
 def hoop(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 6, 7, a bent hoop that is round at rest; return the errors of all solvers."""
+    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors.
+
+    The hoop is round at rest. The result is name → number, with its largest rise of energy.
+    """
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(area(outline)) / np.pi)
@@ -92,7 +98,11 @@ def hoop(p: MorphSettings) -> dict[str, float]:
 
 
 def curves(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 2 and 3; return how much of K lies off its diagonal."""
+    """Draw Figs. 2 and 3 of the curve paper; return how much of K lies off its diagonal.
+
+    K is the stiffness matrix. The result has a share in per cent for each wavelet and number of
+    levels.
+    """
     outline = max(glyph(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
     save_figure(
@@ -109,7 +119,7 @@ def curves(p: MorphSettings) -> dict[str, float]:
 
 
 def main() -> None:
-    """Make data/morph/, reports/morph/."""
+    """Write the morph to data/morph/, and Figs. 2 to 7, tables and metrics to reports/morph/."""
     p: MorphSettings = load("morph")
     numbers = curves(p) | hoop(p)
     save_csv(REPORT / "connection.csv", tables(), decimals=DECIMALS, exact=True)

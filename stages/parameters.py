@@ -26,9 +26,9 @@ print a group with `make params S="help=sprites"`.
 
 
 def terminal_table(word: str, width: int) -> str:
-    """Return the parameters of a group for a terminal of this width in characters.
+    """Return the parameters of a group as text for a terminal: value, range, meaning of each.
 
-    FinloopError if there is no such group.
+    word: the group; width: of the terminal, in characters. FinloopError if there is no such group.
     """
     if word not in GROUPS:
         raise FinloopError(
@@ -63,7 +63,7 @@ def page(entries: Iterable[ParameterHelp]) -> str:
 
 
 def main() -> None:
-    """Print, or write."""
+    """Print the parameters of groups, or write docs/parameters.md."""
     parser = argparse.ArgumentParser(prog="python -m stages.parameters", description=__doc__)
     parser.add_argument("--write", action="store_true", help=f"write {PAGE}")
     parser.add_argument("words", nargs="*", help="groups of parameters to print")

@@ -17,7 +17,7 @@ CHECKED = Path("data/params/checked.txt")
 
 
 def main() -> None:
-    """Refuse wrong values by name; else write the output."""
+    """Check params.yaml; write data/params/checked.txt, or raise FinloopError with all problems."""
     if problems := all_problems(read()):
         raise refusal(problems)
     with whole_file(CHECKED) as part:

@@ -36,9 +36,10 @@ PICTURES = 2048  # kept in memory, because the film repeats
 
 @contextmanager
 def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
-    """Yield the live tank, from the stages' results.
+    """Yield the live tank with its pictures, opened from the stages' results.
 
-    fish: None = as many as `matching.fish`, or one in a mode of the paper.
+    mode: of the first fish; fish: None = as many as `matching.fish`, or one in a mode of the paper;
+    seed: of chance.
     """
     p, q = load("animate"), load("render")
     with Project() as project:
@@ -67,7 +68,7 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
 
 
 def main() -> None:
-    """Serve the live tank until Ctrl-C."""
+    """Serve the page of the live tank until Ctrl-C."""
     asked = _parser().parse_args()
     with bind_socket(asked.port) as listens:
         url = f"http://{HOST}:{listens.getsockname()[1]}/"
@@ -87,7 +88,10 @@ def main() -> None:
 
 
 def has_screen() -> bool:
-    """Return whether a browser has a screen; a text browser would take over the terminal."""
+    """Return whether this machine can open a browser window.
+
+    A text browser would take over the terminal.
+    """
     screens = ("DISPLAY", "WAYLAND_DISPLAY")
     return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))
 

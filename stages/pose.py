@@ -24,7 +24,10 @@ ROWS = 50_000  # of the table of tracks, at a time
 
 
 def main() -> None:
-    """Make data/pose/, reports/pose/."""
+    """Write data/pose/ and metrics to reports/pose/.
+
+    The files are poses.parquet (codes), shapes.json, postures.npy and outlines.npy.
+    """
     p: PoseSettings = load("pose")
     project = Project()
     features = project.features
@@ -51,7 +54,7 @@ def main() -> None:
 
 
 def save_outlines(path: Path, project: Project) -> None:
-    """Write the outlines (n, k, 2) x, y px of all rows to a file that can be mapped."""
+    """Write the outlines of all n rows to a .npy file, (n, k, 2) float32: x, y in px."""
     outlines = new_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
     table, first = project.data / "extract/tracks.parquet", 0
     for axes in read_lists(table, tracks_schema(project.scene.points), OUTLINE, ROWS):

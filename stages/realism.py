@@ -44,7 +44,7 @@ PANEL_PX, CRF = 320, 20  # of the film of examples
 
 @dataclass(frozen=True)
 class GalleryOpener:
-    """Open all pictures from which edit lists draw, also in another process."""
+    """Open all pictures from which edit lists draw; it can be sent to another process."""
 
     project: Project
 
@@ -53,7 +53,10 @@ class GalleryOpener:
 
 
 def share_of(ticks: Sized, work: list[Work]) -> float:
-    """Return the share of the ticks of edit lists in which extraction followed a fish."""
+    """Return the share (0 … 1) of the ticks of edit lists in which extraction followed a fish.
+
+    ticks: those in which it did; work: the edit lists.
+    """
     return len(ticks) / max(1, sum(len(edit) for edit, _ in work))
 
 
@@ -61,7 +64,11 @@ def swimming_of(
     works: dict[str, list[Work]], pictures: GalleryOpener, instruments: dict[str, Instrument],
     pool: Workers,
 ) -> dict[str, Swimming]:  # fmt: skip
-    """Measure film and animations by extraction; leave out those without a followed fish."""
+    """Draw the edit lists of film and modes, and measure the fish in them by extraction.
+
+    Returns mode or FILM → measured swimming; a name without a followed fish is left out. works,
+    instruments: by the same names.
+    """
     work = partial(measure_list, pictures)
     every = [(instruments[name], *job) for name, part in works.items() for job in part]
     tables = []
@@ -93,7 +100,10 @@ def _verdict(
 
 
 def verdicts_of(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Verdict]:
-    """Return all comparisons with enough windows."""
+    """Return the verdict of each comparison that has enough windows; stderr names the others.
+
+    sides: two sets of windows by the name of the comparison.
+    """
     verdicts: dict[str, Verdict] = {}
     results = ordered_map(partial(_verdict, p), sides.items(), pool)
     for name, result in zip(sides, results, strict=True):
@@ -105,7 +115,10 @@ def verdicts_of(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Ve
 
 
 def save_film(folder: Path, pictures: GalleryOpener, slower: int) -> None:
-    """Write the examples as a slow film, each twice; no film where there are no examples."""
+    """Write examples.mp4 to `folder`, each example twice, `slower` times as slow as filmed.
+
+    It reads examples.parquet there; without examples it writes no film.
+    """
     table = load_table(folder / "examples.parquet", examples.EXAMPLES)
     if table.empty:
         return
@@ -127,7 +140,10 @@ def save_report(
     verdicts: dict[str, Verdict], sample: Sample, works: dict[str, list[Work]],
     measured: dict[str, Swimming],
 ) -> None:  # fmt: skip
-    """Write numbers and curves."""
+    """Write auc.csv, roc.csv and the metrics to reports/realism/.
+
+    works, measured: by mode and FILM, the edit lists and the measured swimming.
+    """
     save_csv(REPORT / "auc.csv", compare.table(verdicts), decimals=4)
     curves = [roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
     columns = ["compared", "false_alarms", "hits"]
@@ -143,13 +159,13 @@ def save_report(
 
 
 def main() -> None:
-    """Make data/realism/, reports/realism/."""
+    """Write data/realism/ (examples) and reports/realism/ (auc.csv, roc.csv, metrics)."""
     with Project() as project, workers(WORKERS_NEED) as pool:
         compare_swimming(load("realism"), load("animate"), project, pool)
 
 
 def instrument_of(project: Project) -> Instrument:
-    """Return the instrument that measures as the film's extraction did."""
+    """Return the instrument that measures drawn fish as extraction measured the film."""
     features, rate = project.features, project.rate_hz
     delta_s, current = delta_of(features) / rate, float(features["current"].iloc[0])
     return Instrument(
@@ -161,7 +177,10 @@ def instrument_of(project: Project) -> Instrument:
 def compare_swimming(
     p: RealismSettings, q: AnimateSettings, project: Project, pool: Workers
 ) -> None:
-    """Compare film and animations; write the report."""
+    """Measure film and animations, classify them, and write data/realism/ and reports/realism/.
+
+    p, q: parameters of `realism` and `animate`. FinloopError if the film itself cannot be followed.
+    """
     rate, features = project.rate_hz, project.features
     works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     instrument = instrument_of(project)

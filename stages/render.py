@@ -29,7 +29,10 @@ def films(
     p: RenderSettings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:  # fmt: skip
-    """Write the films of an edit list; return the steps between its frames."""
+    """Write the films of an edit list to data/render/; return the change from frame to frame.
+
+    It is in grey levels, one value per tick; the first is NaN. advance: called after each tick.
+    """
     shown, ticks = frames(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
@@ -60,7 +63,10 @@ def films(
 
 
 def save_beside(folder: Path, p: RenderSettings, project: Project) -> None:
-    """Write modes.mp4: the film's own fish and the fish of every mode, side by side."""
+    """Write modes.mp4 to `folder`: the film's fish and that of every mode, side by side.
+
+    Nothing is written if render.comparison_seconds is 0.
+    """
     rate = project.facts.frame_rate
     ticks = round(p.comparison_seconds * rate)
     if not ticks:
@@ -85,7 +91,7 @@ def save_beside(folder: Path, p: RenderSettings, project: Project) -> None:
 
 
 def main() -> None:
-    """Make data/render/, reports/render/."""
+    """Write the films to data/render/, and metrics to reports/render/."""
     p: RenderSettings = load("render")
     with Project() as project:
         drawn = project.edit_with_sources(p.mode, "render")

@@ -64,7 +64,7 @@ TABLES = {  # by chapter
 
 
 def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
-    """Yield the chapters that have pictures, with their pictures and tables."""
+    """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables."""
 
     def load_webp(figure: Figure) -> WebP:
         return webp(load_picture(REPORTS / figure.path), p.max_picture_width_px, p.picture_quality)
@@ -83,7 +83,10 @@ def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, We
 
 
 def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool]]]:
-    """Return every group's keys and values, and whether they differ from conf/."""
+    """Return each group's parameters for the page: group → triples (key, value, changed).
+
+    changed: whether the value differs from conf/. values: content of params.yaml.
+    """
     differ = {change.partition("=")[0] for change in overrides(values)}
     return {
         word: [
@@ -95,7 +98,10 @@ def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool
 
 
 def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
-    """Return a sentence on the film."""
+    """Return a sentence or two on the film: its origin, frames, size, and lengths where known.
+
+    source: a key of SOURCES; features: metrics of `features`, {} for none.
+    """
     fish = f", {features['fish_frames']:,} pictures of fish" if features else ""
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
     scale = ""
@@ -112,7 +118,7 @@ def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 
 def film_in_words(mode: str, marks: bool) -> str:
-    """Return a sentence on what the animation shows."""
+    """Return the text below the report's film; marks: whether goals and path are drawn in it."""
     if mode == "retarget":
         does, shown = "The fish swims as another animal did", "The line is its path"
     else:
@@ -122,7 +128,7 @@ def film_in_words(mode: str, marks: bool) -> str:
 
 
 def main() -> None:
-    """Make reports/index.html, reports/report/."""
+    """Write reports/index.html, the page of all results, and metrics to reports/report/."""
     p: ReportSettings = load("report")
     values = read()
     values = {word: values[word] for word in WORDS}  # what results depend on

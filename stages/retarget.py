@@ -23,7 +23,7 @@ EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
 def material(project: Project) -> RetargetData:
-    """Return results of earlier stages, of the film that is drawn."""
+    """Return the results of earlier stages that retargeting needs of the film that is drawn."""
     return RetargetData(
         project.rate_hz, project.arena, project.film_reel, project.poses, project.look,
         project.map_facts.size,
@@ -31,7 +31,7 @@ def material(project: Project) -> RetargetData:
 
 
 def retarget_film(p: RetargetSettings) -> Retargeted:
-    """Retarget the requested track to the fish of the film."""
+    """Make the film's fish swim the requested track; return its edit list and numbers."""
     with Project() as project:
         steps, film = project.steps[["headed", "as_filmed"]].dropna(), material(project)
         others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
@@ -47,7 +47,7 @@ def retarget_film(p: RetargetSettings) -> Retargeted:
 
 
 def notes(numbers: Mapping[str, float]) -> list[str]:
-    """Return notes on a retargeted track, as sentences; numbers: of `Retargeted`."""
+    """Return sentences on what a retargeted track lacks; numbers: of `Retargeted`."""
     sentences = []
     if not numbers["with_postures"]:
         sentences.append(
@@ -65,7 +65,10 @@ def notes(numbers: Mapping[str, float]) -> list[str]:
 
 
 def main() -> None:
-    """Make data/retarget/, reports/retarget/."""
+    """Write data/retarget/, data/animate/retarget.parquet and metrics to reports/retarget/.
+
+    Without a track (retarget.tracks) they are empty.
+    """
     p: RetargetSettings = load("retarget")
     if p.tracks is None:
         result = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})

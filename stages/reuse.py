@@ -22,10 +22,10 @@ Numbers = Mapping[str, float]
 def reuse_or_make(
     old: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
 ) -> dict[str, float]:
-    """Return the numbers of a film; its files in `folder` come from `old`, or from `make(folder)`.
+    """Put a film's files into `folder`, from an earlier run or made anew; return its numbers.
 
-    key: plain values; `old` is reused if it has the same key. After an error in `make` there is no
-    folder.
+    old: the earlier run's folder, reused if it has the same key; key: plain values; make: writes
+    the files into `folder`. After an error in `make` there is no folder.
     """
     text = json.loads(json.dumps(key))
     if _read(old / KEY_NAME) == text and isinstance(numbers := _read(old / NUMBERS_NAME), dict):
@@ -57,7 +57,7 @@ def _link(source: str, target: str) -> None:
 
 
 def name_of(key: Mapping[str, Any]) -> str:
-    """Return a short name for a key; different keys have different names."""
+    """Return 16 hexadecimal digits that name a key; different keys have different names."""
     return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -151,9 +151,9 @@ def _foreseen(error: Exception) -> FinloopError | None:
 
 @contextmanager
 def progress(word: str, total: int | None, unit: str = "frames") -> Iterator[Callable[..., None]]:
-    """Yield `advance(n=1)`, which moves a bar on a terminal's stderr, or prints a line at times.
+    """Yield `advance(n=1)`, which moves a progress bar on stderr, or prints a line at times.
 
-    total: the number of `unit` to come, None where it is unknown.
+    word: the stage; total: the number of `unit` to come, None where it is unknown.
     """
     with _bar(word, total, unit) if sys.stderr.isatty() else _lines(word, total, unit) as advance:
         yield advance
@@ -201,10 +201,10 @@ def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., No
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write a stage's headlines as metrics.json, and all its numbers as numbers.csv beside it.
+    """Write a stage's headline numbers to `path`, metrics.json, and all to numbers.csv beside it.
 
-    Both are sorted, with DIGITS digits. None and NaN are left out: such a number does not exist for
-    this clip (no truth, no fish long enough).
+    Both are sorted and rounded to DIGITS digits. None, NaN and infinity are left out: such a number
+    does not exist for this clip (no truth, no fish long enough).
     """
     # Not at the top: they need the right Python.
     from finloop.io.atomic import whole_file

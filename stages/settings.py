@@ -29,16 +29,16 @@ STAMPS = (STAMP, *FILES)
 
 
 def load(word: str) -> Any:
-    """Return the parameters of a stage word from params.yaml, as its settings.
+    """Return the parameters of a stage, from params.yaml, as its settings dataclass.
 
-    FinloopError if a parameter is refused (all are listed, by dotted name), or if conf/ was edited
-    after params.yaml was composed.
+    word: the stage. FinloopError if a parameter is refused (all are listed, by dotted name), or if
+    conf/ was edited after params.yaml was composed.
     """
     return parameters(word, read())
 
 
 def read() -> dict[str, Any]:
-    """Return params.yaml; raise FinloopError where it is not composed from the present conf/."""
+    """Return the content of params.yaml; raise FinloopError if conf/ was edited since."""
     values = read_parameters(PARAMS)
     _refuse_stale(values)
     return values
@@ -59,9 +59,10 @@ def _refuse_stale(values: Mapping[str, Any]) -> None:
 
 
 def stamp(conf: Path) -> str:
-    """Return a digest of the values in conf/, then `-` and one of conf/local/ if that is in use.
+    """Return a digest of the values in the folder `conf`, then `-` and one of conf/local/.
 
-    Experiments are left out: a new one changes no value.
+    The second is absent where conf/local/ is not in use. Experiments are left out: a new one
+    changes no value.
     """
     files = {path.relative_to(conf).as_posix(): path for path in conf.rglob("*.yaml")}
     shared = [name for name in files if not name.startswith(("experiment/", "local/"))]
@@ -79,7 +80,7 @@ def _digest(files: Mapping[str, Path]) -> str:
 
 
 def all_problems(values: Mapping[str, Any]) -> list[str]:
-    """Return everything that is wrong in a whole params.yaml, by dotted name."""
+    """Return everything that is wrong in a params.yaml, each with its dotted name."""
     problems = [f"{word}: unknown" for word in values if word not in (*GROUPS, *STAMPS)]
     for word in GROUPS:
         problems += check(word, variants(word), values.get(word, {}))[1]
@@ -89,7 +90,8 @@ def all_problems(values: Mapping[str, Any]) -> list[str]:
 def overrides(values: Mapping[str, Any]) -> list[str]:
     """Return the Hydra overrides, as `clip=carp`, with which conf/ composes to `values`.
 
-    Groups come in the order of `values`, a variant before the keys that differ from it.
+    values: content of params.yaml. Groups come in its order, a variant before the keys that differ
+    from it.
     """
     usual = usual_options()
     changes = []

@@ -29,7 +29,10 @@ TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
 def say(choices: dict[str, Choice], still: bool) -> None:
-    """Report on stderr the substitutes for what the film does not show."""
+    """Report on stderr what stands in for sequences that the film does not show.
+
+    choices: by sequence; still: whether the film shows a glide with a still tail.
+    """
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
             print(
@@ -45,7 +48,10 @@ def say(choices: dict[str, Choice], still: bool) -> None:
 
 
 def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
-    """Write atlas-0.png, atlas-0.json … from sprites.arrow in `folder`; return how many pages."""
+    """Write atlas-0.png, atlas-0.json … of the sprites to `folder`; return the number of pages.
+
+    It reads sprites.arrow there. page_px: size of a page; rate_hz: frames per second.
+    """
     with open_cutouts(folder / "sprites.arrow") as store:
         pages, count = atlas.pages(sprites, store.index, page_px), orientations_of(sprites)
         for number, page in enumerate(pages):
@@ -57,7 +63,10 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
 
 
 def main() -> None:
-    """Make data/sprites/, reports/sprites/."""
+    """Write sprites and atlas to data/sprites/, and reports/sprites/.
+
+    The reports are table1_after.csv, faults.csv and the metrics.
+    """
     settings: SpritesSettings = load("sprites")
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz

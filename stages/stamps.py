@@ -37,7 +37,10 @@ def film_stamp(clip: Mapping[str, Any]) -> str | None:
 
 
 def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the tracks, by `extract`, of those films; None where they are missing."""
+    """Return the stamp of the files of tracks; None if none is named, or one is missing.
+
+    clip, extract: groups of params.yaml, which name the films and the tracks.
+    """
     path = extract.get("tracks_path")
     if not path:
         return None
@@ -52,7 +55,10 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
 
 
 def path_stamp(matching: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the files with the paths, by `matching`; None where there are none."""
+    """Return the stamp of the files with paths; None if none exists.
+
+    matching: group of params.yaml. Files that do not exist are left out.
+    """
     paths = matching.get("path")
     several = [paths] if isinstance(paths, str) else paths or []
     files = [Path(path).expanduser() for path in several if path]
@@ -60,9 +66,10 @@ def path_stamp(matching: Mapping[str, Any]) -> str | None:
 
 
 def retarget_stamp(retarget: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the tracks to retarget, by `retarget`; None where they are missing.
+    """Return the stamp of the file of tracks to retarget; None if none is named or it is missing.
 
-    For another film it is the stamp of the files that are read from it.
+    For another film's folder it is the stamp of the files that are read from it. retarget: group of
+    params.yaml.
     """
     path = retarget.get("tracks")
     if not path:
@@ -96,7 +103,10 @@ def _films(clip: Mapping[str, Any]) -> list[Path]:
 
 
 def digest(paths: Iterable[Path]) -> str | None:
-    """Return a digest of the names, sizes and times of files, or of folders' files, or None."""
+    """Return 16 hexadecimal digits of the names, sizes and times of files; None for no files.
+
+    A folder stands for its files.
+    """
     files = list(paths)
     if not files:
         return None
@@ -107,7 +117,7 @@ def digest(paths: Iterable[Path]) -> str | None:
 
 
 def main() -> None:
-    """Renew the stamps in params.yaml if the files have changed."""
+    """Renew the stamps in params.yaml where films, tracks or paths have changed."""
     values = read()
     clip, extract = values.get("clip", {}), values.get("extract", {})
     stamps = (

@@ -38,7 +38,10 @@ _PLANNED_BY = ("animate", "matching")
 
 @dataclass(frozen=True)
 class FilmedScene:
-    """A scene and its pictures, made from a film; film: a digest of the film."""
+    """A film opened for a stimulus: what plans its motion, and the pictures for the page.
+
+    tank: the empty tank; film: a digest of the film's results.
+    """
 
     scene: TrialContext
     pictures: PagePictures
@@ -46,7 +49,10 @@ class FilmedScene:
     film: str
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """Return the data that display pages receive."""
+        """Return the data that display pages receive: tank, pictures, looks and facts.
+
+        looks: in the page's format; fish: how many; facts: further fields.
+        """
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
@@ -55,7 +61,10 @@ class FilmedScene:
         return Feed(self.tank, more | facts, self.pictures)
 
     def header(self, plan: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
-        """Return the origin of a session for its file."""
+        """Return the header of a session's file: software, protocol, trials, film, parameters.
+
+        facts: further fields.
+        """
         software = {"python": python_version(), "system": platform()}
         return {
             "format": FORMAT, "finloop": finloop.__version__,
@@ -69,7 +78,7 @@ class FilmedScene:
         }  # fmt: skip
 
     def others(self, header: dict[str, Any]) -> list[str]:
-        """Return what differs from a session with this header: its film, or parameters."""
+        """Return what differs from a session with this header: "film", or `group.key`."""
         film = ["film"] if self.film != header["film"] else []
         then = header["animate"]
         return film + [
@@ -88,16 +97,17 @@ def _parameters(*words: str) -> dict[str, Any]:
 
 
 def looks_of(plan: Protocol) -> list[dict[str, Any]]:
-    """Return the looks of a protocol in the page's format."""
+    """Return the looks of a protocol as the dicts that the page reads, one per look."""
     return [look.message for look in plan.looks]
 
 
 @contextmanager
 def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
-    """Yield everything that a session needs; plan: None where no fish is to swim.
+    """Yield the film and all that a session needs, opened from the stages' results.
 
-    FinloopError if the stages have not run, or a file is missing or damaged; if the film has no
-    such mode, or the protocol has rules of a school and the film shows none.
+    plan: None where no fish is to swim. FinloopError if the stages have not run, or a file is
+    missing or damaged; if the film has no mode `matching`, or the protocol has rules of a school
+    and the film shows none.
     """
     fish_mm = None if plan is None else plan.display.fish_mm
     with Project() as project:
@@ -127,7 +137,7 @@ def _digest(data: Path) -> str:
 
 
 def display_file(name: str) -> Path:
-    """Return the file of a display's calibration; raise FinloopError if the name is unusable."""
+    """Return the path of a display's calibration; raise FinloopError if its name is unusable."""
     if not name.replace("-", "").replace("_", "").isalnum():
         raise FinloopError(
             f"a display has the name {name!r}",
@@ -138,9 +148,9 @@ def display_file(name: str) -> Path:
 
 
 def known_display(name: str, demanded: bool) -> DisplayCalibration | None:
-    """Return a display's calibration; None where there is none and none is required.
+    """Return a display's calibration; None where there is none and `demanded` is False.
 
-    FinloopError where one is required, or it is broken.
+    FinloopError where one is demanded and missing, or it is damaged.
     """
     path = display_file(name)
     if path.exists():

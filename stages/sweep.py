@@ -38,7 +38,10 @@ LAST_LINES = 12  # of the output of a failed run
 
 
 def copy(root: Path, folder: Path, cache: str) -> None:
-    """Clone the repository `root`, with uncommitted changes, into `folder`; share the cache."""
+    """Clone the repository `root`, with uncommitted changes, into `folder`.
+
+    cache: folder of DVC's cache, which the clone shares.
+    """
     git("clone", "--quiet", "--shared", str(root), str(folder), at=root)
     listed = git("ls-files", "-z", "--modified", "--others", "--exclude-standard", at=root)
     ignored = [LOCAL.as_posix()] if (root / LOCAL).is_file() else []
@@ -55,7 +58,7 @@ def copy(root: Path, folder: Path, cache: str) -> None:
 
 
 def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
-    """Return whether a DVC command succeeds in a folder, and its output."""
+    """Run a DVC command in the folder `at`; return whether it succeeds, and its output."""
     process = subprocess.run(
         [sys.executable, "-c", DVC, *arguments],
         cwd=at,
@@ -69,21 +72,27 @@ def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
 
 
 def is_same(commit: str, params: str) -> bool:
-    """Return whether an experiment was made from these parameters by the present code."""
+    """Return whether an experiment was made by the present code from the same params.yaml.
+
+    commit: of the experiment; params: text of params.yaml.
+    """
     excludes = [f":(exclude){name}" for name in RESULTS]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
     return not changed.returncode and git("show", f"{commit}:{PARAMS}") == params
 
 
 def keep(name: str, folder: Path) -> None:
-    """Copy the experiment of a clone into this repository; replace one of the same name."""
+    """Copy an experiment from a clone into this repository; replace one of the same name."""
     refs = git("for-each-ref", "--format=%(refname)", "refs/exps", at=folder).split()
     (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
     git("fetch", "--quiet", "--no-write-fetch-head", str(folder), f"+{ref}:{ref}")
 
 
 def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> str:
-    """Make one run in a copy and keep it; return the end of its output if it failed."""
+    """Make one run in a clone and keep it; return "", or the last lines of output if it failed.
+
+    changes: overrides; stages: to run; folder: the clone.
+    """
     values = [word for change in changes for word in ("-S", change)]
     succeeds, text = dvc("exp", "run", "--name", name, *values, *stages, at=folder)
     if succeeds:
@@ -93,7 +102,10 @@ def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> s
 
 
 def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str, str]:
-    """Make the runs, given by their overrides; return why runs failed, by name."""
+    """Make the runs of a sweep; return the failed ones, name → cause.
+
+    runs: name → overrides; stages: to run; jobs: runs at a time.
+    """
     root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
     there = experiments()
     for name, changes in runs.items():
@@ -132,7 +144,10 @@ def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str,
 
 
 def in_parallel(make_next: Callable[[Path], bool], folders: list[Path], todo: list[str]) -> None:
-    """Make the remaining runs, in every folder one after the other."""
+    """Make all runs in `todo`, one after another in each folder, folders in parallel.
+
+    make_next: takes the next run from `todo` and makes it in a folder.
+    """
 
     def make_all(folder: Path) -> None:
         with suppress(IndexError):  # nothing is left
@@ -147,7 +162,7 @@ def in_parallel(make_next: Callable[[Path], bool], folders: list[Path], todo: li
 
 
 def main() -> None:
-    """Run the sweep; print the table and write the page."""
+    """Run a sweep; print the comparison of its runs and write reports/compare.html."""
     parser = argparse.ArgumentParser(prog="make sweep experiment=", description=__doc__)
     parser.add_argument("experiment", help="a name in conf/experiment/")
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every run")

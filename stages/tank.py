@@ -36,7 +36,10 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
 def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
-    """Return the fish of the edit list for the filmed seconds, and the ticks' times."""
+    """Return the fish of an edit list as moving surfaces, and the times (ticks,) in s.
+
+    They cover the first tank.seconds of the list.
+    """
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
     each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
     time = each[0]["time_s"].to_numpy(float)
@@ -57,13 +60,13 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
 
 
 def swimming(fish: FishSurface) -> AnimatedFish:
-    """Return the data of a fish for a glTF scene."""
+    """Return a moving surface as a fish of a glTF scene: shapes, places and headings."""
     heading = fish.poses.heading
     return AnimatedFish(shapes(fish.points(), heading), fish.place, heading)
 
 
 def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
-    """Join rows of pictures into one picture, reduced in size."""
+    """Join rows of pictures (h, w, 3) into one picture, each _SHEET_PX wide."""
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
     return np.vstack([
@@ -73,7 +76,7 @@ def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
 
 
 def main() -> None:
-    """Make data/tank/, reports/tank/."""
+    """Write data/tank/ (film, still, glTF scene, page) and reports/tank/."""
     p: TankSettings = load("tank")
     choose_window()
     with Project() as project, whole_folder(OUT) as folder:

@@ -20,12 +20,11 @@ LEAST = 50  # rows with other fish that each half must have for a fit
 
 @dataclass(frozen=True)
 class FilmShoal:
-    """A film's fish. Vectors are complex, in body lengths, as in `finloop.social.neighbours`.
+    """The fish of a film, n rows. Vectors are complex, in BL, as in `finloop.social.neighbours`.
 
-    place, heading, frame (n,): of the rows of the feature table; later (n,): the row of the same
-    track `horizon` frames later, −1 where there is none; slot (n,): the number of a row in its
-    frame; index (n,): the number of its frame among all frames with fish; places, headings (frames,
-    m): of each frame, NaN for absent fish; table: from `shoal_table`.
+    place, heading, frame (n,): of each row; later (n,): row of the same track `horizon` frames
+    later, or −1; index (n,): the row's frame among the frames with fish; slot (n,): its place in
+    that frame; places, headings (frames, m): NaN for absent fish; table: `shoal_table`.
     """
 
     place: Complex
@@ -42,12 +41,12 @@ class FilmShoal:
 
     @property
     def visible_counts(self) -> Ints:
-        """The number of fish (frames,) in each frame."""
+        """The number of fish in each frame that shows any, (frames,)."""
         return np.asarray(np.isfinite(self.headings).sum(axis=1))
 
     @property
     def fish(self) -> int:
-        """The number of fish in a frame, in the median."""
+        """The median number of fish in a frame that shows any."""
         return int(np.median(self.visible_counts))
 
     @property
@@ -56,32 +55,36 @@ class FilmShoal:
         return self.frame < middle(self.frame)
 
     def half(self, first: bool) -> pd.DataFrame:
-        """Return the measures of one half."""
+        """Return the measures (columns of `SHOAL`) of the film's first or second half."""
         return self.table[self.first_half == first]
 
     def lessons(self, first: bool, most: int) -> Ints:
-        """Return rows of one half with other fish and a later row in that half, evenly spread.
+        """Return rows from which zones are fitted, at most `most`, evenly spread over one half.
 
-        most: the most rows to return.
+        Such a row has other fish in its frame, and a later row `horizon` frames on in the same
+        half. first: the first half.
         """
         half = self.first_half == first
         several = self.visible_counts[self.index] > 1
         return _spread(np.flatnonzero(half & several & (self.later >= 0) & half[self.later]), most)
 
     def whole_steps(self, most: int) -> Ints:
-        """Return rows with an earlier and a later one, of the first half or else of the film."""
+        """Return at most `most` rows whose fish is also seen `horizon` frames before and after.
+
+        They are of the first half, or of the whole film if that has none, evenly spread.
+        """
         whole = (self.later >= 0) & (last_rows(self.later) >= 0)
         first = np.flatnonzero(whole & self.first_half & self.first_half[self.later])
         return _spread(first if len(first) else np.flatnonzero(whole), most)
 
     @property
     def teaches(self) -> bool:
-        """Whether both halves show enough fish together, and the film a whole step."""
+        """Whether both halves have LEAST rows for a fit, and the film at least one whole step."""
         halves = [len(self.lessons(first, LEAST)) for first in (True, False)]
         return min(halves) == LEAST and len(self.whole_steps(1)) > 0
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
-        """Return what the fish of some rows see of the others."""
+        """Return what the fish of k rows see of the others in their frames, (k, m)."""
         own = self.index[rows]
         places = self.places[own]
         places[np.arange(len(rows)), self.slot[rows]] = np.nan
@@ -89,21 +92,28 @@ class FilmShoal:
         return relative_neighbours(self.place[rows, None], self.heading[rows, None], others)
 
     def moves(self, rows: Ints) -> Complex:
-        """Return displacements (n,) from some rows to later ones, in the frame of the body."""
+        """Return displacements (k,) in BL from k rows to those `horizon` frames later.
+
+        They are complex, in the frame of the body at the earlier row.
+        """
         way = self.place[self.later[rows]] - self.place[rows]
         return way * self.heading[rows].conj()
 
     def directions(self, rows: Ints) -> Complex:
-        """Return headings (n,) of the later rows of some rows, in the earlier frame of the body."""
+        """Return headings (k,) `horizon` frames after k rows, relative to those at the rows.
+
+        They are complex unit vectors: 1 = not turned, i = turned left by 90°.
+        """
         return self.heading[self.later[rows]] * self.heading[rows].conj()
 
 
 def film_shoal(
     features: pd.DataFrame, arena: Mask, delta: int, horizon: float | Literal["auto"]
 ) -> FilmShoal:
-    """Return the fish of a feature table; delta: Δ in frames; horizon: in Δ, auto: measured.
+    """Return the fish of a film from its feature table.
 
-    FinloopError if a horizon in Δ is longer than the tracks: no row has an earlier and a later one.
+    arena (h, w): True inside; delta: Δ in frames; horizon: time between look and response in Δ, or
+    "auto" to measure it. FinloopError if a horizon in Δ is longer than the tracks allow.
     """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
@@ -130,9 +140,10 @@ def film_shoal(
 
 
 def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
-    """Return the frames after which headings (n,) are half forgotten; at least Δ if tracks allow.
+    """Return the number of frames after which fish have half forgotten their headings.
 
-    No longer than a quarter of the longest track, or half of it where that is less than Δ.
+    It is at most a quarter of the longest track, but at least Δ if that is no more than half of it.
+    heading (n,): complex; track (n,): its number; delta: Δ in frames.
     """
     memory = memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
     longest = longest_track(track)
@@ -141,7 +152,7 @@ def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
 
 
 def longest_track(track: Ints) -> int:
-    """Return the number of rows of the longest track, from the track of each row (n,)."""
+    """Return the number of rows of the longest track; track (n,): the track number of each row."""
     return int(np.unique(track, return_counts=True)[1].max())
 
 

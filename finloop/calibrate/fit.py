@@ -36,10 +36,11 @@ _LEAST_OWN = 0.05  # least weight of the own direction after H: weights are divi
 
 @dataclass(frozen=True)
 class Fitted:
-    """The zones of a film, and how well they predict its other half.
+    """The zones fitted to a film, and how well they predict the directions of its fish.
 
-    own: a of the regression; explained, explained_held_out: share of the squares, beyond a fit
-    without zones, that the zones explain, in both halves.
+    own: coefficient a of the regression, the fish's own direction; explained, explained_held_out:
+    share (at most 1) of the squares left without zones that the zones explain, in the first and in
+    the second half.
     """
 
     zones: Zones
@@ -49,7 +50,11 @@ class Fitted:
 
 
 def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
-    """Fit the zones that best predict the directions of the first half of a film."""
+    """Fit the zones that best predict the directions of the first half of a film.
+
+    Parameters that are not "auto" stay fixed; listed radii and blind angles are tried for the
+    others.
+    """
     rows, others = (film.lessons(first, p.rows) for first in (True, False))
     seen, wall, after = film.visible_neighbours(rows), wall_pull(film, rows), film.directions(rows)
     weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
@@ -75,15 +80,18 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
 
 
 def wall_pull(film: FilmShoal, rows: Ints) -> Complex:
-    """Return W: away from the nearest wall, in the frame of the body, larger nearer to the wall."""
+    """Return the vectors W (k,) of k rows: away from the wall, in the frame of the body.
+
+    They are complex, and longer nearer to the wall (`Walls.near`).
+    """
     return film.walls.near(film.place[rows], film.heading[rows])
 
 
 class Rings:
-    """`zone_means` for many combinations of listed radii, computed quickly.
+    """`zone_means` of n fish for many combinations of listed radii, computed quickly.
 
     It sums over the neighbours of each ring between two radii, so that a zone is a difference of
-    cumulated sums.
+    cumulated sums. seen: the others (n, m); radii: rising, BL.
     """
 
     def __init__(self, seen: Neighbours, radii: Sequence[float], blind_deg: float) -> None:
@@ -95,7 +103,10 @@ class Rings:
         self._bearing = _sums(seen.bearing, within & sees[..., None])
 
     def means(self, radii: tuple[float, float, float]) -> Complex:
-        """Return `zone_means` (n, 3) for these radii."""
+        """Return the pulls (n, 3) of three zones without weights, equal to `zone_means`.
+
+        radii: three outer radii in BL, each one of the listed radii.
+        """
         inner, middle, outer = (self._radii[radius] for radius in radii)
         free = self._near[1][:, inner] == 0
         return np.stack(
@@ -122,10 +133,10 @@ def _ratio(total: Complex, count: Ints) -> Complex:
 
 
 class Sums(NamedTuple):
-    """Sums over rows (n,) for a regression of directions.
+    """Sums over n rows for a regression of directions on five columns.
 
-    gram (5, 5), right (5,): products of the columns with each other and with the directions;
-    square: of the directions. The columns are the own direction, the pulls of the zones, and W.
+    The columns are the own direction, the pulls of three zones, and W. gram (5, 5): products of the
+    columns with each other; right (5,): with the directions; square: sum of the squared directions.
     """
 
     gram: Floats
@@ -133,12 +144,16 @@ class Sums(NamedTuple):
     square: float
 
     def residual(self, solution: Floats) -> float:
-        """Return the sum of squares that coefficients (5,) of the columns leave."""
+        """Return the sum of squares that the regression leaves with these coefficients (5,)."""
         return self.square + float(solution @ (self.gram @ solution - 2 * self.right))
 
 
 def sum_rows(columns: Complex, after: Complex) -> Sums:
-    """Return the sums over rows: columns (n, 5), directions after (n,)."""
+    """Sum over n rows what a regression needs.
+
+    columns (n, 5): own direction, pulls of three zones, W; after (n,): directions to predict. All
+    are complex.
+    """
     # Not `@`: its threads cost more time than these few numbers.
     gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
     right = np.einsum("ni,n->i", columns.conj(), after).real
@@ -146,9 +161,10 @@ def sum_rows(columns: Complex, after: Complex) -> Sums:
 
 
 def solve(sums: Sums, weights: Sequence[float | None]) -> Floats:
-    """Return the coefficients (5,) of the columns; those of zones are 0 or more.
+    """Return the coefficients (5,) of the regression; those of the three zones are 0 or more.
 
-    weights: fixed weights of zones, whose columns are part of the first one; None for fitted zones.
+    weights (3,): None for a zone that is fitted. A zone with a fixed weight has coefficient 0,
+    because its pull is already part of the first column.
     """
     free = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
     solution = np.zeros(5)
@@ -176,9 +192,10 @@ def _weight_vector(weights: Sequence[float | None]) -> Floats:
 def regression(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
 ) -> tuple[Floats, float]:
-    """Return coefficients a, b_z (3), c, and the sum of squares that they leave.
+    """Fit a, b_z, c to directions; return these five coefficients and the remaining sum of squares.
 
-    weights: fixed weights of zones, b_z = weight × a; None for fitted zones.
+    pulls (n, 3): of the zones; wall (n,): W; after (n,): directions; weights (3,): None for a zone
+    that is fitted, else its fixed weight, with b_z = weight × a.
     """
     sums = sum_rows(_columns(pulls, wall, weights), after)
     solution = solve(sums, weights)
@@ -190,7 +207,11 @@ def regression(
 def cross_validate(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
-    """Return the sum of squares left in each part by the coefficients of the other part."""
+    """Return the sum, over both parts, of the squares left by the other part's coefficients.
+
+    pulls (n, 3), wall (n,), after (n,), weights (3,): as for `regression`; parts (n,): True for one
+    part, False for the other.
+    """
     columns = _columns(pulls, wall, weights)
     one, other = (sum_rows(columns[part], after[part]) for part in (parts, ~parts))
     return one.residual(solve(other, weights)) + other.residual(solve(one, weights))
@@ -205,9 +226,9 @@ def _residual(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> flo
 def share_explained(
     film: FilmShoal, rows: Ints, zones: Zones, with_zones: Floats, alone: Floats
 ) -> float:
-    """Return the share of the squares left without zones that the zones explain.
+    """Return the share (at most 1) of the squares left without zones that the zones explain.
 
-    with_zones, alone: coefficients of `regression`, with all zones and with none.
+    rows: of the film; with_zones, alone (5,): coefficients of `regression` with zones and without.
     """
     after, wall = film.directions(rows), wall_pull(film, rows)
     pulls = zone_means(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
@@ -244,7 +265,10 @@ def _zones(
 
 
 def without_company(p: CalibrateSettings) -> Zones:
-    """Return the zones for a film with too few fish together: the parameters', else the paper's."""
+    """Return the zones for a film that shows too few fish together for a fit.
+
+    They have the values of the parameters, and the paper's (COUZIN) where a parameter is "auto".
+    """
     weights = p.repulsion_weight, p.alignment_weight, p.attraction_weight
     names = [one.name for one in fields(Zones)]
     given = zip(names, (*p.zone_radii, p.blind_angle_deg, *weights), strict=True)

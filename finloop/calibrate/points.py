@@ -20,9 +20,10 @@ _BURN_IN = 0.1  # share of the steps until the first places are forgotten
 
 
 def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
-    """Return the own steps from some rows that have an earlier and a later one.
+    """Return the steps of k rows of a film without the pull of the other fish.
 
-    A pull of 1 changes displacement and direction as much as the fish's own direction does.
+    rows (k,): each has a row before and one after (`whole_steps`). A least-squares fit gives how
+    much a pull of 1 moves and turns a fish: as much as its own direction does.
     """
     pulls, own = pull(film.visible_neighbours(rows), zones), film.heading[rows]
     move, turn = film.moves(rows), film.directions(rows)
@@ -48,9 +49,10 @@ def simulate_points(
     p: CalibrateSettings,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    """Simulate as many point fish as the film shows for `p.steps` steps; return their measures.
+    """Simulate point fish that swim by steps and zones; return their measures (columns of `SHOAL`).
 
-    The table has the columns of `SHOAL`.
+    There are as many as the film shows in a frame. The table has `p.steps` frames, after a time in
+    which they forget their random start.
     """
     fish, count = film.fish, p.steps
     place = film.place[rng.choice(len(film.place), fish, replace=len(film.place) < fish)]

@@ -8,7 +8,11 @@ from finloop.social.rule import Shoaling
 
 
 def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted | None]:
-    """Return the rule and the fit of its zones; None where the film shows too few fish together."""
+    """Return the rule of a film's fish, and the fit of its zones.
+
+    The fit is None where the film shows too few fish together; then the zones are
+    `without_company`.
+    """
     fit = fit_zones(film, p) if film.teaches else None
     zones = fit.zones if fit else without_company(p)
     steps = own_steps(film, film.whole_steps(p.rows), zones)
@@ -16,7 +20,7 @@ def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted |
 
 
 def shortage(film: FilmShoal) -> str:
-    """Return what a film lacks for a fit; "" where it lacks nothing."""
+    """Return in a sentence what a film lacks for a fit of zones; "" where it lacks nothing."""
     if film.teaches:
         return ""
     first, second = (len(film.lessons(half, len(film.frame))) for half in (True, False))

@@ -13,7 +13,10 @@ Angle = Annotated[float, Field(ge=0, le=360)]
 
 @dataclass(frozen=True)
 class CalibrateSettings:
-    """The zones (`finloop.social.zones`); auto: as the film's fish have it."""
+    """Parameters of the stage `calibrate`: the zones (`finloop.social.zones`).
+
+    "auto": fitted to the film.
+    """
 
     repulsion_radius_bl: Fitted
     alignment_radius_bl: Fitted
@@ -54,5 +57,5 @@ class CalibrateSettings:
 
     @property
     def zone_radii(self) -> tuple[Fitted, Fitted, Fitted]:
-        """The radii of the three zones, from the inside."""
+        """The radii of repulsion, alignment and attraction in BL, or "auto"."""
         return self.repulsion_radius_bl, self.alignment_radius_bl, self.attraction_radius_bl

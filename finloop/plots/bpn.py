@@ -12,7 +12,10 @@ from finloop.plots.features import TYPES
 
 
 def figure15(curve: pd.DataFrame) -> Figure:
-    """Draw Fig. 15 of the fish paper: error per epoch, on training rows and on held-out rows."""
+    """Draw Fig. 15 of the fish paper: the network's error per epoch, on training and held-out rows.
+
+    curve: columns epoch, and area_rmse and type_error_pct with the prefix train_ or held_out_.
+    """
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     panels = figure.subplots(1, 2)
     words = ("motion area: RMS error (0–1 scale)", "swimming type: wrong (%)")
@@ -29,7 +32,10 @@ def figure15(curve: pd.DataFrame) -> Figure:
 
 
 def held_out_figure(predicted: Floats, true: Floats) -> Figure:
-    """Draw predicted against true states (n, 2) of held-out rows: areas, and a table of types."""
+    """Draw the network's predictions for n held-out rows: a scatter of areas, a table of types.
+
+    predicted, true (n, 2): relative motion area and swimming type.
+    """
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     kinds = type_class(true[:, 1])

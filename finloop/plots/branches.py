@@ -55,7 +55,10 @@ def _branch_order(fish: ThinnedFish) -> tuple[int, int]:
 
 
 def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
-    """Draw Figs. 3 and 4: each fish, thinned, numbered and pruned; `words` stand above."""
+    """Draw Figs. 3 and 4 of the fish paper: each fish, thinned, numbered and pruned.
+
+    words: the sentence above the pictures, from `choose_fish`.
+    """
     if not fish:
         return message("Figs. 3, 4: no isolated fish in the examined frames.")
     fish = [lie_down(one) for one in fish]
@@ -73,7 +76,7 @@ def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
 
 
 def lie_down(fish: ThinnedFish) -> ThinnedFish:
-    """Return the same fish, turned by a right angle where the picture is higher than wide."""
+    """Return a fish, with all its pictures and points, turned by 90° if it is higher than wide."""
     height, width = fish.whole.shape
     if height <= width:
         return fish

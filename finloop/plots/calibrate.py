@@ -21,7 +21,10 @@ _BINS = 30
 
 
 def distributions(shoals: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw the distribution of every measure, one line per group; tables of `SHOAL` by name."""
+    """Draw the distribution of every measure of a group, one line per group.
+
+    shoals: name of a group → its table of `SHOAL`.
+    """
     figure = Figure(figsize=(12, 6.4), layout="constrained")
     grid = figure.subplots(2, 3)
     for axes, name in zip(grid.flat, MEASURES, strict=False):

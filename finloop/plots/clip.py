@@ -17,7 +17,11 @@ _QUANTILE = 0.999  # quantile of the difference that is drawn black
 def film_check(
     frame: Picture, difference: NDArray[np.float32], table: pd.DataFrame, rate_hz: float, title: str
 ) -> Picture:
-    """Draw a frame, its difference (h, w) from the still tank, and curves of `clip.check.CHECK`."""
+    """Draw a frame, its difference from the still tank, and curves of light, camera and change.
+
+    difference (h, w): grey levels; table: columns of `clip.check.CHECK`; rate_hz: frames per
+    second. Returns RGB.
+    """
     height, width = difference.shape
     figure = Figure((12, 6 * height / width + 5.5), dpi=110, layout="constrained")
     canvas = FigureCanvasAgg(figure)

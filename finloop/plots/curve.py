@@ -42,9 +42,9 @@ def _name(ax: Axes, text: str) -> None:
 
 
 def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
-    """Draw Fig. 2: the curve (n points) from n / 2^k of its samples, one row per wavelet.
+    """Draw Fig. 2 of the curve paper: a curve of n points from n / 2^k of its samples.
 
-    wavelets: pairs of wavelet and title.
+    wavelets: pairs of a wavelet's name and the title of its row.
     """
     n = len(curve.points)
     figure = Figure(figsize=(2.1 * len(LEVELS), 2.9 * len(wavelets)), layout="constrained")
@@ -60,7 +60,10 @@ def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
 
 
 def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
-    """Draw Fig. 3: sizes of the entries of K in the wavelet basis; lines separate scales."""
+    """Draw Fig. 3 of the curve paper: sizes of the entries of the stiffness matrix K (n, n).
+
+    matrix: K in the wavelet basis; levels: number of scales, which lines separate.
+    """
     size = np.abs(matrix.toarray())
     n = len(size)
     top = float(size.max())
@@ -83,7 +86,11 @@ def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
 def figure6(
     frames: Array, times: Array, rest: Array, title: str, closed: bool = True, columns: int = 6
 ) -> Figure:
-    """Draw Fig. 6: curves (t, n, 2), left to right and top to bottom; the rest shape in grey."""
+    """Draw Fig. 6 of the curve paper: a moving curve in successive pictures, its rest in grey.
+
+    frames (t, n, 2): the curve at the times (t,); rest (n, 2). Pictures run left to right, top to
+    bottom.
+    """
     rows = -(-len(frames) // columns)
     box = np.concatenate([frames, rest[None]])
     height = rows * _height(box, 1.7) + 0.4
@@ -102,7 +109,10 @@ def figure6(
 def figure7(
     shapes: Sequence[tuple[int, Array]], times: Array, title: str, closed: bool = True
 ) -> Figure:
-    """Draw Fig. 7: rows of (number of control points, curves (t, n, 2)) over the same times."""
+    """Draw Fig. 7 of the curve paper: a moving curve, one row for each number of control points.
+
+    shapes: pairs (number of control points, curves (t, n, 2) at the times (t,)).
+    """
     box = np.concatenate([frames for _, frames in shapes])
     height = len(shapes) * _height(box, 1.5) + 0.5
     figure = Figure(figsize=(1.5 * len(times) + 0.6, height), layout="constrained")

@@ -10,7 +10,10 @@ BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
 def picture_rows(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
-    """Return at most `most` rows of the feature table: the longest tracks, in the table's order."""
+    """Return at most `most` row numbers of the feature table: those of the longest tracks.
+
+    Rows are in the table's order.
+    """
     track = features["track_id"]
     longest = track.groupby(track).transform("size").to_numpy()
     return np.sort(np.lexsort((np.arange(len(track)), track, -longest))[:most])
@@ -22,9 +25,10 @@ def figure9(
     track: NDArray[np.integer],
     unit: float,
 ) -> Figure:
-    """Draw Fig. 9: (a) Eq. 5 for all pairs, (b) Eq. 6 for compared pairs.
+    """Draw Fig. 9 of the fish paper: distances of all pairs of frames (a), of compared pairs (b).
 
-    distance, compared: (n, n); track: (n,); unit: the median natural step.
+    (a) shows Eq. 5; (b) shows Eq. 6, which compares like with like. distance, compared (n, n);
+    track (n,): of each frame; unit: the median natural step.
     """
     figure = Figure(figsize=(13, 6.8), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)

@@ -30,7 +30,10 @@ def detections_picture(
     arena: Picture,
     settings: ExtractSettings,
 ) -> NDArray[np.uint8]:
-    """Draw frames, two per row, with each silhouette's outline in the colour of its verdict."""
+    """Draw frames, two per row, with each silhouette's outline in the colour of its verdict.
+
+    labels: one per frame; arena: 255 inside. Returns (h, w, 3) RGB, with a key on top.
+    """
     panels = []
     for frame, label in zip(frames, labels, strict=True):
         panel, scale = convert_to_colour(frame), frame.shape[1] / 900

@@ -69,7 +69,7 @@ def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
 
 
 def rose(features: pd.DataFrame) -> Figure:
-    """Draw how often each orientation occurs, by swimming type."""
+    """Draw the share of frames in each orientation as a polar bar chart, by swimming type."""
     count = orientations_of(features)
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
@@ -88,7 +88,11 @@ def rose(features: pd.DataFrame) -> Figure:
 
 
 class Specimen(NamedTuple):
-    """One fish for the contact sheet: its row, its backbone (n, 2) px head first, and its film."""
+    """One fish for a contact sheet: its row of the feature table, its backbone, its picture.
+
+    backbone (n, 2): px of the film, head first; film: the cut-out over the empty tank; x0_px,
+    y0_px: its upper left pixel.
+    """
 
     row: pd.Series
     backbone: NDArray[np.floating]
@@ -104,7 +108,11 @@ def specimens(
     cutouts: Cutouts,
     background: np.ndarray,
 ) -> Iterator[Specimen]:
-    """Yield rows of the feature table, and of `tracks`, with their cut-outs over the tank."""
+    """Yield the fish of some rows, each with its backbone and its cut-out over the empty tank.
+
+    table, tracks: the feature table and the tracks, row by row the same; numbers: of the rows to
+    yield.
+    """
     lines = lists_to_points(tracks, "backbone")
     lines = np.where(tail_first(lines, table)[:, None, None], lines[:, ::-1], lines)
     for number in numbers.tolist():
@@ -113,10 +121,10 @@ def specimens(
 
 
 def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
-    """Return row numbers for a contact sheet, worst first.
+    """Return `count` row numbers for a contact sheet.
 
-    Half of them have the least confidence in head and tail, at most a few per track. The others are
-    spread over the range of motion areas.
+    The first half has the least confidence in head and tail, the worst first, at most three per
+    track. The second half is spread over the range of motion areas, the largest first.
     """
     order = features["head_confidence"].to_numpy().argsort(kind="stable")
     rank = features["track_id"].iloc[order].groupby(features["track_id"].iloc[order]).cumcount()
@@ -127,7 +135,10 @@ def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
 
 
 def contact_sheet(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
-    """Draw fish with backbone, control points, B-spline and heading over the film."""
+    """Draw fish in tiles, each with backbone, control points, B-spline and heading.
+
+    size: px of a tile. Returns (h, w, 3), with a key on top.
+    """
     rows = in_rows([_tile(specimen, size) for specimen in specimens], columns)
     return np.vstack([_key(rows[0].shape[1]), *rows])
 

@@ -20,7 +20,10 @@ _SPAN_S = 1.0  # of the autocorrelations
 
 
 def learning_figure(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
-    """Draw errors per epoch, and how often the truth has which rank among its forecasts."""
+    """Draw the forecast's error per epoch, and how the true values rank among its predictions.
+
+    curve: columns epoch, train_error, held_out_error; held_out: columns of `HELD_OUT`, ranks 0 … 1.
+    """
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     errors, ranks = figure.subplots(1, 2)
     for side, colour, label in (
@@ -44,7 +47,10 @@ def learning_figure(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
 
 
 def free_figure(film: FilmStates, free: pd.DataFrame) -> Figure:
-    """Draw a freely swimming fish beside the film: distributions above, autocorrelations below."""
+    """Draw a fish that swims by the forecast beside the film: distributions, autocorrelations.
+
+    film: states of the film; free: columns of `FREE`. Distributions are above.
+    """
     figure = Figure(figsize=(12, 6.5), layout="constrained")
     panels = figure.subplots(2, 3)
     rows = film.rows[film.rows < film.count] + 1

@@ -31,9 +31,10 @@ def figures(
     subcycles: Mapping[tuple[str, int], Subcycle],
     pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
 ) -> Iterator[tuple[str, Figure]]:
-    """Yield the names and figures 8 to 14.
+    """Yield Figs. 8 to 14 of the curve paper, each with its name, "fig8" to "fig14".
 
-    pictures: of the film with their phases, if they may be shown.
+    film: contours with their phases; keys: key frames; subcycles: by contour and 0 for A, 1 for B;
+    pictures: of the film with their phases, None where Fig. 8 shows contours.
     """
     yield "fig8", figure8(*pictures) if pictures else figure8_contours(film)
     yield "fig9", figure9(gait, keys, film)
@@ -45,7 +46,10 @@ def figures(
 
 
 def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int = 6) -> Figure:
-    """Draw Fig. 8: pictures of one gait cycle, left to right and top to bottom."""
+    """Draw Fig. 8 of the curve paper: pictures of one gait cycle, left to right, top to bottom.
+
+    pictures: k of (h, w); phases (k,): in cycles.
+    """
     high, wide = pictures[0].shape[:2]
     rows = -(-len(pictures) // columns)
     figure, ax = _canvas(columns * 2.0, rows * (2.0 * high / wide + 0.2), "")
@@ -58,7 +62,7 @@ def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int 
 
 
 def figure8_contours(film: GaitContours, columns: int = 6, most: int = 18) -> Figure:
-    """Draw Fig. 8 from contours instead of pictures, over the film's first cycle."""
+    """Draw Fig. 8 of the curve paper with contours, at most `most` frames of the first cycle."""
     first = np.flatnonzero(film.phase < film.phase[0] + 1)
     frames = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
     poses = _poses({name: points[frames] for name, points in film.contours.items()})
@@ -68,9 +72,10 @@ def figure8_contours(film: GaitContours, columns: int = 6, most: int = 18) -> Fi
 
 
 def figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
-    """Draw Fig. 9: (a) the cycle, • a limb on the ground, ○ one lifted; (b) the four key frames.
+    """Draw Fig. 9 of the curve paper: (a) the clock of a cycle, (b) its four key frames.
 
-    Without limbs on the ground, (a) shows how far the contour reaches to either side.
+    (a) marks when each limb is on the ground (●) or lifted (○). Without limbs on the ground it
+    shows how far the contour reaches to either side.
     """
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[1, 1.1])
@@ -123,9 +128,9 @@ def _reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
 
 
 def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
-    """Draw Fig. 10: contours of subcycle A: key 1 dashed, key 2 solid, other frames dotted.
+    """Draw Fig. 10 of the curve paper: subcycle A, key 1 dashed, key 2 solid, frames dotted.
 
-    Frames of subcycle C are included, mapped by the symmetry.
+    Frames of subcycle C are included, mapped by the symmetry. split: phase of key 2, 0 … 0.5.
     """
     inside = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     late = (np.mod(film.phase, 1) >= 0.5)[inside, None, None]
@@ -152,9 +157,11 @@ def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
 
 
 def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
-    """Draw Fig. 11: each frame's f(τ) between its keys, 'o' in A and 'x' in B, and the parabolas.
+    """Draw Fig. 11 of the curve paper: progress f(τ) of each frame between two keys, and its fit.
 
-    f is the remaining share of the change from key to key, by least squares over the contour.
+    Frames of subcycle A are 'o', of B 'x'; the parabola is fitted by γ. f is the remaining share of
+    the change from key to key, by least squares over the contour. subcycles: by contour, and 0 for
+    A, 1 for B.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
@@ -186,7 +193,10 @@ def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
 
 
 def figure12(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
-    """Draw Fig. 12: the synthesized cycle, subcycles A to D in rows."""
+    """Draw Fig. 12 of the curve paper: the synthesized cycle, subcycles A to D in rows.
+
+    columns: frames per subcycle.
+    """
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(columns) / columns
     phases = np.concatenate([a + tau * (b - a) for a, b in pairwise(edges)])
@@ -196,7 +206,7 @@ def figure12(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Fi
 
 
 def figure13(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6, rows: int = 2) -> Figure:
-    """Draw Fig. 13: subcycle A alone, with more frames."""
+    """Draw Fig. 13 of the curve paper: subcycle A, synthesized, in rows × columns frames."""
     phases = np.linspace(0, gait.split, rows * columns)
     poses = _rows(_poses(_frames(gait, keys, film, phases)), columns)
     titles = [f"phase {phase:.3f}" for phase in phases]
@@ -204,7 +214,10 @@ def figure13(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6, rows:
 
 
 def figure14(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
-    """Draw Fig. 14: frames of a cycle at 4, 16 and 64 control points a contour."""
+    """Draw Fig. 14 of the curve paper: the cycle with 4, 16 and 64 control points per contour.
+
+    columns: frames per row.
+    """
     phases = np.arange(columns) / columns
     rows = [_poses(_frames(gait, keys, film, phases, control)) for control in CONTROL]
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * columns)

@@ -25,10 +25,10 @@ _HEADLINES = {
 
 
 class GatewayPictures(NamedTuple):
-    """A gateway on screen: premultiplied pictures (TILE, TILE, c), 0 … 1.
+    """A gateway on screen: three premultiplied pictures (TILE, TILE, c), 0 … 1, and two titles.
 
-    before: the last picture; natural: its natural successor; instead: the one that is shown; above,
-    below: titles.
+    before: the last picture; natural: the picture that would follow it; instead: the picture that
+    is shown; above, below: titles.
     """
 
     before: Stack
@@ -39,14 +39,17 @@ class GatewayPictures(NamedTuple):
 
 
 def spread(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
-    """Return `count` gateways by distance: the best, the median, the worst, and some between."""
+    """Return at most `count` gateways, evenly from the smallest distance to the largest."""
     order = gateways.sort_values("distance", kind="stable")
     numbers = np.linspace(0, len(order) - 1, min(count, len(order)))
     return order.iloc[numbers.round().astype(int)]
 
 
 def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[GatewayPictures]:
-    """Yield the pictures of gateways, in the pose in which they were compared."""
+    """Yield the pictures of each gateway, in the pose in which they were compared.
+
+    gateways: columns of `GATEWAYS`; reel: frames and sprites; facts: of the distance map.
+    """
 
     @lru_cache(1)  # in the pose BODY there is but one
     def of_sprites(number: int) -> tuple[Stack, Stack]:
@@ -70,7 +73,10 @@ def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Gatew
 
 
 def contact_sheet(pairs: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
-    """Draw the gateways of each direction below a line that explains the columns."""
+    """Draw gateways in both directions, each direction below a line that explains its pictures.
+
+    pairs: direction (IN, OUT) → gateways; columns: gateways per row. Returns (h, w, 3).
+    """
     bands = []
     for direction, some in pairs.items():
         bands += [_strip(_HEADLINES[direction], columns), *in_rows([*map(_tiles, some)], columns)]

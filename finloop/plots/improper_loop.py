@@ -26,10 +26,11 @@ Rows = NDArray[np.integer]
 
 
 class ImproperLoop(NamedTuple):
-    """A pair of similar rows a < b, and how the fish travels where the loop is improper.
+    """An improper loop: two similar rows a < b, and how the fish travels against its heading.
 
-    place : 0 between the ends, 1 at a, 2 at b. travel_deg, heading_deg : there, anticlockwise.
-    filtered : mean distance along the diagonal.
+    place: where that is, 0 between the ends, 1 at a, 2 at b; travel_deg, heading_deg: there,
+    anticlockwise; off_deg: angle between them; filtered: mean distance along the diagonal of the
+    distance map.
     """
 
     a: int
@@ -44,13 +45,12 @@ class ImproperLoop(NamedTuple):
 def most_improper(
     candidates: pd.DataFrame, features: pd.DataFrame, most_deg: float
 ) -> ImproperLoop | None:
-    """Return the improper pair that shows the fault most clearly; None: no pair is improper.
+    """Return the improper loop that shows the fault most clearly; None if no pair is improper.
 
     Pairs that are improper between their ends come before those that are improper at an end. Of
     these it is the pair whose travel differs most from the heading; a path below one body length
-    counts less.
-
-    candidates : from `loops.search.candidates`, with the angle `most_deg`.
+    counts less. candidates: from `loops.search.candidates`; most_deg: the angle that a loop may
+    have.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:
@@ -75,7 +75,7 @@ def most_improper(
 
 
 def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
-    """Return the rows of the loop's path: from a to b, or Δ/2 to both sides of an end."""
+    """Return the rows of a loop's path: from a to b, or Δ/2 to both sides of its improper end."""
     if loop.place == 0:
         return np.arange(loop.a, loop.b + 1)
     end, delta = (loop.a, loop.b)[loop.place - 1], delta_of(features)
@@ -86,9 +86,9 @@ def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
 
 
 def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, words: str) -> Figure:
-    """Draw Fig. 13: the fish at both ends of the loop, its heading, and the loop's travel.
+    """Draw Fig. 13 of the fish paper: an improper loop, with the fish's heading and its travel.
 
-    Below are the two similar pictures; `words` stand above.
+    Below are the pictures at both ends; `words` stand above. pose: in which they were compared.
     """
     features = reel.features
     figure = Figure(figsize=(12.5, 8.0), layout="constrained")

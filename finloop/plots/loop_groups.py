@@ -28,14 +28,17 @@ Rows = NDArray[np.integer]
 
 
 class RowRange(NamedTuple):
-    """Rows start … stop − 1 of the film, of one track."""
+    """Successive rows of one track of the film, from `start` to `stop` − 1."""
 
     start: int
     stop: int
 
 
 def stretches(inside: Mask, track_id: Rows) -> list[RowRange]:
-    """Return the stretches of rows that are `inside` (n,); each lies in one track."""
+    """Return the unbroken stretches of rows with `inside` (n,) True, each within one track.
+
+    track_id (n,): of each row.
+    """
     number = np.where(inside, track_id, -1)
     edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
     edges = np.unique(np.r_[edges, len(number)])
@@ -43,7 +46,11 @@ def stretches(inside: Mask, track_id: Rows) -> list[RowRange]:
 
 
 def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
-    """Return the rows (n,) of the film below some loops: between their ends, or at both ends."""
+    """Return which rows (n,) of the film lie below loops, as a mask.
+
+    Below a loop within a track is all film between its ends; below a loop from track to track are
+    its two ends alone. track_id (n,): of each row.
+    """
     change = np.zeros(len(track_id) + 1, np.int64)
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
     within = track_id[a] == track_id[b]
@@ -56,10 +63,10 @@ def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
 def over_time(
     loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, rate_hz: float
 ) -> Figure:
-    """Draw Fig. 12: groups of loops along the film, track after track, and its dead ends.
+    """Draw Fig. 12 of the fish paper: groups of loops along the film, and its dead ends.
 
     At the top are loops within a track alone, as in the paper. Below are a row for each group of
-    all loops, and the film that can be played for ever.
+    all loops, and the film that can be played for ever. rate_hz: frames per second.
     """
     track_id = features["track_id"].to_numpy()
     size = loops["group"].value_counts().sort_index()

@@ -30,8 +30,8 @@ Rows = NDArray[np.integer]
 class ThreeWays(NamedTuple):
     """Four loops of one track, ordered by their first ends, and three routes from G to F.
 
-    loops : rows of the table of loops. ends : (8,) rows of the feature table, A … H. cases : from
-    end to end, as in `routes`.
+    loops: their rows of the table of loops; ends (8,): rows of the feature table, A … H; cases: the
+    three routes, each a list of legs (from, to, PLAY or JUMP).
     """
 
     loops: pd.DataFrame
@@ -40,13 +40,13 @@ class ThreeWays(NamedTuple):
 
 
 def find_three_ways(loops: pd.DataFrame, track_id: Rows) -> ThreeWays | None:
-    """Return the four loops that lie as in the paper's Fig. 10a and are easiest to distinguish.
+    """Return the four loops that lie as in the fish paper's Fig. 10a, and their three routes.
 
     They belong to one track. H, G and F, the last of their eight ends in time, have loops with
-    earlier ends: from G the film can jump at once to before F, or play on to H and jump from there.
-    The fourth loop lies between there and F, so that the route can include it. Of all such loops,
-    these have the ends that are farthest from each other in time. None: no track has four such
-    loops.
+    earlier ends. So from G the film can jump at once to before F, or play on to H and jump from
+    there. The fourth loop lies between there and F, so that the route can include it. Of all such
+    loops, these have the ends that are farthest from each other in time. None: no track has four
+    such loops.
     """
     within = loops[loops["length_s"].notna()]
     track = track_id[within["a"].to_numpy()]
@@ -87,10 +87,10 @@ def _spread(pairs: Ints) -> Floats:
 
 
 def choose_cases(ways: Sequence[list[Leg]]) -> list[list[Leg]]:
-    """Return the three routes of Fig. 10b, out of many from one end to another, shortest first.
+    """Return the three routes of the fish paper's Fig. 10b, chosen from many, shortest first.
 
-    Case 1 plays on and then jumps once, case 2 jumps at once, case 3 is case 1 with one more loop
-    on the route: it makes a second jump back in time.
+    Case 1 plays on and then jumps once. Case 2 jumps at once. Case 3 is case 1 with one more loop
+    on the route: a second jump, back in time.
     """
     once = [way for way in ways if len(jumps_of(way)) == 1]
     first = next(way for way in once if way[0][2] == PLAY)
@@ -106,20 +106,24 @@ def choose_cases(ways: Sequence[list[Leg]]) -> list[list[Leg]]:
 
 
 def jumps_of(way: Sequence[Leg]) -> list[Leg]:
-    """Return the jumps of a route."""
+    """Return the legs of a route that are jumps."""
     return [leg for leg in way if leg[2] == JUMP]
 
 
 def spell(way: Sequence[Leg], ends: Rows) -> str:
-    """Return a route as the paper writes it, GHCDEF: the letter of each end that it reaches."""
+    """Return a route as the fish paper writes it, as GHCDEF: a letter for each end that it reaches.
+
+    ends: rows of the ends A, B …, rising.
+    """
     rows = [way[0][0], *(to for _, to, _ in way)]
     return "".join(LETTERS[int(np.searchsorted(ends, row))] for row in rows)
 
 
 def figure10(three: ThreeWays, reel: Reel, pose: str, step: float) -> Figure:
-    """Draw Fig. 10: (a) four loops in time, the fish at their ends; (b) three routes from G to F.
+    """Draw Fig. 10 of the fish paper: four loops in time (a), and three routes from G to F (b).
 
-    step : the median natural step, in the unit of the loops' distance.
+    Between are the pictures at the loops' ends. pose: in which they were compared; step: the median
+    natural step.
     """
     figure = Figure(figsize=(12.5, 9.8), layout="constrained")
     heights = 3.2, 1.1, 5.6

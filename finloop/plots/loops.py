@@ -26,7 +26,7 @@ Rows = NDArray[np.integer]
 
 
 def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
-    """Return at most `most` rows of a table, evenly from the first (the best loop) to the last."""
+    """Return at most `most` rows of a table, evenly from its first row to its last."""
     count = min(len(loops), most)
     return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
 
@@ -38,9 +38,9 @@ def _describe_count(count: int, all_of_them: int) -> str:
 def arc_points(
     a: NDArray[np.floating], b: NDArray[np.floating], longest: float | None = None
 ) -> NDArray[np.float64]:
-    """Return half ellipses (n, points, 2) from a to b; height = √(width / longest).
+    """Return half ellipses (n, 40, 2) over a time axis from a (n,) to b (n,), as points x, height.
 
-    longest: by default the widest of them.
+    The height is √(width / longest); longest: by default the greatest width.
     """
     angle = np.linspace(0, np.pi, 40)
     middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
@@ -51,7 +51,10 @@ def arc_points(
 def over_tank(
     loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, background: parts.Picture
 ) -> Figure:
-    """Draw loop ends over the empty tank, and the paths of loops within a track (Fig. 11a)."""
+    """Draw loop ends over the empty tank, and arrows for loops within a track (Fig. 11a).
+
+    The end's colour says whether the film can be played on for ever from there.
+    """
     figure, axes = parts.over_tank(background, 0.45, below=0.6)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     frames = graph.frames
@@ -84,7 +87,10 @@ def over_tank(
 
 
 def table_picture(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
-    """Draw Fig. 11: the path of the track with its loop ends A, B …, and the table of quadrants."""
+    """Draw Fig. 11 of the fish paper: a track with its loop ends A, B …, and their position table.
+
+    table: quadrants as texts, "" where there is none; ends: rows of the feature table.
+    """
     figure = Figure(figsize=(14, 7), layout="constrained")
     way, cells = figure.subplots(1, 2)
     track = features["track_id"].to_numpy()
@@ -129,7 +135,10 @@ SIZE_PX = 128  # of the pictures of a loop
 
 
 class Example(NamedTuple):
-    """A loop for the sheet: three pictures (h, w, c) 0 … 1, premultiplied, and its costs."""
+    """A loop for the sheet: three premultiplied pictures (h, w, c), 0 … 1, and its distances.
+
+    before: the picture shown last; natural: the film's next picture; instead: the loop's.
+    """
 
     before: NDArray[np.float32]
     natural: NDArray[np.float32]
@@ -138,7 +147,7 @@ class Example(NamedTuple):
 
 
 def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Example]:
-    """Yield the pictures of some loops: the frame before a, a itself, and b instead."""
+    """Yield the pictures of each loop: the row before a, row a itself, and row b instead of it."""
     track, frame = (reel.features[name].to_numpy() for name in ("track_id", "frame"))
     for loop in loops.itertuples():
         before = loop.a - 1 if loop.a and track[loop.a - 1] == track[loop.a] else loop.a
@@ -153,7 +162,10 @@ def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Examp
 
 
 def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
-    """Return the first `count` loops whose ends are farther than `rows` from earlier ones."""
+    """Return the first `count` loops whose ends are more than `rows` from the ends of earlier ones.
+
+    The result holds positions in the table `loops`.
+    """
     places: list[int] = []
     near = np.empty(0, int)
     ends = loops[["a", "b"]].to_numpy()
@@ -167,7 +179,10 @@ def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
 
 
 def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
-    """Draw Fig. 8 for some loops: the last frame, the film's next, the loop's, their difference."""
+    """Draw Fig. 8 of the fish paper for the best and the worst loops, four pictures each.
+
+    They are the last frame, the film's next, the loop's next, and the difference of these two.
+    """
     lines = max(len(best), len(worst))
     band = fish_rows(np.stack([shown for one in (*best, *worst) for shown in one[:3]]))
     high = (band.stop - band.start) / len(best[0].before)
@@ -194,12 +209,15 @@ def _tiles(example: Example) -> list[NDArray[np.floating]]:
 
 
 def on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
-    """Return a premultiplied picture (h, w, c), 0 … 1, over light grey, (h, w, 3)."""
+    """Lay a premultiplied picture (h, w, c), 0 … 1, over light grey; return (h, w, 3), 0 … 1."""
     over = picture[..., :-1] + (1 - picture[..., -1:]) * 0.8
     return np.clip(np.broadcast_to(over, (*over.shape[:-1], 3)), 0, 1)
 
 
 def fish_rows(pictures: NDArray[np.float32]) -> slice:
-    """Return the rows of pixels in which any of some pictures (k, h, w, c) shows fish."""
+    """Return the slice of pixel rows in which some picture shows fish, with a small margin.
+
+    pictures (k, h, w, c): premultiplied, the last channel alpha, 0 … 1.
+    """
     rows = np.flatnonzero(np.any(pictures[..., -1] > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)

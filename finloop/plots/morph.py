@@ -14,7 +14,10 @@ _BAR = 22  # px above a row, for its name
 
 
 def sheet(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
-    """Draw rows of (name, morph), each at `columns` even times from 0 to 1; `size` px a frame."""
+    """Draw each morph in a row of `columns` pictures, evenly from its first frame to its last.
+
+    morphs: name → morph; size: px of a picture. Returns (h, w, 3).
+    """
     return np.vstack([_row(name, morph, columns, size) for name, morph in morphs.items()])
 
 

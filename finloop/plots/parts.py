@@ -17,9 +17,9 @@ _GROUND = 205  # grey level that a cut-out lies on
 
 
 def over_tank(background: Picture, alpha: float, below: float = 0.0) -> tuple[Figure, Axes]:
-    """Return a figure of the empty tank in px of the film, paled by `alpha`.
+    """Return a figure of the empty tank, with axes in px of the film.
 
-    below: inches for a key.
+    alpha: opacity of the tank, 0 … 1; below: inches for a key.
     """
     height, width = background.shape[:2]
     figure = Figure(figsize=(10, 10 * height / width + below), layout="constrained")
@@ -30,7 +30,7 @@ def over_tank(background: Picture, alpha: float, below: float = 0.0) -> tuple[Fi
 
 
 def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
-    """Draw the heading_deg of some rows as arrows at x_px, y_px."""
+    """Draw the headings of some rows as arrows; rows: columns x_px, y_px, heading_deg."""
     angle = np.radians(rows["heading_deg"])
     axes.quiver(
         rows["x_px"], rows["y_px"], np.cos(angle), np.sin(angle), angles="uv", scale=45,
@@ -39,14 +39,17 @@ def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
 
 
 def in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
-    """Join tiles of one size (h, w, 3) in rows; white tiles fill the last row."""
+    """Join tiles of one size (h, w, 3) side by side into rows; return one picture per row.
+
+    White tiles fill the last row.
+    """
     white = [np.full_like(tile, 255) for tile in tiles[:1]] * (-len(tiles) % columns)
     every = [*tiles, *white]
     return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]
 
 
 def one_below_another(pictures: Sequence[Picture]) -> Picture:
-    """Join pictures (h, w, 3) of any sizes in a column, at the width of the first."""
+    """Join pictures (h, w, 3) of any sizes into one column, as wide as the first picture."""
     width = pictures[0].shape[1]
     scaled = [
         cv2.resize(
@@ -65,7 +68,10 @@ def convert_to_colour(picture: Picture) -> Picture:
 
 
 def on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
-    """Return premultiplied colours (h, w, 1 or 3), 0 … 255, over grey; alpha (h, w, 1), 0 … 1."""
+    """Lay premultiplied colours (h, w, 1 or 3), 0 … 255, over grey; return (h, w, 3) uint8.
+
+    alpha (h, w, 1): 0 … 1.
+    """
     whole = np.broadcast_to(colour + _GROUND * (1 - alpha), (*alpha.shape[:2], 3))
     return np.ascontiguousarray(np.clip(np.rint(whole), 0, 255).astype(np.uint8))
 
@@ -73,7 +79,11 @@ def on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
 def write(
     picture: Picture, text: str, place: tuple[int, int], colour: Colour, size: float, line: int = 1
 ) -> None:
-    """Write into a picture (h, w, 3), from `place` (left end of the base line) on."""
+    """Write a text into a picture (h, w, 3), in place.
+
+    place: x, y px of the left end of the base line; colour: RGB; size: scale of OpenCV's font;
+    line: px.
+    """
     cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, line, cv2.LINE_AA)
 
 
@@ -85,7 +95,10 @@ def message(text: str) -> Figure:
 
 
 def draw_arrow(axes: Axes, start: Floats, end: Floats, **style: object) -> None:
-    """Draw an arrow between two places (x, y) of the data; style: of Matplotlib's arrows."""
+    """Draw an arrow between two places (x, y) in the units of the axes.
+
+    style: properties of Matplotlib's arrow.
+    """
     arrow = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, **style}
     ends = tuple(end), tuple(start)
     axes.annotate("", *ends, zorder=3, annotation_clip=False, arrowprops=arrow)

@@ -12,9 +12,10 @@ _GOAL = "0.2"
 
 
 def path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
-    """Draw the tank with all paths and rings where a fish left its path; right, errors over time.
+    """Draw the requested path and each mode's path over the tank; on the right, errors over time.
 
-    paths: columns of `path_measures.PATH_ROWS`; left: of `LEFT`; background (h, w): the empty tank.
+    Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`; left: of
+    `path_measures.LEFT`; background (h, w): the empty tank.
     """
     height, width = background.shape[:2]
     modes = dict(iter(paths.groupby("mode", sort=False)))

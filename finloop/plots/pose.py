@@ -12,9 +12,10 @@ SHAPES, TIMES = 4, (-2, -1, 0, 1, 2)
 
 
 def sheet(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
-    """Draw a row for each shape: the mean posture and `TIMES` standard deviations to both sides.
+    """Draw the first principal shapes of the posture, a row each, as (h, w, 3).
 
-    The animal is the row whose posture is nearest to the mean.
+    A row shows one animal at the mean posture and at `TIMES` standard deviations from it. The
+    animal is the row whose posture is nearest to the mean. size: px of a picture.
     """
     shapes = poses.shapes
     row = int((poses.codes**2).sum(1).argmin())

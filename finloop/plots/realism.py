@@ -20,7 +20,7 @@ _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 
 
 def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
-    """Draw ROC curves, and the area for all channels and for each alone.
+    """Draw ROC curves, and bars of the area for all channels and for each alone.
 
     table: from `compare.table`; roc: columns compared, false_alarms, hits.
     """
@@ -65,9 +65,10 @@ def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
 def sheet(
     curves: pd.DataFrame, titles: Sequence[str], strips: Sequence[Mapping[str, Picture]]
 ) -> Figure:
-    """Draw the falsest windows beside the most similar film windows: pictures and channels.
+    """Draw the most obviously false windows, each with the film window most like it.
 
-    curves: columns of `CURVES`; titles, strips: of each example, a strip (h, w, 3) per side.
+    On the left are pictures, on the right the channels of both. curves: columns of `CURVES`;
+    titles, strips: of each example a title, and a picture (h, w, 3) per side.
     """
     if not titles:
         figure = Figure(figsize=(8, 1.5))

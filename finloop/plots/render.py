@@ -22,12 +22,12 @@ _HALO = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
-    """Draw Figs. 16, 17: the path over the empty tank, coloured by what is shown, and the goals.
+    """Draw Figs. 16, 17 of the fish paper: the fish's path over the empty tank, and its goals.
 
-    If all ticks show the same, the colour is that of the state. After the last goal the fish
-    wanders; that part is a thin grey line. Each goal has the time at which it was reached. Crosses:
-    the fish is on the spot, because every route leaves the tank (§4.2). Diamonds: gateways (A, B of
-    Fig. 17).
+    The colour shows the source of the picture, or the state where all have one source. After the
+    last goal the fish wanders; that part is a thin grey line. Each goal has the time at which it
+    was reached. Crosses: the fish is on the spot, because every route leaves the tank (§4.2).
+    Diamonds: gateways (A, B of Fig. 17).
     """
     figure, axes = over_tank(background, 0.45, below=0.5)
     names, colours = parts(edit)
@@ -81,7 +81,11 @@ SWITCHES, BEFORE, AFTER = 12, 3, 5  # rows on their sheet; ticks before each, an
 
 
 class Tile(NamedTuple):
-    """One tick for the contact sheet: the film around the fish, and the values of the row."""
+    """One tick for a contact sheet: the picture around the fish, and what stands above it.
+
+    film: (h, w) or (h, w, 3); name: state or source, which has the colour; weight: share of the
+    picture that fades out, 0 … 1.
+    """
 
     film: Picture  # (h, w) or (h, w, 3)
     tick: int
@@ -91,7 +95,10 @@ class Tile(NamedTuple):
 
 
 def liveliest(edit: pd.DataFrame, count: int) -> int:
-    """Return the first of the `count` consecutive ticks in which the heading changes most."""
+    """Return the first of the `count` successive ticks in which the heading changes most.
+
+    edit: of one fish.
+    """
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     total = np.cumsum(np.r_[0.0, change])
@@ -100,10 +107,11 @@ def liveliest(edit: pd.DataFrame, count: int) -> int:
 
 
 def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
-    """Return ticks at which another part of the film, or another sequence, begins.
+    """Return at most `most` ticks, rising, at which the animation switches to other pictures.
 
-    At most `most`, spread over the animation, switches between sprite and frame first. tracks:
-    track_id and frame of every cut-out.
+    At such a tick another part of the film, another sequence or a fade begins. They are spread over
+    the animation; switches between sprite and frame come first. tracks: track_id and frame of every
+    cut-out.
     """
     kind = edit["kind"].to_numpy()
     fades = (edit["weight"] > 0).to_numpy()
@@ -124,7 +132,11 @@ def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
 
 
 def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
-    """Return the ticks on each sheet: consecutive ones, and those around each switch."""
+    """Return the ticks to draw on each of two sheets, "contact_sheet" and "switches".
+
+    The first shows the liveliest successive ticks, the second the ticks around each switch. tracks:
+    track_id and frame of every cut-out.
+    """
     start, ticks = liveliest(edit, TICKS), len(edit)
     switched = [
         tick for switch in switches(edit, tracks, SWITCHES) for tick in around(switch, ticks)
@@ -133,7 +145,10 @@ def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]
 
 
 def around(tick: int, ticks: int) -> range:
-    """Return the ticks to draw around a switch."""
+    """Return the ticks to draw around a switch: BEFORE ticks before it, and AFTER from it on.
+
+    ticks: length of the animation, in which the result lies.
+    """
     first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
     return range(first, min(first + BEFORE + AFTER, ticks))
 
@@ -141,7 +156,10 @@ def around(tick: int, ticks: int) -> range:
 def tiles(
     edit: pd.DataFrame, ticks: Sequence[int], rows: Iterable[Placed], painter: Painter, half_px: int
 ) -> list[Tile]:
-    """Yield a tile for some ticks of an edit list; rows: the rows to draw in each tick."""
+    """Return a tile for each of the given ticks of an edit list.
+
+    rows: the fish to draw in each of these ticks; half_px: half the width of a tile in the tank.
+    """
     names, colours = parts(edit)
     out = []
     for tick, row in zip(ticks, rows, strict=True):
@@ -152,7 +170,10 @@ def tiles(
 
 
 def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
-    """Return the square of a frame around a place; beyond the picture its edge continues."""
+    """Return the square (2 half_px + 1 wide) of a frame around a place x, y in px.
+
+    Beyond the frame its edge continues.
+    """
     x, y = round(x_px), round(y_px)
     columns = np.clip(np.arange(x - half_px, x + half_px + 1), 0, frame.shape[1] - 1)
     rows = np.clip(np.arange(y - half_px, y + half_px + 1), 0, frame.shape[0] - 1)
@@ -160,7 +181,10 @@ def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
 
 
 def contact_sheet(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
-    """Draw consecutive ticks side by side, each below a bar in the colour of its state."""
+    """Draw tiles side by side in rows, each below a bar in its colour; return (h, w, 3).
+
+    size: px of a tile.
+    """
     white = np.full((size + 20, size + 2, 3), 255, np.uint8)
     return np.vstack(in_rows([_tile(tile, size) for tile in tiles] or [white], columns))
 

@@ -18,7 +18,10 @@ MOMENTS = 11  # spread over the track; one more, the last, is the worst
 
 
 def moments(asked: pd.DataFrame) -> list[int]:
-    """Return ticks of `retarget.ASKED`, spread over all; the last has the largest error."""
+    """Return ticks spread over the track, and as the last one the tick with the largest error.
+
+    asked: columns of `retarget.ASKED`. There are MOMENTS at most, and the last.
+    """
     some = np.linspace(0, len(asked) - 1, min(MOMENTS, len(asked))).astype(int).tolist()
     far = asked["apart"].to_numpy(float)
     return [*some, int(np.nanargmax(far))] if np.isfinite(far).any() else some
@@ -32,9 +35,10 @@ def sheet(
     size_px: int,
     tile_px: int = 300,
 ) -> Picture:
-    """Draw one tile per tick: the fish, requested points (wide, blue), its backbone (thin, red).
+    """Draw one tile per tick: the fish, the requested points (wide, blue), its backbone (red).
 
-    asked: columns of `retarget.ASKED`; fish: of these ticks; size_px: of the tank across a tile.
+    asked: columns of `retarget.ASKED`; fish: to draw at these ticks; size_px: width of a tile in
+    the tank; tile_px: of the picture. Returns (h, w, 3).
     """
     tiles = []
     for tick, one in zip(ticks, fish, strict=True):

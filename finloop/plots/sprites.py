@@ -20,9 +20,10 @@ def contact_sheet(
     columns: int = 12,
     size: int = 150,
 ) -> Picture:
-    """Draw every step of each sequence in orientation 1, and the strongest bend in all.
+    """Draw every step of each sequence in orientation 1, and the strongest bend in all of them.
 
-    pictures(sprite, orientation): as stored. A cross marks the pivot.
+    pictures(sprite, orientation): the stored cut-out, orientations counted from 1. A cross marks
+    the pivot. size: px of a tile. Returns (h, w, 3).
     """
     count = orientations_of(sprites)
     reach = 1 + max(

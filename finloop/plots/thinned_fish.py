@@ -22,10 +22,10 @@ _NEAR = np.ones((3, 3), np.uint8)
 
 
 class SkeletonBranch(NamedTuple):
-    """A branch of a skeleton: its pixels and their numbers.
+    """A branch of a skeleton, with the number of each of its m pixels.
 
-    path : (m, 2) x, y px, from the joint with an earlier branch to its end. numbers : (m,), rising
-    by 1; the first is the joint's.
+    path (m, 2): x, y px, from the joint with an earlier branch to its end; numbers (m,): rising by
+    1, the first is the joint's.
     """
 
     path: Ints
@@ -35,11 +35,11 @@ class SkeletonBranch(NamedTuple):
 class ThinnedFish(NamedTuple):
     """One fish, thinned with every pixel above the noise; places are px of `film`.
 
-    label : film and frame. film : (h, w) or (h, w, 3). body, whole, skeleton : (h, w), the
-    silhouette, every pixel above the noise, and these thinned. branches : by the paper's rule, the
-    kept one first. kept : (m, 2) x, y, the path with the greatest length × width. backbone : (n, 2)
-    x, y as in finloop; None if the silhouette has none. body_ends : of the silhouette thinned
-    alone, as in finloop; 2 without side branches.
+    label: film and frame; film: (h, w) or (h, w, 3); body, whole, skeleton (h, w): the silhouette,
+    every pixel above the noise, and these thinned; half_width (h, w): px to the edge of `whole`;
+    branches: by the paper's rule, the kept one first; kept (m, 2): x, y of the path with the
+    greatest length × width; backbone (n, 2): x, y as in finloop, None if the silhouette has none;
+    body_ends: ends of the silhouette thinned alone, 2 without side branches.
     """
 
     label: str
@@ -64,7 +64,10 @@ class ThinnedFish(NamedTuple):
 
     @property
     def difference_px(self) -> int:
-        """The number of pixels that only one of the two rules keeps, beyond the next pixel."""
+        """The number of pixels by which the paper's and finloop's kept paths differ.
+
+        A pixel counts if no pixel of the other path touches it.
+        """
         return _count_beyond(self.branches[0].path, self.kept) + _count_beyond(
             self.kept, self.branches[0].path
         )
@@ -77,10 +80,10 @@ def _count_beyond(path: Ints, other: Ints) -> int:
 
 
 def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
-    """Return the number (h, w) of each pixel of a skeleton (h, w), counted from `start` (Fig. 4).
+    """Number the pixels of a skeleton (h, w) from `start`, as in Fig. 4 of the fish paper.
 
-    The start has 0. Each pixel has one more than its lowest neighbour, so at a joint all branches
-    continue with the same number. −1: not connected, or no skeleton.
+    Returns (h, w). start: x, y, which has 0. Each pixel has one more than its lowest neighbour, so
+    at a joint all branches continue with the same number. −1: not connected, or no skeleton.
     """
     number = np.full(skeleton.shape, -1, np.int64)
     ring = np.zeros(skeleton.shape, np.uint8)
@@ -94,7 +97,7 @@ def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
 
 
 def find_ends(skeleton: Mask) -> list[tuple[int, int]]:
-    """Return the ends (x, y) of a skeleton: pixels with at most one neighbour."""
+    """Return the ends (x, y) of a skeleton (h, w): pixels with at most one neighbour."""
     pixels = skeleton.astype(np.uint8)
     neighbours = cv2.filter2D(pixels, -1, _NEAR, borderType=cv2.BORDER_CONSTANT) - pixels
     return [(int(x), int(y)) for y, x in np.argwhere(skeleton & (neighbours <= 1))]
@@ -147,7 +150,10 @@ def thin_fish(
     arena: Picture,
     settings: ExtractSettings,
 ) -> Iterator[ThinnedFish]:
-    """Thin every isolated fish of a frame (h, w) or (h, w, 3), pale pixels included."""
+    """Yield every isolated fish of a frame (h, w) or (h, w, 3), thinned with its pale pixels.
+
+    label: film and frame, for the figure; arena: 255 inside.
+    """
     lit = in_light_of(scene, frame)
     ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
     for silhouette in silhouettes(frame, lit, arena, settings.least_area_px, ends):

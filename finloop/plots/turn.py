@@ -24,11 +24,11 @@ _WINDOW = 1.6  # body lengths, the side of a picture
 
 
 def strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
-    """Return rows (3,) of the film's strongest clear turn, at t0, t0 + k, t0 + 2k.
+    """Return the rows (3,) of the film's strongest clear turn: at frames t0, t0 + k, t0 + 2k.
 
-    k is Δ, or the least multiple of it, up to `_MOST`, with a clear turn: it begins with straight
-    swimming, goes one way over both k, and bends the fish most in the middle. The strongest one
-    changes the heading most. None: the film has no clear turn.
+    k is Δ, or the least multiple of it, up to `_MOST`, with a clear turn. Such a turn begins with
+    straight swimming, goes to one side over both k, and bends the fish most in the middle. The
+    strongest one changes the heading most. None: the film has no clear turn.
     """
     delta = delta_of(features)
     for k in delta * np.arange(1, _MOST + 1 if delta else 1):
@@ -61,9 +61,9 @@ def _clear_turns(features: pd.DataFrame, k: int, delta: int) -> Floats:
 
 
 def turned_deg(features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta: int) -> Floats:
-    """Return the sum (n,) of the included angles over Δ from some rows (n,) to k later.
+    """Return how far the heading turns from each of n rows to k frames later, in degrees (n,).
 
-    k: a multiple of Δ.
+    It is the sum of the included angles over Δ; positive is left. k: a multiple of Δ, in frames.
     """
     angle = features["included_angle_deg"].to_numpy(float)
     return np.asarray(angle[rows[:, None] + np.arange(0, k, delta)].sum(axis=1))
@@ -72,7 +72,10 @@ def turned_deg(features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta:
 def figure5(
     features: pd.DataFrame, rows: NDArray[np.intp], fish: Sequence[Specimen], background: Picture
 ) -> Figure:
-    """Draw Fig. 5: the fish at `rows` (3,), its measures, and the turn over time."""
+    """Draw Fig. 5 of the fish paper: the fish at three rows of a turn, and the turn over time.
+
+    rows (3,): from `strongest_turn`; fish: at these rows.
+    """
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
     upper, lower = parts
@@ -115,10 +118,10 @@ def _describe(row: pd.Series, letter: str, last: str, turned: float | None) -> s
 def picture_around(
     specimen: Specimen, background: Picture, side: int
 ) -> tuple[Picture, NDArray[np.intp]]:
-    """Return the cut-out fish at its place over the empty tank, in a square around it.
+    """Return a fish in a square of the empty tank, and the upper left pixel of that square.
 
-    The picture is (side, side) or (side, side, 3); beyond the film the tank's edge continues. Also
-    returns the corner (2,): x, y of its first pixel, px of the film.
+    The picture is (side, side) or (side, side, 3); beyond the film the tank's edge continues. The
+    pixel (2,) is x, y px of the film.
     """
     film, (h, w) = background.copy(), specimen.film.shape[:2]
     x0, y0 = specimen.x0_px, specimen.y0_px

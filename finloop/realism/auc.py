@@ -29,7 +29,7 @@ _INFLATION = 2.0  # of the variance, where every two blocks test each other
 
 
 class Auc(NamedTuple):
-    """The area under a ROC curve, and the ends of its 95 % interval."""
+    """The area under a ROC curve, with the lower and upper end of its 95 % interval."""
 
     value: float
     low: float
@@ -37,10 +37,11 @@ class Auc(NamedTuple):
 
 
 class Scores(NamedTuple):
-    """Held-out scores (n,), higher = more like animation.
+    """A classifier's held-out scores of n windows; a higher score is more like animation.
 
-    animation (n,): the truth; block (n,): whose classifier gave the score; cluster (n,): windows of
-    one number are not independent. A window without a score (NaN) does not count.
+    animation (n,): True for animation, False for film; block (n,): number of the classifier that
+    gave the score; cluster (n,): windows with the same number are not independent. NaN scores do
+    not count.
     """
 
     score: Floats
@@ -49,7 +50,7 @@ class Scores(NamedTuple):
     cluster: Ints
 
     def each(self) -> Iterator["Scores"]:
-        """Yield the scores of each block that has both kinds."""
+        """Yield the scores of each block that contains both film and animation windows."""
         for number in np.unique(self.block):
             here = (self.block == number) & np.isfinite(self.score)
             part = Scores(*(column[here] for column in self))
@@ -58,7 +59,10 @@ class Scores(NamedTuple):
 
 
 def auc(scores: Scores) -> Auc:
-    """Return the area with its interval; at least one block must have both kinds."""
+    """Return the area under the ROC curve with its 95 % interval: 0.5 = not distinguishable.
+
+    At least one block must contain both film and animation windows.
+    """
     values, pairs, parts = [], [], []
     for part in scores.each():
         film, copy = part.score[~part.animation], part.score[part.animation]
@@ -95,10 +99,10 @@ def _interval(value: float, error: float) -> tuple[float, float]:
 
 
 def roc(scores: Scores, points: int = 51) -> pd.DataFrame:
-    """Return the ROC curve, the mean of the blocks' curves; one at least must have both kinds.
+    """Return the ROC curve as a table of `points` rows: the mean of the blocks' curves.
 
-    Columns: false_alarms, the share of film windows classified as animation; hits, the share of
-    animation windows recognised.
+    Columns, both 0 … 1: false_alarms, the share of film windows classified as animation; hits, the
+    share of animation windows recognised. At least one block must contain both kinds of windows.
     """
     alarms = np.linspace(0, 1, points)
     curves, pairs = [], []

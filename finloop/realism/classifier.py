@@ -20,16 +20,20 @@ if TYPE_CHECKING:
 
 
 class Answers(NamedTuple):
-    """Held-out scores, of film windows first; `shuffled`: the same with one channel shuffled."""
+    """Held-out scores of all windows, film windows first, and the scores with a channel shuffled.
+
+    shuffled: channel name → the scores after that channel was shuffled among the tested windows.
+    """
 
     scores: Scores
     shuffled: dict[str, Scores]
 
 
 def answers(film: Windows, copy: Windows, p: RealismSettings, channels: tuple[int, ...]) -> Answers:
-    """Return the held-out scores of all windows, by classifiers that use these channels alone.
+    """Train a classifier per block and return the scores of the windows that it did not learn from.
 
-    A block whose classifier would have only one kind to learn from gives no scores (NaN).
+    film, copy: windows of film and of animation; channels: indices of the CHANNELS to use. A block
+    whose classifier would see only film or only animation gives NaN.
     """
     import sklearn.ensemble  # noqa: F401  (only a library that is loaded can be limited)
 
@@ -65,10 +69,10 @@ def _answers(
 
 
 def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.float32]:
-    """Return the number of the bin that contains each value of x (n, steps, channels).
+    """Return the bin number of each value of x (n, steps, channels), as float32 of the same shape.
 
-    The bins of a step and channel are separated by quantiles of the windows `learn` (n,).
-    scikit-learn would do the same, but with weights, which took 22 of the stage's 48 s.
+    learn (n,): the windows to learn from. Their quantiles separate the bins of each step and
+    channel. scikit-learn would do the same, but with weights, which took 22 of the stage's 48 s.
     """
     values = _flat(x)
     edges = np.quantile(values[learn], np.arange(1, bins) / bins, axis=0)
@@ -82,7 +86,10 @@ def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.flo
 def fit(
     x: NDArray[np.float32], animation: Mask, p: RealismSettings
 ) -> "HistGradientBoostingClassifier":
-    """Return a classifier of the windows x (n, steps, channels) of binned values."""
+    """Fit a classifier of gradient-boosted trees to windows x (n, steps, channels) of bin numbers.
+
+    animation (n,): True for windows of animation, False for film.
+    """
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
 

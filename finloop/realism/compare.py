@@ -37,8 +37,9 @@ LEAST = 2
 class Sample:
     """The film with which animations are compared, and how both are cut into windows.
 
-    film: measured again; frame_s (rows of the film,): when each was filmed; largest: motion area of
-    the film's most bent fish.
+    film: drawn and measured again; frame_s (rows,): time in s of each row of the feature table;
+    largest: greatest motion area in `film`, in squares of BL; rate_hz: frames per second; delta: Δ
+    in frames.
     """
 
     film: Swimming
@@ -50,14 +51,15 @@ class Sample:
 
     @property
     def cut(self) -> Cutting:
-        """The lengths of the parameters in frames."""
+        """The length, stride and step of the windows, in frames."""
         p = self.p
         return cutting(p.window_deltas, p.stride, p.step, self.delta)
 
     def windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
-        """Cut film or animation into windows, by blocks of the film's time.
+        """Cut film or animation into windows, each assigned to a block of the film's time.
 
-        part (n,): the rows to use.
+        swimming: n measured ticks; film: the blocks of the film's time; part (n,): True for the
+        ticks to use, None for all.
         """
         p, gap = self.p, self.p.gap * self.delta / self.rate_hz
         plays = swimming.row >= 0
@@ -81,28 +83,34 @@ class Sample:
         )
 
     def blocks(self, times: int = 1) -> Blocks:
-        """Return blocks of time that hold equally much of the film."""
+        """Return the blocks of time, which hold equally many of the film's measured rows.
+
+        times: how often the sequence of blocks repeats over the film.
+        """
         return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, times)
 
     def beside(self, animation: Swimming) -> tuple[Windows, Windows]:
-        """Return windows of the film and of an animation made from it."""
+        """Return the windows of the film and the windows of an animation made from it."""
         blocks = self.blocks()
         return self.windows(self.film, blocks), self.windows(animation, blocks)
 
     def halves(self) -> tuple[Windows, Windows]:
-        """Return windows of the first and of the second half of the film, in blocks of each.
+        """Return the windows of the film's first half and those of its second half.
 
-        The halves are halves of time: each shows the same fish, as an animation does. From halves
-        by tracks, a classifier would learn to distinguish the fish.
+        Each half is divided into the same number of blocks. The halves are halves of time: each
+        shows the same fish, as an animation does. From halves by tracks, a classifier would learn
+        to distinguish the fish.
         """
         blocks = self.blocks(2)
         early = self.frame_s[self.film.row] < blocks.edges[self.p.cross_validation_folds]
         return self.windows(self.film, blocks, early), self.windows(self.film, blocks, ~early)
 
     def sides(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
-        """Return all comparisons: each mode with the film, the film's halves, and the film again.
+        """Return the two sets of windows of every comparison, by name.
 
-        measured: each mode's animation, measured; features: of the film as it was filmed.
+        The names are the modes, each beside the film; HALVES, the film's halves; AGAIN, the film as
+        filmed beside the film drawn again. measured: each mode's animation; features: feature table
+        of the film.
         """
         film, blocks = self.film, self.blocks()
         before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
@@ -114,7 +122,11 @@ class Sample:
 
 
 def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings) -> Sample:
-    """Return the film for comparisons; features: columns of `FEATURES`, of the whole film."""
+    """Return the `Sample` of a film: what every comparison of an animation with this film needs.
+
+    film: the film drawn and measured again; features: columns of `FEATURES`, of the whole film;
+    rate_hz: frames per second.
+    """
     frame_s = features["frame"].to_numpy(float) / rate_hz
     return Sample(
         film, frame_s, float(film.table["motion_area"].max()), rate_hz, delta_of(features), p
@@ -125,8 +137,8 @@ def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSet
 class Verdict:
     """How well a classifier distinguishes two sets of windows.
 
-    whole: by all channels; alone: by each channel; importance: the loss of area where a channel is
-    shuffled among the windows; scores: by all channels, windows of the first set first.
+    whole: area by all channels; alone: channel → area by that channel; importance: channel → loss
+    of area when it is shuffled; scores: by all channels, windows of the first set first.
     """
 
     whole: Auc
@@ -136,10 +148,10 @@ class Verdict:
 
 
 def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True) -> Verdict:
-    """Return how well classifiers distinguish two sets of windows.
+    """Train classifiers on two sets of windows and return how well they distinguish them.
 
-    They use all channels together and, if `alone`, each channel by itself. FinloopError if a block
-    has too few windows of either set to test and to learn from.
+    sides: the film's windows first; alone: whether to classify by each channel by itself, too.
+    FinloopError if a block has too few windows of either set to test and to learn from.
     """
     refuse(sides, p)
     every = tuple(range(len(CHANNELS)))
@@ -151,7 +163,10 @@ def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = Tr
 
 
 def refuse(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
-    """Raise FinloopError if the windows are too few: each block tests film and learns from both."""
+    """Raise FinloopError if the windows are too few to train and test a classifier in every block.
+
+    sides: windows of the film, and of what is compared with it.
+    """
     film, beside = sides
     folds = p.cross_validation_folds
     tested, learnt = np.bincount(film.block, minlength=folds), (~film.near).sum(axis=0)
@@ -167,9 +182,10 @@ def refuse(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
 
 
 def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
-    """Return one row per comparison and channel ("all" first).
+    """Return the verdicts as a table, a row per comparison and channel; channel "all" comes first.
 
-    Columns: area, its interval, and the loss of area without the channel.
+    Columns: compared, channel; auc, low, high: the area and its 95 % interval; lost: area lost when
+    the channel is shuffled, NaN for "all".
     """
     rows = []
     for name, result in verdicts.items():
@@ -179,7 +195,11 @@ def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
 
 
 def numbers(verdicts: dict[str, Verdict]) -> dict[str, float]:
-    """Return the areas and intervals as flat metrics."""
+    """Return the areas as flat metrics: `<name>_auc` with its interval, `<name>_<channel>_auc`.
+
+    verdicts: by the name of the comparison. The ends of the interval are `<name>_auc_low` and
+    `_high`.
+    """
     flat: dict[str, float] = {}
     for name, result in verdicts.items():
         flat |= {

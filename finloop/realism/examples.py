@@ -49,7 +49,10 @@ _AROUND = 1.5  # body lengths that a picture shows beyond the path
 
 
 class WindowPair(NamedTuple):
-    """The numbers of an animation window and of the most similar film window; its score."""
+    """An animation window and the film window most like it, each by its index, and a score.
+
+    score: held-out score of the animation window; higher is more obviously false.
+    """
 
     animation: int
     film: int
@@ -59,11 +62,11 @@ class WindowPair(NamedTuple):
 def worst(
     film: Windows, animation: Windows, score: Floats, count: int, length: int
 ) -> list[WindowPair]:
-    """Return the animation windows of the highest held-out scores, no two of which touch.
+    """Return the animation windows with the highest scores, each with the most similar film window.
 
-    score (n,): of the animation windows, NaN where there is none; count: most pairs; length: rows
-    of a window. Each comes with the most similar film window: the least sum of squared differences
-    of the channels, in the film's standard deviations.
+    No two of them touch. score (n,): held-out, of the animation windows, NaN where there is none;
+    count: most pairs; length: rows of a window. Similar is the least sum of squared differences of
+    the channels, in the film's standard deviations.
     """
     spread = film.x.std(axis=(0, 1)) + 1e-9
     pairs: list[WindowPair] = []
@@ -83,7 +86,7 @@ def worst(
 class WindowPool:
     """The film and all animations, from which the most obviously false windows are chosen.
 
-    works: edit lists; measured: what extraction measured of them.
+    works, measured: by mode and FILM, the edit lists, and the swimming that extraction measured.
     """
 
     sample: Sample
@@ -114,7 +117,11 @@ class WindowPool:
             )
 
     def tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
-        """Return the examples of all modes."""
+        """Return the examples of all modes as two tables: EXAMPLES and their channels, CURVES.
+
+        sides, verdicts: windows and verdicts by the name of the comparison; only modes give
+        examples.
+        """
         every = [
             [table.assign(example=number) for table in example]
             for number, example in enumerate(
@@ -129,7 +136,10 @@ class WindowPool:
 
 
 class CameraView(NamedTuple):
-    """A camera over the tank: its centre and width in px, and the heading that points right."""
+    """A square view of the tank: centre x, y and width in px, and the heading that points right.
+
+    heading_deg: degrees anticlockwise.
+    """
 
     x_px: float
     y_px: float
@@ -137,7 +147,7 @@ class CameraView(NamedTuple):
     width_px: float
 
     def crop_frame(self, frame: Picture, size: int) -> Picture:
-        """Return this view of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
+        """Return this view of a frame (h, w) or (h, w, 3), as a picture (size, size, 3)."""
         place = self.x_px, self.y_px
         turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size / self.width_px)
         turn[:, 2] += (size - 1) / 2 - np.array(place)
@@ -148,9 +158,10 @@ class CameraView(NamedTuple):
 
 
 def views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
-    """Return a camera for each side of an example (rows of `EXAMPLES`).
+    """Return a fixed camera for the animation and one for the film of an example, by side.
 
-    Both show the same number of body lengths. length_px: of the fish as filmed.
+    example: rows of `EXAMPLES`; length_px: body length as filmed. Both cameras show the same number
+    of body lengths.
     """
     sides = example.groupby("side")
     low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
@@ -170,7 +181,10 @@ def views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
 def pictures(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, view: CameraView, size: int
 ) -> Iterator[Picture]:
-    """Yield one side of an example through a camera, tick by tick, (size, size, 3)."""
+    """Yield a picture (size, size, 3) of every tick of an edit list, through one fixed camera.
+
+    edit: one side of an example.
+    """
     numbered = edit.assign(tick=np.arange(len(edit)))
     for fish in place_rows(numbered, gallery):
         painter.show(fish)
@@ -180,9 +194,10 @@ def pictures(
 def strip(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, shape: tuple[int, int]
 ) -> Picture:
-    """Draw one side of an example in a row of moments; the camera follows the fish.
+    """Draw one side of an example as a row of pictures, with the camera on the fish.
 
-    shape: number of moments, and px of each.
+    edit: its ticks; length_px: body length as filmed; shape: number of pictures, and size of each
+    in px. Returns (size, count × size, 3).
     """
     count, size = shape
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
@@ -198,7 +213,11 @@ def strip(
 def side_by_side(
     example: pd.DataFrame, gallery: Gallery, tank: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
-    """Yield animation and film of an example beside each other, tick by tick, with titles."""
+    """Yield the frames of an example's film: animation left, film right, titles above.
+
+    example: rows of `EXAMPLES`; tank: the empty tank; length_px: body length as filmed; size: px of
+    each side. A frame is (size + WORDS_PX, 2 size, 3).
+    """
     painter, camera = Painter(tank), views(example, length_px)
     films = [
         list(pictures(example[example["side"] == side], gallery, painter, camera[side], size))
@@ -215,7 +234,10 @@ def side_by_side(
 
 
 def curves(x: dict[str, NDArray[np.float32]], step_s: float) -> pd.DataFrame:
-    """Return the channels (steps, 4) of both sides of an example as a table."""
+    """Return the channels of both sides of an example as a table: CHANNELS, side, time_s.
+
+    x: side → channels (steps, 4); step_s: seconds per step.
+    """
     parts = [
         pd.DataFrame(channels.astype(float), columns=list(CHANNELS)).assign(
             side=side, time_s=(np.arange(len(channels)) + 0.5) * step_s

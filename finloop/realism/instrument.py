@@ -33,10 +33,11 @@ _RIM = 16  # px around a fish, beside its own size on each side
 
 @dataclass(frozen=True)
 class Instrument:
-    """How the film was measured.
+    """How the film was measured, so that a drawn animation is measured in the same way.
 
-    tank: (h, w) or (h, w, 3) uint8, empty; arena: (h, w) uint8, 255 inside; facts: of the film;
-    size: magnification of the measured fish, 1 = as filmed.
+    tank (h, w) or (h, w, 3) uint8: empty; arena (h, w) uint8: 255 inside; facts: noise, threshold
+    and typical fish of the film; rate_hz: frames per second; size: by how much fish are drawn
+    larger than filmed, 1 = as filmed.
     """
 
     tank: Picture
@@ -63,7 +64,10 @@ class Instrument:
         )
 
     def through_lens(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Return an edit list at the scale at which the instrument measures."""
+        """Return an edit list with places and scales divided by `size`, so that fish are as filmed.
+
+        edit: schema EDIT, px of the animation.
+        """
         if self.size == 1:
             return edit
         places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
@@ -83,7 +87,10 @@ class Instrument:
         )
 
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
-        """Yield what extraction detects in each frame: the tank with one fish."""
+        """Yield the detections of extraction in each frame, which shows the tank with one fish.
+
+        fish: the drawn fish, one per frame; places in the result are px of the tank.
+        """
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
             box = _around(painter.show(animal), self.tank.shape)
@@ -97,9 +104,10 @@ class Instrument:
             yield _in_tank(detector.detect(drawn, scene), box)
 
     def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
-        """Return the feature table of drawn fish, one per tick; `frame` is the tick.
+        """Return the feature table (FEATURES) of drawn fish, one per tick; `frame` is the tick.
 
-        cuts: ticks at which another fish begins. The table is empty where extraction follows none.
+        cuts: ticks at which another fish begins. The table is empty where extraction follows no
+        fish.
         """
         pieces = tracks(self.detections(fish), self.typical, self.extract, cuts)
         fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]
@@ -147,10 +155,11 @@ def _moved_fish(fish: SegmentedFish, x: int, y: int) -> SegmentedFish:
 
 @dataclass(frozen=True)
 class Swimming:
-    """Fish measured again: columns of `FEATURES`, each track with its own number.
+    """Fish measured again in one or several edit lists, n rows in all.
 
-    Of each row (n,): part, the number of the edit list; tick, in that list; row, of the film whose
-    frame is drawn, −1 for a sprite; time_s, a clock that runs over all parts.
+    table: FEATURES, track numbers unique; part (n,): number of the edit list; tick (n,): in that
+    list; row (n,): of the film that is drawn, −1 for a sprite; time_s (n,): a clock that runs on
+    over all lists.
     """
 
     table: pd.DataFrame
@@ -163,7 +172,10 @@ class Swimming:
 def swimming(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate: float
 ) -> Swimming:
-    """Join edit lists and their feature tables."""
+    """Join edit lists and the feature tables measured from them into one `Swimming`.
+
+    edits, tables: in the same order; rate: ticks per second.
+    """
     parts, before, tracks_before = [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)
@@ -184,7 +196,11 @@ def measure_list(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
     work: tuple[Instrument, pd.DataFrame, Sequence[int]],
 ) -> pd.DataFrame:
-    """Draw an edit list with its cuts and measure it, in a process of its own."""
+    """Draw one edit list and return the feature table that extraction measures in it.
+
+    It runs in a process of its own. open_pictures: opens the cut-outs; work: instrument, edit list,
+    and ticks at which another fish begins.
+    """
     instrument, edit, cuts = work
     with open_pictures() as gallery:
         return instrument.measure(place_rows(instrument.through_lens(edit), gallery), cuts)

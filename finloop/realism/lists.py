@@ -14,12 +14,16 @@ Work = tuple[pd.DataFrame, Sequence[int]]
 
 
 def animation_lists(samples: pd.DataFrame) -> list[Work]:
-    """Return the animations of a mode, one per fish, as edit lists to compare."""
+    """Divide the sample animations of a mode into one edit list per fish, none with a cut."""
     return [(one, ()) for one in by_fish(samples)]
 
 
 def film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
-    """Return the film to compare with as edit lists, each of about `longest` ticks."""
+    """Return stretches of the film as edit lists of about `longest` ticks, with their cuts.
+
+    tracks: track_id, x_px, y_px of every row; most: rows in all lists together; seed: of the random
+    choice of stretches.
+    """
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
     rows: list[np.ndarray] = []

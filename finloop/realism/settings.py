@@ -10,7 +10,7 @@ from finloop.base.settings import Count, Positive, Seed
 
 @dataclass(frozen=True)
 class RealismSettings:
-    """How an animation is compared with its film."""
+    """Parameters of the stage `realism`: how an animation is compared with its film."""
 
     seconds: Positive
     window_deltas: Positive
@@ -35,15 +35,15 @@ class RealismSettings:
 
     @property
     def stride(self) -> float:
-        """Return the Δ from the beginning of a window to that of the next: a quarter of it."""
+        """Return the time in Δ from the start of a window to the next: a quarter of a window."""
         return self.window_deltas / 4
 
     @property
     def gap(self) -> float:
-        """Return the Δ of film around a fold that its classifier does not learn from: a window."""
+        """Return the time in Δ around a block from which its classifier must not learn."""
         return self.window_deltas
 
     @property
     def cluster(self) -> float:
-        """Return the Δ within which windows are one observation of the interval: five windows."""
+        """Return the time in Δ within which windows count as one observation: five windows."""
         return 5 * self.window_deltas

@@ -33,11 +33,11 @@ the film drawn and measured again."""
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows (n,) of swimming.
+    """n windows of swimming, the input of the classifier.
 
-    x (n, steps, 4): the channels; first (n,): the row with which each begins; block (n,): where
-    each is tested; near (n, blocks): which classifiers must not learn from it; cluster (n,): see
-    `auc`.
+    x (n, steps, 4): CHANNELS; first (n,): the row with which each begins; block (n,): where each is
+    tested; near (n, blocks): True where the block's classifier must not learn from it; cluster
+    (n,): windows with the same number are not independent.
     """
 
     x: NDArray[np.float32]
@@ -51,18 +51,24 @@ class Windows:
 
 
 class Blocks(NamedTuple):
-    """Stretches of time with edges (m + 1,) in s; number (m,): the block of each stretch."""
+    """Time divided into m stretches, each of which belongs to a block.
+
+    edges (m + 1,): s, rising; number (m,): the block of each stretch.
+    """
 
     edges: Floats
     number: Ints
 
     def block_numbers(self, time_s: Floats) -> Ints:
-        """Return the block (n,) of each time."""
+        """Return the number (n,) of the block that contains each time; time_s (n,): s."""
         place = np.searchsorted(self.edges, time_s, "right") - 1
         return self.number[np.clip(place, 0, len(self.number) - 1)]
 
     def near(self, time_s: Floats, gap_s: float) -> Mask:
-        """Return whether each time is in a block, or less than a gap from it, (n, blocks)."""
+        """Return whether each time is in a block or less than `gap_s` from it, as (n, blocks).
+
+        time_s (n,): s.
+        """
         near = np.zeros((len(time_s), int(self.number.max()) + 1), bool)
         for number, low, high in zip(self.number, self.edges, self.edges[1:], strict=False):
             near[:, number] |= (time_s > low - gap_s) & (time_s < high + gap_s)
@@ -70,9 +76,10 @@ class Blocks(NamedTuple):
 
 
 def equal_blocks(time_s: Floats, blocks: int, times: int = 1) -> Blocks:
-    """Divide time into blocks with equally many of the given times.
+    """Divide time into `blocks` blocks that contain equally many of the given times (n,) in s.
 
-    times: how often the sequence of blocks repeats.
+    times: how often the sequence of blocks repeats; each repetition is a further stretch of a
+    block.
     """
     edges = np.quantile(time_s, np.linspace(0, 1, times * blocks + 1))
     edges[[0, -1]] = -np.inf, np.inf
@@ -88,15 +95,19 @@ class Cutting(NamedTuple):
 
 
 def cutting(window: float, stride: float, step: float, delta: int) -> Cutting:
-    """Convert times in Δ to frames of a film; a window is a whole number of steps."""
+    """Convert window, stride and step from Δ to whole frames; a window is a whole number of steps.
+
+    delta: Δ in frames.
+    """
     step = max(1, round(step * delta))
     return Cutting(step * max(1, round(window * delta / step)), max(1, round(stride * delta)), step)
 
 
 def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
-    """Return the channels (ticks − 1, 4) of one track, from each tick to the next.
+    """Return the CHANNELS (ticks − 1, 4) of one track, from each tick to the next.
 
-    track: rows of a feature table; largest: motion area of the film's most bent fish.
+    They are forward and sideways speed in BL/s, turning speed in °/s, and motion area relative to
+    `largest`. track: rows of a feature table; largest: motion area of the film's most bent fish.
     """
     length = float(track["body_length_px"].median())
     travel = np.diff(through_water(track), axis=0) * (rate_hz / length)
@@ -110,9 +121,9 @@ def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
 
 
 class Ticks(NamedTuple):
-    """Block, neighbouring blocks and cluster of each row (n,) of a table of swimming.
+    """The block and the cluster of each of n measured ticks, and the blocks near it.
 
-    near (n, blocks): which blocks contain the row or lie near it.
+    near (n, blocks): True where the block contains the tick or lies within a gap of it.
     """
 
     block: Ints
@@ -123,7 +134,11 @@ class Ticks(NamedTuple):
 def windows(
     table: pd.DataFrame, ticks: Ticks, cut: Cutting, rate_hz: float, largest: float
 ) -> Windows:
-    """Cut a table of swimming (columns of `FEATURES`, track by track) into windows."""
+    """Cut a table of swimming into windows of channels; no window crosses from track to track.
+
+    table: columns of `FEATURES`, track by track; ticks: of the same rows; cut: in frames; rate_hz:
+    frames per second; largest: motion area of the film's most bent fish.
+    """
     x, first = [], []
     start = 0
     for _, track in table.groupby("track_id", sort=False):
@@ -150,6 +165,6 @@ def windows(
 
 
 def join_windows(parts: Sequence[Windows]) -> Windows:
-    """Join several sets of windows into one."""
+    """Join several sets of windows into one, in the given order."""
     names = [field.name for field in fields(Windows)]
     return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

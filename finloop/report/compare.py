@@ -17,9 +17,10 @@ from finloop.report.tables import Table, number
 
 
 class ReportMetric(NamedTuple):
-    """A goal of experiments: metric `<stage>.<number>`, its name on the page, and its direction.
+    """A metric by which experiments are compared: its key, its name on the page, its direction.
 
-    `more` is true where more is better.
+    key: `<stage>.<number>`, a number of reports/<stage>/; words: the name on the page; more: True
+    where a greater value is better.
     """
 
     key: str
@@ -45,9 +46,10 @@ _LAYOUT: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Comparison:
-    """Parameters that differ and measures, one row per experiment.
+    """The result of `comparison`: two tables with one row per experiment, and the best experiments.
 
-    `objectives` are the OBJECTIVES that were measured; `best` (rows,) marks the Pareto front.
+    parameters: only those that differ; measures: their numbers; objectives: those OBJECTIVES that
+    some experiment has; best (rows,): True on the Pareto front.
     """
 
     parameters: pd.DataFrame
@@ -71,7 +73,11 @@ def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
 def comparison(
     parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
 ) -> Comparison:
-    """Compare experiments; both tables have one row per experiment and columns `a.b`."""
+    """Compare experiments: their differing parameters, their measures, and the Pareto front.
+
+    parameters, numbers: one row per experiment, named by the index, and columns `<stage>.<name>`.
+    measures: further columns of `numbers` to show. Rows are sorted by the differing parameters.
+    """
     differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
     available = numbers.columns[numbers.notna().any()]
     objectives = [objective for objective in OBJECTIVES if objective.key in available]
@@ -90,7 +96,10 @@ def comparison(
 
 
 def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
-    """Return each value's rank, from 0, and each rank's text: numbers by size, then words."""
+    """Return the rank of each value of a column, and the text of each rank.
+
+    Ranks begin at 0: first numbers by size, then words by alphabet; equal values share a rank.
+    """
     keys = [
         (1, 0.0, str(value)) if _is_word(value) else (0, float(value), f"{value:g}")
         for value in column
@@ -105,7 +114,7 @@ def _is_word(value: object) -> bool:
 
 
 def words(key: str) -> str:
-    """Return the name of a metric as the page shows it."""
+    """Return the page's name of a metric or parameter, for its key `<stage>.<name>`."""
     names = {objective.key: objective.words for objective in OBJECTIVES}
     return names.get(key, key.partition(".")[2].replace("_", " "))
 
@@ -137,7 +146,10 @@ def parallel(table: Comparison) -> go.Figure:
 
 
 def curves(table: Comparison) -> go.Figure | None:
-    """Draw each measure over the only parameter that differs; None if more than one differs."""
+    """Draw each measure against the one parameter that differs, in a panel each.
+
+    Returns None if several parameters differ, or none.
+    """
     if len(table.parameters.columns) != 1:
         return None
     (parameter,) = table.parameters.columns
@@ -160,7 +172,7 @@ def curves(table: Comparison) -> go.Figure | None:
 
 
 def scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
-    """Draw two objectives against each other, one point per experiment."""
+    """Draw objective `y` against objective `x`, a point per experiment; the best are marked."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
         (~table.best, "others", _OTHER, "circle"),
@@ -190,7 +202,10 @@ def _side(objective: ReportMetric, less: str, more: str) -> str:
 
 
 def as_table(table: Comparison) -> Table:
-    """Return the whole comparison as a table."""
+    """Return the comparison as a table of texts: a row per experiment, the best marked.
+
+    Numbers have about four digits.
+    """
     columns = ["experiment", *table.parameters, *map(words, table.measures), "best"]
     rows = [
         [
@@ -205,7 +220,10 @@ def as_table(table: Comparison) -> Table:
 
 
 def html(table: Comparison, title: str, why: str) -> str:
-    """Return the page as HTML, with the code of its charts inside."""
+    """Return the comparison page as one HTML text, with its charts and the program that draws them.
+
+    title: heading of the page; why: the text below it.
+    """
     charts = [("Parameters and measures, one line per complete experiment", parallel(table))]
     if each := curves(table):
         charts.insert(0, ("Effect of the parameter, one panel per measure", each))

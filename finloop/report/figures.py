@@ -9,9 +9,10 @@ FISH, CURVE = "fish paper", "curve paper"
 
 
 class Figure(NamedTuple):
-    """One picture: its path below the folder of reports, and its texts.
+    """One picture of the report: its path below reports/, and its texts.
 
-    `number` is the paper's, or empty.
+    number: of the paper's figure or table, "" for a picture that is not in the paper; alt: what a
+    reader hears who does not see the picture.
     """
 
     path: str
@@ -27,7 +28,11 @@ class Figure(NamedTuple):
 
 
 class Chapter(NamedTuple):
-    """Pictures under one heading; `paper` is the one whose figures `number` counts."""
+    """Pictures of the report under one heading.
+
+    id: anchor in the page; paper: FISH or CURVE, the paper to whose figures `Figure.number` refers;
+    text: the paragraph below the heading.
+    """
 
     id: str
     title: str

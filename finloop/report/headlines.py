@@ -12,7 +12,10 @@ HIGHER, LOWER, EITHER = "higher is better", "lower is better", ""
 
 
 class Headline(NamedTuple):
-    """A headline number; `good` states whether higher or lower is better, if either is."""
+    """A headline number of a stage: its name in metrics.json, its meaning, and its good direction.
+
+    good: HIGHER or LOWER where that is better, EITHER where neither is.
+    """
 
     name: str
     meaning: str

@@ -20,7 +20,10 @@ _METHOD = 4  # of WebP: 6 takes twice as long for 2 % less
 
 
 class WebP(NamedTuple):
-    """A picture as the page holds it, and its size, so that nothing moves while it loads."""
+    """A picture as a WebP data URI, with its width and height in px.
+
+    The size lets the page keep the space free while the picture loads.
+    """
 
     uri: str
     width: int
@@ -28,12 +31,15 @@ class WebP(NamedTuple):
 
 
 def data_uri(kind: str, content: bytes) -> str:
-    """Return the content as a data URI."""
+    """Return bytes as a data URI that a page can contain; kind: MIME type, as "video/mp4"."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def webp(picture: Picture, most_width: int, quality: int) -> WebP:
-    """Return a picture (h, w) or (h, w, 3) RGB as WebP, at most `most_width` px wide."""
+    """Code a picture (h, w) or (h, w, 3) RGB uint8 as a WebP data URI of limited width.
+
+    quality: 0 … 100 of WebP.
+    """
     height, width = picture.shape[:2]
     if width > most_width:
         width, height = most_width, max(1, round(height * most_width / width))
@@ -44,7 +50,10 @@ def webp(picture: Picture, most_width: int, quality: int) -> WebP:
 
 
 def render_template(template: str, values: Mapping[str, Any]) -> str:
-    """Fill a template of this folder; escape the values and raise on an unknown name."""
+    """Fill a Jinja template of finloop/report/ with values and return the HTML text.
+
+    Values are escaped. A name in the template that `values` lacks raises an error.
+    """
     text = files("finloop.report").joinpath(template).read_text(encoding="utf-8")
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True

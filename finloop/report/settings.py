@@ -10,7 +10,7 @@ from finloop.base.settings import Positive
 
 @dataclass(frozen=True)
 class ReportSettings:
-    """How large the page and what it holds may be."""
+    """Parameters of the stage `report`: limits on its page and films (MB) and pictures (px)."""
 
     max_film_mb: Positive
     max_picture_width_px: Annotated[int, Field(ge=200, le=4000)]

@@ -12,7 +12,11 @@ MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Fi
 
 
 class Measure(NamedTuple):
-    """A row of `reports/animate/measures.csv` with its name; `good` is the range of good values."""
+    """A measure that the report shows: its row in `reports/animate/measures.csv`, and its texts.
+
+    words: the name on the page; unit: "" for a plain number; good: the target range as text, ""
+    where there is none.
+    """
 
     key: str
     words: str
@@ -61,7 +65,10 @@ MEASURES = (
 
 
 class Table(NamedTuple):
-    """Columns, and rows of as many cells; the first cell of a row is its heading."""
+    """A table of texts: caption, column names, and rows with one cell per column.
+
+    The first cell of a row is its heading.
+    """
 
     caption: str
     columns: Sequence[str]
@@ -69,9 +76,9 @@ class Table(NamedTuple):
 
 
 def number(value: Any, digits: int = 3) -> str:
-    """Return a number as text; NaN is empty.
+    """Return a number as a short text of about `digits` digits, with commas between thousands.
 
-    It has `digits` significant digits and commas between thousands.
+    A whole number keeps all digits. NaN and None give ""; a text is returned as it is.
     """
     if value is None or isinstance(value, str):
         return value or ""
@@ -86,7 +93,10 @@ def number(value: Any, digits: int = 3) -> str:
 
 
 def measures(table: pd.DataFrame) -> Table:
-    """Return MEASURES of a table like measures.csv: one row per measure, one column per mode."""
+    """Return the table "Animation beside film": a row per measure, a column per mode and film.
+
+    table: `reports/animate/measures.csv`, columns measure, the modes and film.
+    """
     table = table.set_index("measure")
     for key in ("speed", "turn_rate"):  # the difference of the film's halves is the yardstick
         halves, distance = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
@@ -108,13 +118,16 @@ def measures(table: pd.DataFrame) -> Table:
 
 
 def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Return a table of any data frame with shortened numbers."""
+    """Convert a data frame to a table of texts; numbers have about `digits` digits."""
     rows = [[number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
 
 def headline_table(numbers: Mapping[str, float], word: str) -> Table:
-    """Return the headline numbers of a stage with their meaning and direction."""
+    """Return a stage's headline numbers as a table: name, value, meaning, good direction.
+
+    numbers: name → value of that stage; word: the stage. Headlines without a value are left out.
+    """
     rows = [
         [item.name.replace("_", " "), number(numbers[item.name], 4), item.meaning, item.good]
         for item in HEADLINES[word]
@@ -124,7 +137,10 @@ def headline_table(numbers: Mapping[str, float], word: str) -> Table:
 
 
 def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
-    """Return the headline numbers of a mode as (value, text), from `animate` and `realism`."""
+    """Return the few numbers that the report shows first for a mode, as pairs (value, text).
+
+    numbers: those of the stages `animate` and `realism`, `<mode>_<name>` → value.
+    """
     choice = (
         ("goals_reached_pct", " %", "of its goals reached"),
         ("seam_ratio_median", "", "natural steps: discontinuity of a transition, median"),

@@ -10,10 +10,10 @@ from finloop.base.errors import FinloopError
 
 
 def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
-    """Return the leader of each follower, from pairs [follower, leader], fish numbered from 1.
+    """Return follower → leader from pairs [follower, leader]; fish are numbered from 1.
 
-    FinloopError if a pair is no pair or names a missing fish, a fish has two leaders, or fish
-    follow each other in a circle.
+    fish: how many there are. FinloopError if a pair has not two members or names a missing fish, a
+    fish has two leaders, or fish follow each other in a circle.
     """
     problems: list[str] = []
     leader_of: dict[int, int] = {}
@@ -42,7 +42,10 @@ def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
 
 
 def contradiction(leader_of: Mapping[int, int], follower: int, leader: int) -> str | None:
-    """Return why a fish cannot follow another one, given all leaders; None if it can."""
+    """Return in words why `follower` cannot follow `leader`, or None if it can.
+
+    leader_of: follower → leader of the other fish. The only obstacle is a circle of followers.
+    """
     after = {**leader_of, follower: leader}
     return _round(after, follower) if _circle(after, follower) else None
 

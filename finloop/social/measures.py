@@ -38,9 +38,10 @@ _PAIRS = 1 << 18  # of fish at a time, about 90 bytes each
 
 
 def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
-    """Return the measures (columns of `SHOAL`) of fish in any order.
+    """Return the measures of a group (columns of `SHOAL`), one row per fish and frame.
 
-    frame (n,): of each fish; places (n, 2): px. Fish of a frame are numbered in their order.
+    frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise. Rows keep
+    their order; the fish of a frame are numbered in that order.
     """
     index, fish, slots = by_frame(frame)
     own = vectors(places, headings_deg, walls.length)
@@ -61,10 +62,11 @@ def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -
 
 
 def nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
-    """Return distance, alignment angle and inter-fish angle (frames, m) of nearest neighbours.
+    """Return distance, alignment angle and inter-fish angle of nearest neighbours (frames, m).
 
-    place, heading (frames, m): as for `neighbours`. NaN where a frame shows no other fish. Memory
-    is that of `_PAIRS` pairs and of the result.
+    Distance is in BL, angles are 0 … 180°. place, heading (frames, m): complex, NaN for absent
+    fish, as for `neighbours`. NaN where a frame shows no other fish. Memory is that of `_PAIRS`
+    pairs and of the result.
     """
     far, aligned, bearing = np.full((3, *place.shape), np.nan)
     most = max(1, _PAIRS // max(1, place.shape[1] ** 2))
@@ -81,7 +83,11 @@ def nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
 
 
 def by_frame(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
-    """Return each row's frame number and fish number, and the shape (frames, m) of both."""
+    """Return where each row goes in an array (frames, m): its frame's index, its slot, that shape.
+
+    frame (n,): frame number of each row. The index counts only frames with fish; slots count the
+    fish of a frame from 0; m is the most fish in a frame.
+    """
     frames, index = np.unique(frame, return_inverse=True)
     fish = pd.Series(index).groupby(index).cumcount().to_numpy()
     return index, fish, (len(frames), int(fish.max()) + 1 if len(fish) else 0)
@@ -98,9 +104,10 @@ def slots_of(values: Complex, index: Ints, fish: Ints, shape: tuple[int, int]) -
 
 
 def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
-    """Return the Wasserstein distance of each measure of two groups, in its unit.
+    """Return how far two groups differ: the Wasserstein distance of each measure, in its unit.
 
-    Polarisation counts once a frame. A measure that one of the groups lacks is left out.
+    one, other: columns of `SHOAL`. Polarisation counts once a frame. A measure that a group lacks
+    is left out.
     """
     return {
         name: wasserstein_distance(a, b)
@@ -110,7 +117,11 @@ def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
 
 
 def beside(films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Compare groups with films: columns shoal, beside, measure, median, distance (`apart`)."""
+    """Compare each group with each film: one row per group, film and measure.
+
+    films, shoals: name → table of `SHOAL`. Columns: shoal, beside (the film), measure, median (of
+    the group), distance (`apart`).
+    """
     rows = [
         (shoal, film, name, float(np.median(values(table, name))), distance)
         for shoal, table in shoals.items()
@@ -121,17 +132,20 @@ def beside(films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]
 
 
 def halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the first and the second half of a film, in time."""
+    """Divide a table of `SHOAL` into the first and the second half of the film's time."""
     first = table["frame"] < middle(table["frame"].to_numpy())
     return table[first], table[~first]
 
 
 def middle(frame: Ints) -> float:
-    """Return the middle of the film in time, in frames."""
+    """Return the frame number in the middle of the film's time; frame (n,): frames with fish."""
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 
 
 def values(table: pd.DataFrame, name: str) -> Floats:
-    """Return the values of a measure; polarisation counts once a frame."""
+    """Return the values (k,) of one measure without its missing ones; polarisation once a frame.
+
+    table: columns of `SHOAL`; name: one of MEASURES.
+    """
     rows = table.drop_duplicates("frame") if name == "polarisation" else table
     return rows[name].dropna().to_numpy(float)

@@ -12,10 +12,10 @@ from finloop.base.arrays import Complex, Floats, Reals
 
 
 class Neighbours(NamedTuple):
-    """The others (…, n) of a fish (…).
+    """What fish (…) see of the n others, each (…, n), in the frame of the observer's body.
 
-    distance: body lengths, inf where there is none; bearing: unit vectors to the others, in the
-    body's frame; heading: unit vectors of their headings. Vectors are 0 where there is none.
+    distance: BL, inf for an absent fish; bearing: unit vectors to the others; heading: unit vectors
+    of the others' headings. Both are complex, 1 = ahead, i = left, 0 for an absent fish.
     """
 
     distance: Floats
@@ -24,15 +24,20 @@ class Neighbours(NamedTuple):
 
 
 def vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex, Complex]:
-    """Convert places (…, m, 2) px, y down, to body lengths, and headings to unit vectors."""
+    """Convert places to complex BL (y up) and headings to complex unit vectors.
+
+    places (…, m, 2): px, y down; headings_deg (…, m): anticlockwise; length: BL in px. Both results
+    are (…, m).
+    """
     places = np.asarray(places, float) / length
     return places[..., 0] - 1j * places[..., 1], np.exp(1j * np.radians(headings_deg))
 
 
 def neighbours(place: Complex, heading: Complex) -> Neighbours:
-    """Return what fish (…, m) see of each other (…, m, m).
+    """Return what each of m fish sees of every other, as `Neighbours` (…, m, m).
 
-    Places and headings of absent fish are NaN. No fish is its own neighbour.
+    place, heading (…, m): complex, as from `vectors`, NaN for absent fish. No fish is its own
+    neighbour.
     """
     others = place[..., None, :], heading[..., None, :]
     seen = relative_neighbours(place[..., :, None], heading[..., :, None], others)
@@ -47,7 +52,11 @@ def neighbours(place: Complex, heading: Complex) -> Neighbours:
 def relative_neighbours(
     place: Complex, heading: Complex, others: tuple[Complex, Complex]
 ) -> Neighbours:
-    """Return what fish (…) see of others (their places and headings); shapes are broadcast."""
+    """Return what fish see of others, as `Neighbours` in the frame of each fish's body.
+
+    place, heading: complex, as from `vectors`; others: places and headings of the others. All four
+    are broadcast against each other.
+    """
     way = (others[0] - place) * heading.conj()
     distance = np.abs(way)
     there = np.isfinite(distance)

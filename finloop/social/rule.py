@@ -19,9 +19,9 @@ from finloop.social.zones import Zones, pull
 
 @dataclass(frozen=True)
 class Shoaling:
-    """Zones, and the film's own steps that they change (`finloop.calibrate`).
+    """The rule of a school: zones, and the film's own steps, which the pull of the zones changes.
 
-    horizon: ticks of a step; alike: number of similar steps from which one is drawn.
+    horizon: ticks that a step lasts; alike: number of similar steps from which one is drawn.
     """
 
     zones: Zones
@@ -31,7 +31,7 @@ class Shoaling:
 
 
 def rule_of(shoaling: Shoaling | None) -> Shoaling:
-    """Return the rule; raise FinloopError if there is none, or it has no steps."""
+    """Return the rule itself; raise FinloopError if it is None or has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(
             "there are no zones for fish in a school"
@@ -52,7 +52,7 @@ class Others(NamedTuple):
 
 
 class Self(NamedTuple):
-    """A fish: place x, y px, heading in degrees; last: body lengths of its last step."""
+    """The fish that decides: place x, y in px, heading in degrees, last step in BL."""
 
     x: float
     y: float
@@ -63,11 +63,11 @@ class Self(NamedTuple):
 def shoaling_place(
     own: Self, others: Others, shoaling: Shoaling, walls: Walls, rng: np.random.Generator
 ) -> tuple[float, float] | None:
-    """Return the place in px to which a fish swims next; None if the zones contain no other fish.
+    """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    The place is the end of a step of the film, by a fish equally near to a wall that moved alike,
-    plus the pull of the other fish. Of several steps drawn, the first that stays in the tank is
-    taken, else the last; the caller moves that into the tank.
+    The place is the end of a step of the film plus the pull of the other fish. The film's fish was
+    equally near to a wall and moved alike. Of several steps drawn, it is the first that ends in the
+    tank. If all end outside, it is the last, and the caller must move it into the tank.
     """
     place, heading = vectors(np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length)
     group = vectors(others.places, others.headings_deg, walls.length)

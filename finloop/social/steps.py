@@ -26,10 +26,11 @@ displacement; turn: own part of the unit vector of the heading afterwards. Vecto
 
 @dataclass(frozen=True)
 class SocialSteps:
-    """Own steps (n,) of a film, in frames of the body, and their mirror images.
+    """The n steps of a film's fish without the pull of the others, as vectors of the body.
 
-    wall, last, move, turn: as in `SOCIAL_STEPS`; forward: body lengths by which a pull of 1 moves
-    a fish; onward: what a pull of 1 adds to the unit vector of its heading.
+    wall, last, move, turn (n,): complex, as in `SOCIAL_STEPS`. forward: BL by which a pull of 1
+    moves a fish; onward: what a pull of 1 adds to the unit vector of its heading. Drawing includes
+    the mirror images of the steps.
     """
 
     wall: Complex
@@ -61,9 +62,10 @@ class SocialSteps:
     def draw(
         self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
     ) -> tuple[Complex, Complex]:
-        """Draw moves and turns (m, alike) for fish (m,), in random order.
+        """Draw displacements (BL) and turns for m fish from similar steps of the film.
 
-        They belong to the `alike` steps with the most similar wall and last displacement.
+        Both results are (m, alike), complex, as in `SOCIAL_STEPS`, in random order; fewer if the
+        film has fewer steps. wall, last (m,): of the fish, compared with those of the steps.
         """
         count = min(alike, 2 * len(self.move))
         which = self._tree.query(self._point(wall, last), k=[*range(1, count + 1)])[1]
@@ -73,19 +75,25 @@ class SocialSteps:
 
 
 def add_pull_to_moves(moves: Complex, pulls: Complex, steps: SocialSteps) -> Complex:
-    """Return displacements (…), body lengths, from a fish's moves and the pulls of its group."""
+    """Return displacements (…) in BL: a fish's own moves plus the pull of its group.
+
+    moves, pulls: complex, in the frame of the body.
+    """
     return moves + steps.forward * pulls
 
 
 def add_pull_to_turns(turns: Complex, pulls: Complex, steps: SocialSteps) -> Complex:
-    """Return unit vectors (…) of headings from a fish's turns and the pulls of its group."""
+    """Return new headings (…) as unit vectors: a fish's own turns plus the pull of its group.
+
+    turns, pulls, result: complex, in the frame of the body before the step.
+    """
     to = turns + steps.onward * pulls
     size = np.abs(to)
     return np.where(size > 0, to / np.where(size > 0, size, 1), 1)
 
 
 def rows_of(steps: SocialSteps) -> dict[str, Floats]:
-    """Return the steps as columns of `SOCIAL_STEPS`."""
+    """Convert steps to the columns of `SOCIAL_STEPS`, name → values (n,)."""
     parts = {"wall": steps.wall, "last": steps.last, "move": steps.move, "turn": steps.turn}
     return {
         f"{name}_{side}": part
@@ -95,7 +103,10 @@ def rows_of(steps: SocialSteps) -> dict[str, Floats]:
 
 
 def steps_of(table: pd.DataFrame, forward: float, onward: float) -> SocialSteps:
-    """Return the steps from columns of `SOCIAL_STEPS`; the inverse of `rows_of`."""
+    """Convert columns of `SOCIAL_STEPS` back to steps; the inverse of `rows_of`.
+
+    forward, onward: as in `SocialSteps`.
+    """
     wall, last, move, turn = (
         table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
         for name in ("wall", "last", "move", "turn")
@@ -104,7 +115,10 @@ def steps_of(table: pd.DataFrame, forward: float, onward: float) -> SocialSteps:
 
 
 def last_rows(later: Ints) -> Ints:
-    """Return each row's predecessor (n,) from the successors (n,); −1 where there is none."""
+    """Return for each row the row before it, from the row after it; −1 where there is none.
+
+    later (n,): the row some time later in the same track, or −1.
+    """
     before = np.full(len(later), -1)
     has = np.flatnonzero(later >= 0)
     before[later[has]] = has

@@ -11,9 +11,10 @@ from finloop.base.arrays import Complex, Floats, Mask, Reals
 
 @dataclass(frozen=True)
 class Walls:
-    """The arena (h, w), where animals can be, and a body length in px.
+    """The tank's wall: distance from it, and direction away from it.
 
-    Places are complex, in body lengths, as in `finloop.social.neighbours`.
+    arena (h, w): True where animals can be; length: BL in px. Places are complex, in BL, y up, as
+    from `finloop.social.neighbours.vectors`.
     """
 
     arena: Mask
@@ -21,7 +22,7 @@ class Walls:
 
     @cached_property
     def depth(self) -> Floats:
-        """The distance (h, w) of each pixel from the nearest one outside, in body lengths."""
+        """The distance (h, w) of each pixel of the arena from the nearest one outside, in BL."""
         walled = np.pad(self.arena.astype(np.uint8), 1)
         depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         return np.asarray(depth[1:-1, 1:-1], float) / self.length
@@ -34,16 +35,19 @@ class Walls:
         return np.asarray(slope / np.where(size > 0, size, 1), complex)
 
     def wall_distance(self, place: Complex) -> Floats:
-        """Return the distance of places (…) from the wall, in body lengths."""
+        """Return the distance (…) of places (…) from the wall, in BL, at their nearest pixels."""
         return self._pixels(self.depth, place)
 
     def near(self, place: Complex, heading: Complex) -> Complex:
-        """Return nearness 1 / (1 + distance) as a vector (…) of the body away from the wall."""
+        """Return vectors (…) that point away from the wall, of length 1 / (1 + distance in BL).
+
+        They are complex, in the frame of the body. place, heading (…): complex.
+        """
         away = self._pixels(self._slope, place) * heading.conj()
         return away / (1 + self._pixels(self.depth, place))
 
     def inside(self, place: Complex) -> Mask:
-        """Return whether places (…) are in the arena."""
+        """Return whether places (…) lie in the arena, as a mask (…)."""
         height, width = self.arena.shape
         x, y = place.real * self.length, -place.imag * self.length
         on = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)

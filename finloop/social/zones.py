@@ -23,10 +23,10 @@ from finloop.social.neighbours import Neighbours
 
 @dataclass(frozen=True)
 class Zones:
-    """Outer radii of the zones in body lengths, the blind angle in degrees, and the weights.
+    """Three zones around a fish: outer radii in BL, blind angle in degrees, and weights.
 
-    A zone lies outside the one before; a radius that is not larger than the one before leaves no
-    zone. FinloopError if a number is negative or the blind angle is above 360.
+    A zone lies outside the one before it. A radius that is not larger than the one before leaves no
+    zone. FinloopError if a number is negative or the blind angle is above 360°.
     """
 
     repulsion: float
@@ -50,19 +50,19 @@ class Zones:
 
     @property
     def radii(self) -> tuple[float, float, float]:
-        """The outer radii in body lengths."""
+        """The outer radii of repulsion, alignment and attraction, in BL."""
         return self.repulsion, self.alignment, self.attraction
 
     @property
     def widths(self) -> tuple[float, float, float]:
-        """The widths of the zones; 0 for a missing zone."""
+        """The widths of repulsion, alignment and attraction, in BL; 0 for a missing zone."""
         inner, middle, outer = self.radii
         middle = max(inner, middle)
         return inner, middle - inner, max(middle, outer) - middle
 
     @property
     def weights(self) -> tuple[float, float, float]:
-        """The weights of the zones."""
+        """The weights of repulsion, alignment and attraction."""
         return self.repulsion_weight, self.alignment_weight, self.attraction_weight
 
 
@@ -77,9 +77,10 @@ NO_ZONES = Zones(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: float) -> Complex:
-    """Return the pull (…, 3) of each zone without its weight, in the frame of the body, |pull| ≤ 1.
+    """Return the pull (…, 3) of repulsion, alignment and attraction, each without its weight.
 
-    Alignment and attraction are 0 while a fish is in the zone of repulsion.
+    Pulls are complex, in the frame of the body, at most 1 long. Alignment and attraction are 0
+    while a fish is in the zone of repulsion. seen: the others (…, n); radii: BL, rising.
     """
     inner, middle, outer = radii
     sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
@@ -103,12 +104,15 @@ def _mean(vectors: Complex, which: Any) -> Complex:
 
 
 def pull(seen: Neighbours, zones: Zones) -> Complex:
-    """Return the pull (…) of the other fish, in the frame of the body; 0 = none."""
+    """Return the weighted pull (…) of the other fish, complex, in the frame of the body; 0 = none.
+
+    seen: the others (…, n).
+    """
     return weighted_sum(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
 
 
 def weighted_sum(means: Complex, weights: Sequence[float] | Floats) -> Complex:
-    """Return the sum (…) of the pulls (…, 3) of the zones, each times its weight.
+    """Return the sum (…) of the pulls (…, 3) of three zones, each times its weight.
 
     Unlike `@` it rounds the same on every processor and for any number of rows.
     """

@@ -9,7 +9,7 @@ from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Open the mode; without loops or gateways it is the network alone."""
+    """Return the animator of mode `hybrid`; without loops or gateways it is the network alone."""
     made = film_data(project, project.reel)
     settings = project.settings
     return hybrid_animator(
@@ -19,7 +19,7 @@ def open_mode(project: Project) -> PaperAnimator:
 
 
 def main() -> None:
-    """Make data/animate/hybrid.parquet and data/animate/hybrid/."""
+    """Write data/animate/hybrid.parquet and the folder data/animate/hybrid/."""
     animate("hybrid", open_mode)
 
 

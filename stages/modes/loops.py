@@ -9,7 +9,7 @@ from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Open the mode; raise NothingToUse if the film has no loops."""
+    """Return the animator of mode `loops`; raise NothingToUse if the film has no loops."""
     made = film_data(project, project.film_reel)
     return loops_animator(
         made, project.loops, project.settings("animate"), project.settings("loops")
@@ -17,7 +17,7 @@ def open_mode(project: Project) -> PaperAnimator:
 
 
 def main() -> None:
-    """Make data/animate/loops.parquet and data/animate/loops/."""
+    """Write data/animate/loops.parquet and the folder data/animate/loops/."""
     animate("loops", open_mode)
 
 

@@ -23,9 +23,9 @@ from stages.animation import animate
 
 
 def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnimator:
-    """Open the mode with the results of the earlier stages.
+    """Return the animator of mode `matching`, with the results of the earlier stages.
 
-    sprite_rows (s,): the rows behind sprites, from which a fish of another mode continues.
+    sprite_rows (s,): the row of each sprite, from which a fish of another mode continues.
     """
     common, own = project.settings("animate"), project.settings("matching")
     made = MatchingData(
@@ -38,7 +38,11 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
 
 
 class PathFollowing(NamedTuple):
-    """How paths were followed: tables of `path_measures`, and numbers."""
+    """How one fish followed its path.
+
+    path: columns of `path_measures.PATH_ROWS`; left: of `path_measures.LEFT`; numbers: errors, name
+    → number.
+    """
 
     path: pd.DataFrame
     left: pd.DataFrame
@@ -46,7 +50,10 @@ class PathFollowing(NamedTuple):
 
 
 def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowing]:
-    """Return how each fish with a path followed it."""
+    """Return how well each fish that has a path followed it; empty if no fish has one.
+
+    swims: one per fish; plans: the animator with the paths.
+    """
     world, every = plans.world, list[PathFollowing]()
     if not any(plans.paths):
         return every
@@ -63,7 +70,10 @@ def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowi
 def save_more(
     folder: Path, plans: MatchingAnimator, swims: list[Swim], edit: pd.DataFrame
 ) -> dict[str, float]:
-    """Write costs and path following; return the numbers of paths and fish."""
+    """Write considered.parquet and, for paths, path.parquet and left.parquet to `folder`.
+
+    Returns errors from the paths and clearances between fish, name → number. edit: the edit list.
+    """
     world = plans.world
     ticks, filmed = world.duration, world.film.filmed
     weighed = [option_table(one, ticks, filmed, fish) for fish, one in enumerate(swims)]
@@ -79,7 +89,7 @@ def save_more(
 
 
 def main() -> None:
-    """Make data/animate/matching.parquet and data/animate/matching/."""
+    """Write data/animate/matching.parquet and the folder data/animate/matching/."""
     animate("matching", open_mode, save_more)
 
 

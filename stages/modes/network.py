@@ -9,7 +9,7 @@ from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
-    """Open the mode with the results of the earlier stages."""
+    """Return the animator of mode `network`, with the results of the earlier stages."""
     made = film_data(project, project.reel)
     return network_animator(
         made, project.model, project.settings("animate"), project.settings("network")
@@ -17,7 +17,7 @@ def open_mode(project: Project) -> PaperAnimator:
 
 
 def main() -> None:
-    """Make data/animate/network.parquet and data/animate/network/."""
+    """Write data/animate/network.parquet and the folder data/animate/network/."""
     animate("network", open_mode)
 
 

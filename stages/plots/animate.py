@@ -21,7 +21,7 @@ PATH = DATA / "matching/path.parquet"
 
 
 def main() -> None:
-    """Draw kinematics.png, and for paths path/path.png, path/path-2.png and so on."""
+    """Draw reports/animate/kinematics.png, and path/path.png, path/path-2.png … for paths."""
     table = load_table(DATA / "beside/kinematics.parquet", KINEMATICS)
     numbers = load_numbers(REPORT)
     save_figure(REPORT / "kinematics.png", kinematics(table, numbers))

@@ -15,7 +15,7 @@ REPORT = Path("reports/bpn")
 
 
 def main() -> None:
-    """Draw fig15.png and held_out.png."""
+    """Draw fig15.png and held_out.png in reports/bpn/."""
     held_out = load_table(Path("data/bpn/held_out.parquet"), HELD_OUT).to_numpy()
     save_figure(REPORT / "fig15.png", figure15(pd.read_csv(REPORT / "curve.csv")))
     save_figure(REPORT / "held_out.png", held_out_figure(held_out[:, :2], held_out[:, 2:]))

@@ -14,7 +14,7 @@ NAMES = {"zones": "points that swim by the zones", "alone": "points without othe
 
 
 def main() -> None:
-    """Draw distributions.png."""
+    """Draw reports/calibrate/distributions.png."""
     film = load_table(FOLDER / "film.parquet", SHOAL)
     shoals = dict(zip(("film, first half", "film, second half"), halves(film), strict=True))
     for name, words in NAMES.items():

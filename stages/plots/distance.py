@@ -13,7 +13,7 @@ from stages.settings import load
 
 
 def main() -> None:
-    """Draw fig9.png."""
+    """Draw reports/distance/fig9.png."""
     p: DistanceSettings = load("distance")
     with Project() as project:
         facts, features = project.map_facts, project.features

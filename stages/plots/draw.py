@@ -10,7 +10,10 @@ from finloop.base.parallel import Processes, warm_up, worker_loss_error
 
 
 def draw_all(modules: Sequence[str]) -> None:
-    """Run `main` of each module, several at once; the caller names the slowest first."""
+    """Run `main` of each module in worker processes, several at once; return when all are done.
+
+    modules: names, the slowest first.
+    """
     warm_up(modules)
     with progress("plots", len(modules), "stages") as advance:
         try:

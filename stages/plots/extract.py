@@ -38,7 +38,10 @@ THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
 
 
 class ExtractedFilm(NamedTuple):
-    """One film as `extract` saw it."""
+    """One film with the results of `extract` that are needed to segment its frames again.
+
+    clip: folder of its clip; scene: background and noise; arena (h, w) uint8: 255 inside.
+    """
 
     name: str
     clip: Path
@@ -48,7 +51,7 @@ class ExtractedFilm(NamedTuple):
     arena: Picture
 
     def read(self, count: int) -> Iterator[tuple[str, Picture]]:
-        """Return at most `count` frames spread over the film, each with a label."""
+        """Yield at most `count` frames spread over the film, as pairs (label, picture)."""
         numbers = np.linspace(0, self.facts.frames - 1, min(count, self.facts.frames))
         frames = numbers.round().astype(int).tolist()
         pictures = read_spread(self.clip / CLIP_NAME, frames, colour=self.facts.colour)
@@ -57,7 +60,7 @@ class ExtractedFilm(NamedTuple):
 
 
 def main() -> None:
-    """Draw detections.png and fig3_4.png."""
+    """Draw detections.png and fig3_4.png in reports/extract/."""
     settings: ExtractSettings = load("extract")
     films = [load_film(name, home) for name, home in folders(CLIP) if (EXTRACT / home).is_dir()]
     count = max(1, FRAMES // len(films))
@@ -68,7 +71,10 @@ def main() -> None:
 
 
 def load_film(name: str, home: Path) -> ExtractedFilm:
-    """Load the results of `clip` and `extract` for one film."""
+    """Load the results of `clip` and `extract` for one film.
+
+    name: "" for a single film; home: its folder below data/clip and data/extract.
+    """
     clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
     record = load_record(tracks_folder / "scene.json", SceneFacts, "extract")
@@ -88,13 +94,13 @@ def load_film(name: str, home: Path) -> ExtractedFilm:
 
 
 def draw_detections(film: ExtractedFilm, settings: ExtractSettings, count: int) -> Picture:
-    """Draw the silhouettes in this many frames of a film."""
+    """Draw the silhouettes in `count` frames of a film; return (h, w, 3)."""
     labels, frames = zip(*film.read(count), strict=True)
     return detections_picture(frames, labels, film.scene, film.typical, film.arena, settings)
 
 
 def thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterator[ThinnedFish]:
-    """Thin the fish of frames spread over the films."""
+    """Yield the thinned fish of THINNED frames, spread over the films."""
     count = max(1, THINNED // len(films))
     for film in films:
         for label, frame in film.read(count):

@@ -16,7 +16,10 @@ FISH = 48  # on the contact sheet
 
 
 def main() -> None:
-    """Draw contact_sheet.png, fig5.png, fig7.png, trajectories.png and rose.png."""
+    """Draw the pictures in reports/features/.
+
+    They are contact_sheet.png, fig5.png, fig7.png, trajectories.png and rose.png.
+    """
     with Project() as project:
         table, background = project.features, project.background
         tracks, rows = project.tracks(COLUMNS), draw.most_doubtful(table, FISH)

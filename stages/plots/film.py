@@ -15,7 +15,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw the pictures in reports/ of clip, extract, features, identity, calibrate and pose."""
+    """Draw the pictures of clip, extract, features, identity, calibrate and pose in reports/."""
     draw_all(MODULES)
 
 

@@ -17,7 +17,7 @@ REPORT = Path("reports/forecast")
 
 
 def main() -> None:
-    """Draw learning.png and free.png; empty pictures where there is no model."""
+    """Draw learning.png and free.png in reports/forecast/; empty pictures without a model."""
     project = Project()
     if not project.has_forecast:
         for name in ("learning", "free"):

@@ -14,7 +14,7 @@ PAIRS = 12  # of each direction
 
 
 def main() -> None:
-    """Draw contact_sheet.png; without gateways, the nearest refused pairs."""
+    """Draw reports/gateways/contact_sheet.png; without gateways, the nearest refused pairs."""
     with Project() as project:
         ways, reel, sheet = project.gateways, project.reel, {}
         nearest = load_table(project.data / "gateways/nearest.parquet", GATEWAYS)

@@ -10,7 +10,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw timeline.png."""
+    """Draw reports/identity/timeline.png."""
     project = Project()
     figure = timeline(project.identities, project.features, project.rate_hz)
     save_figure(Path("reports/identity/timeline.png"), figure)

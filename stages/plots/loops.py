@@ -27,7 +27,7 @@ BEST = 6  # loops drawn, and as many of the worst
 
 
 def main() -> None:
-    """Draw over_time.png, over_tank.png, fig10.png, fig11.png, fig13.png, best_and_worst.png."""
+    """Draw the pictures in reports/loops/: NAMES and fig13, as .png."""
     p: LoopsSettings = load("loops")
     with Project() as project:
         figures = draw_message(project) if project.loops.empty else draw_loops(project, p)
@@ -37,14 +37,14 @@ def main() -> None:
 
 
 def draw_message(project: Project) -> Iterator[tuple[str, Figure]]:
-    """Draw the reason why the film has no loops in every figure."""
+    """Yield (name, figure) for each of NAMES: a text, why the film has no loops."""
     why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
     for name in NAMES:
         yield name, message(why)
 
 
 def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure]]:
-    """Draw the figures of a film that has loops, each with its name."""
+    """Yield (name, figure) for each of NAMES, for a film that has loops."""
     loops, features, reel = project.loops, project.features, project.film_reel
     facts, rate_hz = project.map_facts, project.rate_hz
     track = features["track_id"].to_numpy()
@@ -68,7 +68,7 @@ def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure
 
 
 def draw_improper(project: Project, p: LoopsSettings) -> Figure:
-    """Draw Fig. 13, or a message that the film has no improper loop."""
+    """Return Fig. 13 of the fish paper, or a figure that says that no loop is improper."""
     features, reel, facts = project.features, project.film_reel, project.map_facts
     pairs = as_map(project.pairs, len(features))
     every, counts = candidates(pairs, features, p.distance_threshold * facts.step_median, p)

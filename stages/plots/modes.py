@@ -13,7 +13,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw the pictures in reports/ of animate, retarget, render and realism."""
+    """Draw the pictures of animate, retarget, render and realism in reports/."""
     draw_all(MODULES)
 
 

@@ -15,7 +15,7 @@ MODULES = (
 
 
 def main() -> None:
-    """Draw the pictures in reports/ of bpn, forecast, sprites, distance, loops and gateways."""
+    """Draw the pictures of bpn, forecast, sprites, distance, loops and gateways in reports/."""
     draw_all(MODULES)
 
 

@@ -10,7 +10,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw shapes.png."""
+    """Draw reports/pose/shapes.png."""
     with Project() as project:
         picture = sheet(project.poses, project.cutouts)
     save_picture(Path("reports/pose/shapes.png"), picture)

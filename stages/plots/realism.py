@@ -18,7 +18,7 @@ STRIP = 10, 130  # pictures, px
 
 
 def main() -> None:
-    """Draw auc.png, contact_sheet.png."""
+    """Draw auc.png and contact_sheet.png in reports/realism/."""
     auc, roc = (pd.read_csv(REPORT / name) for name in ("auc.csv", "roc.csv"))
     save_figure(REPORT / "auc.png", areas(auc, roc))
 

@@ -18,7 +18,7 @@ REPORT = Path("reports/render")
 
 
 def main() -> None:
-    """Draw contact_sheet.png and switches.png, and the route of every mode, <mode>.png."""
+    """Draw contact_sheet.png, switches.png and <mode>.png (the path) in reports/render/."""
     p: RenderSettings = load("render")
     with Project() as project:
         background, drawn = project.background, project.edit_with_sources(p.mode, "render")

@@ -19,7 +19,7 @@ _SPAN = 1.6  # body lengths across a tile
 
 
 def main() -> None:
-    """Draw pictures/backbones.png, where a track is retargeted."""
+    """Draw reports/retarget/pictures/backbones.png if a track is retargeted."""
     asked = load_table(Path("data/retarget/asked.parquet"), ASKED)
     with whole_folder(REPORT / "pictures") as folder:
         if asked.empty:

@@ -12,7 +12,7 @@ from finloop.project import Project
 
 
 def main() -> None:
-    """Draw contact_sheet.png."""
+    """Draw reports/sprites/contact_sheet.png."""
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = orientations_of(sprites)
