@@ -12,9 +12,10 @@ from finloop.base.errors import FinloopError
 def rectangle_arena(
     width: int, height: int, left_px: float, top_px: float, width_px: float, height_px: float
 ) -> np.ndarray:
-    """Return the mask of the pixels whose centres lie in a rectangle.
+    """Return the mask (height, width) of the picture's pixels whose centres lie in a rectangle.
 
-    The left and top edges belong to it, the right and bottom ones do not: 10 px wide from 0 is the
+    width, height: the picture's size, px; left_px, top_px: the rectangle's upper left corner. Its
+    left and top edges belong to it, the right and bottom ones do not: 10 px wide from 0 is the
     columns 0 … 9. FinloopError if no pixel of the picture lies in it.
     """
     x, y = np.arange(width), np.arange(height)[:, None]
@@ -26,9 +27,10 @@ def rectangle_arena(
 
 
 def circle_arena(width: int, height: int, x_px: float, y_px: float, radius_px: float) -> np.ndarray:
-    """Return the mask of the pixels whose centres lie in or on a circle.
+    """Return the mask (height, width) of the picture's pixels whose centres lie in or on a circle.
 
-    FinloopError if no pixel of the picture lies in it.
+    width, height: the picture's size, px; x_px, y_px: the circle's centre. FinloopError if no pixel
+    of the picture lies in it.
     """
     x, y = np.arange(width), np.arange(height)[:, None]
     mask = (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2

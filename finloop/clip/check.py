@@ -43,7 +43,7 @@ CHECK = Schema(
 
 @dataclass(frozen=True)
 class Quality:
-    """The measures of a film; NaN where the film does not show them."""
+    """Measures of a film's light, camera, coding and contrast; NaN for what it does not show."""
 
     light_flicker_pct: float  # of the mean, root mean square
     light_flicker_hz: float  # NaN: irregular
@@ -61,7 +61,7 @@ class Quality:
 
     @classmethod
     def from_metrics(cls, numbers: Mapping[str, float], prefix: str = "") -> "Quality":
-        """Read the quality from metrics, whose names may have a prefix; NaN if one is missing."""
+        """Return the measures stored in `numbers` under `prefix` + name; NaN if one is missing."""
         return cls(
             **{entry.name: numbers.get(prefix + entry.name, np.nan) for entry in fields(cls)}
         )
@@ -74,7 +74,12 @@ class GreyReader(Protocol):
 
 
 class Clip(NamedTuple):
-    """A clip to check: `samples` are frames spread over it; lights and changes as in `Tally`."""
+    """A clip to check.
+
+    read: streams its frames, grey; rate_hz: frames per second; samples: some frames spread over it;
+    lights, changes (frames,): each frame's brightness, and its change from the frame before, as
+    `finloop.clip.quality.Tally` gathers them.
+    """
 
     read: GreyReader
     rate_hz: float
@@ -84,12 +89,16 @@ class Clip(NamedTuple):
 
     @property
     def frames(self) -> int:
-        """Return its number of frames."""
+        """Return the clip's number of frames."""
         return len(self.changes)
 
 
 def runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
-    """Return half-open runs of frames spread over a film; they begin at multiples of `stride`."""
+    """Return the runs (start, stop) of successive frames, spread over a film, that are examined.
+
+    Frame `stop` is not in the run. A film of at most `RUNS` × `LENGTH` frames is a single run; a
+    longer one has `RUNS` runs of `LENGTH` frames, which begin at multiples of `stride`.
+    """
     if frames <= RUNS * LENGTH:
         return [(0, frames)]
     starts = np.linspace(0, frames - LENGTH, RUNS).astype(int) // stride * stride
@@ -97,7 +106,11 @@ def runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
 
 
 def still_tank(samples: Sequence[Picture]) -> Picture:
-    """Return the median of frames, after bringing each to the median light and place of all."""
+    """Return the picture (h, w[, 3]) of the still tank: the median of frames brought to one light.
+
+    Each of at most `_SAMPLES` frames is first brought to the median light of all, and moved to
+    their median place.
+    """
     few = samples[:: -(-len(samples) // _SAMPLES)]
     gains = [gain(frame, few[0]) for frame in few]
     usual = np.median(gains, axis=0)
@@ -124,9 +137,10 @@ def _median(frames: Sequence[Picture]) -> Picture:
 
 
 def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
-    """Measure a clip: return its quality, the measures of each frame (`CHECK`), and its still tank.
+    """Measure a clip: return its quality, the measures of each frame, and the still tank's picture.
 
-    stride: distance of its key frames.
+    The table has a row per frame and the columns `CHECK`; the picture is (h, w[, 3]). stride:
+    frames from one key frame of the clip to the next.
     """
     whole = still_tank(clip.samples)
     tank, of, last = grey(whole), marks(whole), STILL
@@ -154,7 +168,7 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
 
 
 def grey(picture: Picture) -> Picture:
-    """Convert a picture to grey (h, w), a copy."""
+    """Return a grey copy (h, w) uint8 of a picture, which is grey (h, w) or RGB (h, w, 3)."""
     return picture.copy() if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
 
 

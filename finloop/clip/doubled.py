@@ -26,13 +26,16 @@ _FEW = 8  # doubled pictures from which a cadence is searched for
 
 
 def subsample_grey(frame: Picture) -> Picture:
-    """Return every other pixel, grey: what `change` compares."""
+    """Return a frame at half its size, grey: every other row and column, for use by `change`."""
     few = frame[::_THIN, ::_THIN]
     return np.ascontiguousarray(few) if few.ndim == 2 else cv2.cvtColor(few, cv2.COLOR_RGB2GRAY)
 
 
 def change(before: Picture, after: Picture) -> float:
-    """Return the mean change [grey levels] of the blocks of two thinned frames that change most."""
+    """Return how much two frames differ [grey levels]: the mean of the blocks that differ most.
+
+    before, after (h, w): frames from `subsample_grey`. One block of 12×12 px in a hundred counts.
+    """
     size = tuple(max(1, side // _BLOCK) for side in before.shape[::-1])
     off = cv2.absdiff(before, after).astype(np.float32)
     blocks = np.sort(cv2.resize(off, size, interpolation=cv2.INTER_AREA), axis=None)
@@ -40,12 +43,13 @@ def change(before: Picture, after: Picture) -> float:
 
 
 class Doubled(NamedTuple):
-    """Frames that repeat the picture before them.
+    """The frames of a film that repeat the picture of the frame before.
 
-    share: doubled frames among the decidable ones. rate: pictures a frame, 1 where nothing is
-    doubled, NaN without a cadence. pictures (frames,): the number of each frame's picture by the
-    cadence; repeats (frames,): whether it is that of the frame before. Without a cadence every
-    frame is a picture.
+    A cadence is the regular rhythm of repeats that a conversion of the frame rate leaves. share: of
+    the frames in which enough moves to decide, those that repeat, 0 … 1. rate: different pictures
+    per frame; 1 where nothing repeats, NaN where repeats have no cadence. pictures (frames,): the
+    number of the picture that each frame shows; repeats (frames,): whether that is the picture of
+    the frame before. Without a cadence every frame counts as a new picture.
     """
 
     share: float
@@ -55,7 +59,10 @@ class Doubled(NamedTuple):
 
 
 def find_repeats(changes: Floats) -> Doubled:
-    """Find doubled frames by changes (frames,); `changes[k]` is from k - 1 to k, [0] is NaN."""
+    """Find the frames that repeat the frame before, from the changes (frames,) between frames.
+
+    changes: grey levels, by `change`; changes[k] is from frame k − 1 to frame k, changes[0] is NaN.
+    """
     decidable, twice = _decidable(changes)
     count = int(decidable.sum())
     share = float(twice[decidable].mean()) if count else 0.0

@@ -15,10 +15,12 @@ _FEW = 50  # least number of moved pixels of a frame that is judged
 
 
 def field_order(before: Picture, frame: Picture) -> float:
-    """Return which field of two grey frames is earlier: above 0 the upper, below 0 the lower.
+    """Return a number that tells which field of interlaced film is earlier: above 0 the upper one.
 
-    It is the relative difference of the two squared distances where something moved: 0 for whole
-    pictures, up to ±0.8 for woven ones. NaN where too little moved.
+    Below 0 it is the lower one. before, frame (h, w): two successive grey frames. The number is the
+    relative difference between two mean squares: lower field before against upper field now, and
+    the reverse. Only what moved counts: whole pictures give 0, interlaced ones up to ±0.8. NaN
+    where too little moved.
     """
     last, here = (picture[:, ::_THIN].astype(np.float64) for picture in (before, frame))
     motion = np.abs(here - last) >= _MOTION

@@ -49,14 +49,20 @@ def _grid(picture: Picture) -> Floats:
 
 
 def in_light(frame: Picture, gains: Floats) -> Picture:
-    """Return a new frame as in a light of 1: divided by its gain per channel, rounded."""
+    """Return a frame (h, w[, 3]) in the tank's light: each channel divided by its gain, rounded.
+
+    gains (1,) or (3,): brightness of the frame relative to the tank, from `gain`.
+    """
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
     return np.asarray(cv2.LUT(frame, table))
 
 
 class Light(NamedTuple):
-    """How the light changes; `flicker_hz` is NaN for a flicker without a single frequency."""
+    """Flicker and drift of a film's light, in per cent of its mean brightness.
+
+    flicker_hz: NaN where the flicker has no single frequency.
+    """
 
     flicker_pct: float  # root mean square of the fast part over the mean, in the median second
     flicker_hz: float
@@ -64,7 +70,10 @@ class Light(NamedTuple):
 
 
 def light(lights: Floats, rate_hz: float) -> Light:
-    """Measure flicker and drift from the brightness of successive frames, in any unit."""
+    """Measure flicker and drift from the brightness (frames,) of successive frames, in any unit.
+
+    rate_hz: frames per second. Changes slower than three seconds are drift, the rest is flicker.
+    """
     mean = float(lights.mean())
     slow = _running_mean(lights, rate_hz)
     fast = lights - slow

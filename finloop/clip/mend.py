@@ -37,7 +37,12 @@ Frames = Iterator[tuple[float, tuple[int, Picture]]]
 
 
 def repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
-    """Return the repairs that a film of quality `q` needs, of `REPAIRED_BY`."""
+    """Return the names of the repairs, keys of `REPAIRED_BY`, that a film is to get.
+
+    p: whether each repair is made always, never, or where the film is faulty (`auto`); q: the
+    film's quality; smaller_px: the picture's smaller side, which limits the shake that can be
+    repaired.
+    """
     far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
     converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
     faults = {
@@ -56,16 +61,17 @@ def repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
 
 
 def field_of(q: Quality) -> Literal["auto", "tff", "bff"]:
-    """Return the order of fields by the name in FFmpeg's filters."""
+    """Return FFmpeg's name of the earlier field: `tff` upper, `bff` lower, `auto` unknown."""
     if not isfinite(q.field_order):
         return "auto"
     return "tff" if q.field_order > 0 else "bff"
 
 
 def new_pictures(take: Frames, twice: Doubled, rate_hz: float) -> Frames:
-    """Yield the frames that are new, each at the time of its picture.
+    """Yield the frames that do not repeat the frame before, at the times of their pictures.
 
-    rate_hz: pictures per second.
+    take: (time [s], (number, frame)) of every frame; twice: its repeats; rate_hz: different
+    pictures per second. A frame's new time is the number of its picture / rate_hz.
     """
     for (_, frame), picture, repeats in zip(take, twice.pictures, twice.repeats, strict=False):
         if not repeats:
@@ -76,7 +82,8 @@ def new_pictures(take: Frames, twice: Doubled, rate_hz: float) -> Frames:
 class Calm:
     """Brings frames to the light and the place of the still tank (h, w) or (h, w, 3).
 
-    light, place: which of the two to correct. right_px …: the camera's largest shift to each side.
+    light, place: whether to correct the light, and the place. right_px … up_px: the largest shift
+    of a frame to that side, so far.
     """
 
     tank: Picture
@@ -90,7 +97,7 @@ class Calm:
     _last: Shift = field(default=STILL)
 
     def __call__(self, take: Frames) -> Frames:
-        """Yield the frames, repaired."""
+        """Yield the frames of `take`, light and place corrected, times and numbers unchanged."""
         for time_s, (number, frame) in take:
             if self.light:
                 frame = in_light(frame, gain(frame, self.tank))
@@ -108,7 +115,7 @@ class Calm:
         return undo_shift(frame, by)
 
     def common_mask(self) -> Mask:
-        """Return the mask (h, w) of the pixels that every frame shows after its shift."""
+        """Return the mask (h, w) of the pixels that every frame so far shows after its shift."""
         mask = np.zeros((self.tank.shape[0], self.tank.shape[1]), bool)
         height, width = self.tank.shape[:2]
         sides = (self.up_px, self.down_px, self.left_px, self.right_px)

@@ -17,8 +17,9 @@ SAMPLES = 32  # most frames of a clip that are kept to compare them with the cod
 class Tally:
     """Brightness of a clip, its changes and samples of its frames, gathered frame by frame.
 
-    lights: brightness of each frame relative to the first one, where both show the tank. changes:
-    how much it differs from the one before (`doubled.change`), NaN for the first.
+    lights (frames,): brightness of each frame relative to the first one, where both show the tank.
+    changes (frames,): how much each frame differs from the one before [grey levels], by
+    `finloop.clip.doubled.change`; NaN for the first. samples: some frames, by their numbers.
     """
 
     frames: int = 0
@@ -33,7 +34,7 @@ class Tally:
     _last: np.ndarray | None = None
 
     def add(self, frame: np.ndarray) -> None:
-        """Count one frame; keep at most `SAMPLES` copies, evenly spread."""
+        """Add one frame (h, w[, 3]); keep copies of at most `SAMPLES` frames, evenly spread."""
         self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
         low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
@@ -58,14 +59,15 @@ class Tally:
 
     @property
     def plain(self) -> bool:
-        """Return whether all pixels of all frames have about one level."""
+        """Return whether all pixels of all frames have about the same grey level."""
         return self.brightest - self.darkest < PLAIN_LEVELS
 
 
 def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Return the peak signal-to-noise ratio of all pairs, 10 log₁₀(255² / mean squared difference).
+    """Return the peak signal-to-noise ratio [dB] of pairs of pictures, such as filmed and coded.
 
-    It is infinite where nothing differs.
+    It is 10 log₁₀(255² / mean squared difference) of all pixels of all pairs; infinite where
+    nothing differs.
     """
     squares = pixels = 0.0
     for a, b in pairs:

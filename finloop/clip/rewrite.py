@@ -40,9 +40,10 @@ _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 @dataclass(frozen=True)
 class ClipResult:
-    """A new clip: its facts, tally and arena (h, w); the quality of the film and of the clip.
+    """A new clip: its facts, the tally of its frames, its arena (h, w), and its quality.
 
-    mended: the repairs that were made, of `finloop.clip.mend.REPAIRED_BY`.
+    filmed: the quality of the film before any repair; mended: the repairs that were made, of
+    `finloop.clip.mend.REPAIRED_BY`.
     """
 
     facts: VideoFacts
@@ -54,7 +55,7 @@ class ClipResult:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Return metrics of the clip, of the film if it was repaired, and of the repairs."""
+        """Return metrics by name: quality of clip and unrepaired film; each repair, 0 or 1."""
         numbers = dict(vars(self.quality))
         if self.mended:
             numbers |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
@@ -68,9 +69,10 @@ def make_clip(
     folder: Path,
     watch: Watch = lambda *_: nullcontext(lambda: None),
 ) -> ClipResult:
-    """Write the clip of a film to a folder, with its check; repair the user's own footage.
+    """Write the normalised clip of a film and its check to a folder; repair a user's own footage.
 
-    FinloopError as in `normalise`.
+    The check is a table (`CHECK_NAME`) and the still tank's picture (`TANK_NAME`). A faulty clip is
+    written again, repaired. watch: reports progress. FinloopError as in `normalise`.
     """
     with watch("clip", source.facts.frames) as advance:
         facts, tally, arena = normalise(source, p, folder, advance)

@@ -89,13 +89,13 @@ class File:
 
     @property
     def film(self) -> Path:
-        """The path of a single film."""
+        """Return the path of the film; ValueError if `path` is a list of several films."""
         if not isinstance(self.path, str):
             raise ValueError(f"several films: {self.path}")
         return Path(self.path).expanduser()
 
     def each(self) -> list[tuple[str, "File"]]:
-        """Every path, with the parameters of its films."""
+        """Return a path and its parameters for each entry of `path`, its own values included."""
         if isinstance(self.path, str):
             return [(self.path, self)]
         return [

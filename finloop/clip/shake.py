@@ -26,12 +26,12 @@ _BEST = 0.33  # share of the tiles, those with most edges, that must not decide 
 
 
 class Landmarks(NamedTuple):
-    """Places of the still tank that show a shift, in arrays of one length.
+    """Steep places of the still tank (marks), by which the shift of a frame is measured.
 
-    x, y: px. level: grey. right, down: its slope, grey levels a px. tile: number of the tile.
-    trust: the weight of a mark, such that no tile counts for more than the median one: the edges of
-    an animal that stays are the strongest, but in few tiles. small: the picture, `_LESS` times
-    smaller, float32.
+    All arrays but `small` are (marks,). x, y: px. level: grey level. right, down: its slope to that
+    side, grey levels per px. tile: number of the mark's tile. trust: weight of a mark, such that no
+    tile counts for more than the median one: the edges of an animal that stays are the strongest,
+    but in few tiles. small: the picture, `_LESS` times smaller, float32.
     """
 
     x: Ints
@@ -45,7 +45,10 @@ class Landmarks(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """A shift, px, and by how much parts of the picture moved differently (a turn, a zoom), px."""
+    """The shift of a frame against the still tank, px: the tank lies x to the right, y down in it.
+
+    apart: by how much parts of the picture moved differently (a turn, a zoom), px.
+    """
 
     x: float
     y: float
@@ -72,7 +75,7 @@ def _small(soft: Picture) -> np.ndarray:
 
 
 def marks(tank: Picture) -> Landmarks:
-    """Return the steepest places of each tile of the still tank."""
+    """Return the steepest places of the still tank (h, w[, 3]), at most 60 in each of 36 tiles."""
     soft = _soft(tank)
     level = soft.astype(np.float64)
     down, right = (np.asarray(part) for part in np.gradient(level))
@@ -99,9 +102,10 @@ def marks(tank: Picture) -> Landmarks:
 
 
 def shift(frame: Picture, of: Landmarks, last: Shift = STILL) -> Shift:
-    """Measure the shift of a frame; UNKNOWN without enough marks.
+    """Measure the shift [px] of a frame against the still tank; `UNKNOWN` if too few marks show it.
 
-    last: the shift of the frame before.
+    frame: (h, w[, 3]); of: the tank's marks; last: shift of the frame before, where the search
+    begins.
     """
     if len(of.x) < 12:
         return UNKNOWN
@@ -174,7 +178,7 @@ def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: L
 def undo_shift(frame: Picture, by: Shift, every: int = 1) -> Picture:
     """Return a new frame moved back by a shift; what was not filmed repeats the border.
 
-    every: keep every so many pixels in both directions.
+    every: reduces the frame; 3 keeps every third pixel in both directions.
     """
     size = [-(-side // every) for side in frame.shape[1::-1]]
     matrix = np.array([[every, 0, by.x], [0, every, by.y]])

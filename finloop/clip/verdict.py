@@ -17,7 +17,10 @@ LOST_PCT = 10.0  # share of the animals' pixels that are black or white
 
 
 class Finding(NamedTuple):
-    """One thing about the film: whether it is good, what was measured, what to do about it."""
+    """One finding about a film: whether it is good, what was measured, and what to do.
+
+    word: what it is about, such as `flicker`; text, do: sentences; `do` is empty where all is good.
+    """
 
     word: str
     good: bool
@@ -48,9 +51,10 @@ REPAIRS = {
 def findings(
     quality: Quality, filmed: Quality | None = None, mended: Collection[str] = ()
 ) -> list[Finding]:
-    """Return a finding each on light, camera, pictures, exposure and contrast of a clip.
+    """Return the findings on light, camera, pictures, exposure and contrast of a clip.
 
-    filmed: quality of the film before its repair; mended: the names of the repairs.
+    quality: of the clip; filmed: of the film before its repair; mended: the names of the repairs.
+    The finding on a repaired fault also says what was measured before.
     """
     remedies = {
         word: text for name in mended for word in REPAIRS[name][0] for text in REPAIRS[name][1:]

@@ -57,7 +57,10 @@ WriteRows = Callable[[pd.DataFrame], None]
 
 @dataclass(frozen=True)
 class ClipSource:
-    """A clip before it is written: its facts and its frames."""
+    """A clip before it is written: its facts and its frames.
+
+    truth: ground truth of the drawn carp; rows collect here while `takes` is read.
+    """
 
     facts: VideoFacts
     takes: list[NumberedFrames]  # frames are numbered through all takes
@@ -72,10 +75,10 @@ class ClipSource:
 
 
 def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
-    """Open the film that the parameters name; only its head is read yet.
+    """Open the film, or the drawing, that the parameters name; its frames are read later.
 
-    FinloopError if it cannot be opened, or the carp have no room. `fields`: the field order of the
-    user's footage, if it is to be deinterlaced.
+    fields: which field of the user's footage is earlier, if it is to be deinterlaced. FinloopError
+    if the film cannot be opened, or the carp have no room.
     """
     return _carp(p) if isinstance(p, Carp) else _films(p, fields)
 
@@ -83,11 +86,11 @@ def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
 def normalise(
     source: ClipSource, p: ClipSettings, folder: Path, advance: Callable[[], None] = lambda: None
 ) -> tuple[VideoFacts, Tally, np.ndarray]:
-    """Write clip, facts, arena and, for a carp, truth to a folder; `advance()` after each frame.
+    """Write clip, facts, arena, frame numbers and a carp's truth to a folder.
 
     Return the facts, the tally of the frames, and the mask (height, width) of the pixels where
-    animals can be. FinloopError if fewer than two frames can be read, all frames are plain, or the
-    mask does not fit.
+    animals can be. `advance()` after each frame. FinloopError if fewer than two frames can be read,
+    all frames are plain, or the mask does not fit.
     """
     facts = source.facts
     arena = _arena(p, facts.width_px, facts.height_px)

@@ -29,12 +29,15 @@ class Likeness(NamedTuple):
 
     @property
     def none(self) -> bool:
-        """Return whether nothing changes."""
+        """Return whether the change leaves every fish as it is filmed."""
         return self == Likeness()
 
 
 def levels(cutouts: Iterable[Cutout], grey: bool) -> Floats:
-    """Return the median level (channels,) of the fish's own pixels in cut-outs, without alpha."""
+    """Return the median levels (channels,), 0 … 255, of the fish in cut-outs, grey or RGB.
+
+    Only opaque pixels count. grey: convert colour to grey first, so there is one channel.
+    """
     opaque = []
     for one in cutouts:
         pixels = as_grey(one.pixels) if grey else one.pixels
@@ -47,8 +50,8 @@ def likeness(
 ) -> Likeness:
     """Return the change that makes fish of this length and light like those of the first film.
 
-    light, first_light (channels,): as `levels` gives them. Differences that also occur within one
-    film are ignored.
+    light, first_light (channels,): as `levels` gives them; grey: whether colours are dropped.
+    Differences that also occur within one film are ignored.
     """
     scale = first_length_px / length_px
     if abs(scale - 1) <= _SAME_LENGTH:
@@ -59,13 +62,13 @@ def likeness(
 
 
 def as_grey(pixels: Picture) -> Picture:
-    """Convert a cut-out in colour to grey."""
+    """Return the pixels (h, w, 4) of a cut-out as grey and alpha (h, w, 2), uint8."""
     mono = cv2.cvtColor(np.ascontiguousarray(pixels[..., :-1]), cv2.COLOR_RGB2GRAY)
     return np.dstack([mono, pixels[..., -1]])
 
 
 def alike(one: Cutout, like: Likeness) -> Cutout:
-    """Change a cut-out to match the first film; place and size are scaled about (0, 0)."""
+    """Return a cut-out in the first film's size and light; its place is scaled about (0, 0)."""
     pixels = as_grey(one.pixels) if like.grey else one.pixels
     if like.gains:
         lit = pixels[..., :-1] * np.array(like.gains)
@@ -98,10 +101,10 @@ def _resample(one: Cutout, scale: float) -> Cutout:
 
 
 def measured_alike(tracks: pd.DataFrame, like: Likeness) -> pd.DataFrame:
-    """Change rows of the table of tracks to match the first film.
+    """Return rows of the table of tracks, with lengths and contrast scaled to the first film's.
 
-    px and, for the area, px² are scaled; contrast, in the film's own grey levels, is scaled with
-    the light.
+    Columns in px are multiplied by the scale, the area by its square. Contrast, in the film's own
+    grey levels, is multiplied by the mean gain.
     """
     if like.none:
         return tracks

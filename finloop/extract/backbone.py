@@ -46,8 +46,8 @@ class Backbone(NamedTuple):
 def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
     """Trace the backbone of the silhouette `mask` (h, w) with `points` points; None if too short.
 
-    `field` (h, w) is the difference image, from which flanks and tips are read at sub-pixel
-    precision; values below `floor` (grey levels) are noise.
+    field (h, w): the difference image, from which flanks and tips are read at sub-pixel precision;
+    floor: grey levels, lower values are noise.
     """
     whole, filled = without_notches(mask, field)
     skeleton = skimage.morphology.skeletonize(whole)
@@ -57,11 +57,11 @@ def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | N
 
 
 def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
-    """Return the silhouette (h, w) and field without notches far narrower than the body.
+    """Return the silhouette (h, w) and the field (h, w) without notches far narrower than the body.
 
     A notch is skin as bright as the tank, like the black eye of a pale fish, and diverts the
-    skeleton. The silhouette, and the field in it, are closed (dilated, then eroded) with a disc of
-    `_NOTCH` of the largest half width, unless that closes a ring: there head and tail are near.
+    skeleton. Both are closed (dilated, then eroded) with a disc of half the largest half width. If
+    that would enclose a hole, head and tail are near each other, and both stay unchanged.
     """
     picture = mask.view(np.uint8)
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
@@ -82,7 +82,10 @@ def _closing(picture: Picture, disc: Picture) -> Picture:
 
 
 def pad_picture(picture: Picture, rim: int) -> Picture:
-    """Add a rim of 0 to a picture; unlike np.pad it leaves no cycles of references."""
+    """Return a picture (h, w) with a rim of zeros, `rim` px wide, on all four sides.
+
+    Unlike np.pad it leaves no cycles of references.
+    """
     return np.asarray(cv2.copyMakeBorder(picture, rim, rim, rim, rim, cv2.BORDER_CONSTANT))
 
 
@@ -95,7 +98,8 @@ def _has_holes(mask: Picture) -> bool:
 def smoother(points: int) -> Floats:
     """Return a Whittaker smoother with a third-difference penalty, a (points, points) matrix.
 
-    Straight lines and parabolas pass unchanged, so a steady bend is not flattened.
+    Multiplied by a line's points (points, 2), it gives the smoothed line. Straight lines and
+    parabolas pass unchanged, so a steady bend is not flattened.
     """
     third = np.diff(np.eye(points), n=3, axis=0) * (points - 1) ** 2.5
     return np.linalg.inv(np.eye(points) + _SMOOTHING / points * third.T @ third)
@@ -114,7 +118,7 @@ def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def resample(xy: Floats, points: int) -> Floats:
-    """Return `points` points at equal arc lengths along the polyline `xy` (m, 2)."""
+    """Return points (points, 2) at equal arc lengths along a line `xy` (m, 2), ends included."""
     arc = np.zeros(len(xy))
     for i in range(1, len(xy)):
         arc[i] = arc[i - 1] + np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
@@ -222,7 +226,10 @@ def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
 
 @kernel
 def upper_level(patch: Picture, threshold: float, share: float) -> float:
-    """Return the quantile `share` of the pixels of `patch` that exceed `threshold`."""
+    """Return the quantile `share` of the grey levels above `threshold` in a patch (h, w) uint8.
+
+    It is a whole level; the one above the threshold if no pixel exceeds that.
+    """
     count = np.zeros(256, np.int64)
     for y in range(patch.shape[0]):
         for x in range(patch.shape[1]):

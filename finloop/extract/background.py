@@ -72,16 +72,19 @@ _SIGNS = {"dark": (1, 0), "bright": (0, 1), "both": (1, 1)}  # whether darker, b
 
 
 def sample_size(samples: int, frames: int, shape: tuple[int, ...]) -> int:
-    """Return the number of sample frames: `samples`, but odd, and limited by frames and memory.
+    """Return how many sample frames to take: `samples`, but odd, and limited by frames and memory.
 
-    shape: of a frame.
+    frames: number of frames of the clip; shape: of a frame, (h, w[, channels]).
     """
     most = max(1, min(samples, frames, _MEMORY // int(np.prod(shape))))
     return most - (most + 1) % 2
 
 
 def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Picture:
-    """Return the median over frames (k, h, w[, 3]), each brought to the first one's light."""
+    """Return the median picture (h, w[, 3]) of frames, each brought to the first one's light.
+
+    frames: an odd number of pictures, all (h, w[, 3]).
+    """
     first, *others = frames
     alike = [first, *(scale_brightness(frame, 1 / light(frame, first)) for frame in others)]
     # a strip of every frame at a time fits into the cache
@@ -109,8 +112,9 @@ def _median(pictures: Sequence[Picture]) -> Picture:
 def flat_background(frames: Sequence[Picture]) -> Picture:
     """Return a background of one even tone, for clips in which the fish hardly leaves its place.
 
-    Otsu's threshold divides the pixels of all frames in two; the larger part is the tank, and its
-    median tone the background.
+    It has the shape of a frame. Otsu's threshold divides the pixels of all frames in two; the
+    larger part is the tank, and its median tone the background. FinloopError if all pixels are
+    equal.
     """
     sample = np.stack([frame[::4, ::4] for frame in frames])
     grey = sample if sample.ndim == 3 else sample.max(axis=-1)
@@ -130,10 +134,10 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
 def patched_background(frames: Sequence[Picture], middle: Picture, least: float) -> Picture:
     """Return the median of frames without the ghost of a fish that moved less than its length.
 
-    A *ghost* is a patch of the median that differs from its surroundings by more than `least` grey
-    levels, while some frame differs by less than half of that: there the fish was away, and the
-    floor is visible. The ghost takes the level of its surroundings. A part of the tank is there in
-    every frame, and stays.
+    middle: the median of `frames`. A *ghost* is a patch of it that differs from its surroundings by
+    more than `least` grey levels, while some frame differs by less than half of that: there the
+    fish was away, and the floor is visible. The ghost takes the level of its surroundings. A part
+    of the tank, such as a stone, is there in every frame, and stays.
     """
     around = _surroundings(middle)
     differs = _strong(cv2.absdiff(middle, around)) > least
@@ -172,15 +176,16 @@ def _strong(change: Picture) -> Picture:
 
 
 def light(frame: Picture, background: Picture) -> float:
-    """Return the brightness of `frame` relative to `background`, the median ratio of pixels.
+    """Return the brightness of `frame` relative to `background`: the median ratio of their pixels.
 
-    Exactly 1.0 if they differ by less than half a grey level: then nothing has to be converted.
+    It is exactly 1.0 if they differ by less than half a grey level: then nothing has to be
+    converted.
     """
     return _light(frame, tank_of(background))
 
 
 def tank_of(background: Picture) -> LitPixels:
-    """Return the pixels of a background that measure the light."""
+    """Return the pixels of a background that measure the light: a grid without dark ones."""
     grid = background[::_GRID, ::_GRID].astype(np.float32)
     lit = grid > 16
     return LitPixels(lit, grid[lit], float(np.median(grid[lit])) if lit.any() else 0.0)
@@ -201,7 +206,7 @@ def scale_brightness(picture: Picture, gain: float) -> Picture:
 
 
 def in_light_of(scene: Scene, frame: Picture) -> Scene:
-    """Return the scene with its background in the light of `frame`."""
+    """Return the scene with its background brought to the light of `frame`."""
     gain = _light(frame, scene.tank)
     return (
         scene
@@ -211,7 +216,11 @@ def in_light_of(scene: Scene, frame: Picture) -> Scene:
 
 
 def difference(frame: Picture, scene: Scene) -> Picture:
-    """Return the difference image (h, w) uint8, smoothed over 3x3 px; RGB: strongest channel."""
+    """Return the difference image (h, w) uint8: how much each pixel differs from the tank.
+
+    It is in grey levels, smoothed over 3×3 px, of RGB the strongest channel. Only changes in the
+    direction of the scene's polarity count.
+    """
     if frame.ndim == 2:
         return _difference(frame, scene.background, *_SIGNS[scene.polarity])
     if scene.polarity == "dark":
@@ -260,11 +269,12 @@ def survey_noise(
     least: float,
     workers: Threads = ALONE,
 ) -> Scene:
-    """Measure noise and polarity on sampled frames and derive the threshold.
+    """Return the scene of a background: its noise, polarity and threshold, from sample frames.
 
     The noise level is the 68.3 % quantile of the absolute smoothed difference, which is the
     standard deviation of Gaussian noise and ignores fish as long as they cover less than a third of
-    the tank. The threshold is `sigmas` times the noise, and at least `least` grey levels.
+    the tank. The threshold is `sigmas` times the noise, and at least `least` grey levels. polarity:
+    `auto` is replaced by the polarity that the frames show.
     """
     sample = frames[:: max(1, len(frames) // _NOISE_FRAMES)]
     residue = np.stack(list(ordered_map(partial(_residue, background), sample, workers)))

@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 
 class TrackedFish(NamedTuple):
-    """One fish of one frame in a track."""
+    """One fish of one frame: its track, the number of the frame, and its measures."""
 
     track_id: int
     frame: int
@@ -54,8 +54,8 @@ _SPECK = 0.125  # share of a typical fish's area; smaller patches are ignored
 def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int) -> list[int]:
     """Return the numbers of sample frames spread evenly over a clip, ascending.
 
-    They are multiples of `stride`, the distance of key frames, where the clip is long enough.
-    shape: of a frame.
+    samples: how many are wanted; frames: of the clip; shape: of a frame, (h, w[, channels]). The
+    numbers are multiples of `stride`, the distance of key frames, where the clip is long enough.
     """
     count = sample_size(samples, frames, shape)
     numbers = np.linspace(0, frames - 1, count).round().astype(int)
@@ -67,7 +67,7 @@ def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int
 def follow(
     frames: Iterable[Picture], scene: Scene, rate_hz: float
 ) -> Iterator[tuple[Picture, Scene]]:
-    """Yield each frame with the scene whose background MOG2 has learnt, renewed every second."""
+    """Yield each frame with a scene whose background OpenCV's MOG2 learns, renewed every second."""
     model = cv2.createBackgroundSubtractorMOG2(
         history=max(2, round(20 * rate_hz)), detectShadows=False
     )
@@ -80,7 +80,11 @@ def follow(
 
 
 class Detections(NamedTuple):
-    """The silhouettes of one frame: verdict, spot and, of an isolated fish, its `SegmentedFish`."""
+    """The silhouettes of one frame, one entry each in every list.
+
+    verdicts: whether it is a fish; spots: its place; fish: its measures, None unless it is an
+    isolated fish with a backbone.
+    """
 
     verdicts: list[Verdict]
     spots: list[SilhouettePlace]
@@ -89,7 +93,10 @@ class Detections(NamedTuple):
 
 @dataclass(frozen=True)
 class Detector:
-    """Detects the fish of one frame, given the arena, a typical fish and the settings."""
+    """Detects the fish of one frame.
+
+    arena: (h, w) uint8, 255 inside; typical: a typical fish of the clip.
+    """
 
     arena: Picture
     typical: Typical
@@ -207,8 +214,9 @@ def tracks(
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
     """Yield for each frame the counts of its verdicts, and the fish of tracks that are long enough.
 
-    A track is given out, with all its fish so far, as soon as it has `min_track_frames` frames.
-    Tracks end at `cuts`, the numbers of the first frames of further segments.
+    A track is given out, with all its fish so far, as soon as it has `min_track_frames` frames. So
+    the fish may be of earlier frames. Tracks end at `cuts`, the numbers of the first frames of
+    further segments.
     """
     linker = Linker(settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio)
     waiting: dict[int, list[TrackedFish]] = {}
@@ -242,7 +250,7 @@ def _spot(silhouette: Silhouette, fish: SegmentedFish | None, outlined: bool) ->
 
 
 def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
-    """Yield the same fish in larger batches, which are faster to write."""
+    """Yield the same fish in batches of at least 512, faster to write; the last may be smaller."""
     batch: list[TrackedFish] = []
     for some in fish:
         batch += some
@@ -257,7 +265,7 @@ class FollowedNoneError(FinloopError):
 
 
 def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> FollowedNoneError:
-    """Return the error to raise where no track is long enough."""
+    """Return the error to raise where no track is long enough; it counts silhouettes by verdict."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
     return FollowedNoneError(
         f"no fish could be followed for {settings.min_track_frames} frames (silhouettes: {counts})",
@@ -268,13 +276,13 @@ def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> Fol
 
 
 def cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
-    """Yield the cut-outs of the fish."""
+    """Yield the cut-out of each fish, with its track, its frame and its place in the picture."""
     for f in fish:
         yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
 
 
 def rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
-    """Convert the fish to rows of `tracks_schema`."""
+    """Return rows of the table of tracks (`tracks_schema`), one a fish, in the same order."""
     return pd.DataFrame(
         {
             "track_id": [f.track_id for f in fish],

@@ -49,7 +49,7 @@ class Pale(NamedTuple):
 def nearest(bodies: Picture) -> NDArray[np.int32]:
     """Return the number (h, w), from 1, of the silhouette that is nearest to each pixel.
 
-    bodies: (h, w) uint8, 1 inside a silhouette.
+    bodies: (h, w) uint8, 1 inside a silhouette, 0 elsewhere.
     """
     numbers = cv2.distanceTransformWithLabels(
         1 - bodies, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
@@ -58,11 +58,11 @@ def nearest(bodies: Picture) -> NDArray[np.int32]:
 
 
 def pale_of(corner: tuple[int, int], body: Mask, mask: Mask, field: Picture) -> Pale:
-    """Return the pale pixels about a silhouette `body` (h, w).
+    """Return the pale pixels of a patch that lie near one silhouette, `body` (h, w).
 
-    corner: x, y of its first pixel in the patch; x0 and y0 of the result are in the patch, too.
-    mask, field: (H, W) of the patch: the pixels that are pale or of the body, and the difference
-    image.
+    corner: x, y of the body's first pixel in the patch. mask (H, W): pixels of the patch that are
+    pale or of the body; field (H, W): the patch's difference image. x0, y0 of the result are px of
+    the patch, too.
     """
     (x, y), (h, w) = corner, body.shape
     reach = int(_REACH * np.hypot(h, w))
@@ -80,8 +80,8 @@ def with_fins(
 
     A fin's pixel is as opaque as its difference is a share of the fish's contrast, so any tank
     shines through it; below twice the threshold it fades, so a fin has no edge where noise begins.
-    levels: contrast and threshold, grey levels. alpha: of the silhouette, its first pixel at
-    `corner`.
+    alpha: of the silhouette alone; corner: x, y of its first pixel. levels: the fish's contrast,
+    and the threshold, grey levels.
     """
     at = corner[0] - fins.x0, corner[1] - fins.y0
     shown, x, y = _add_fins(alpha, at, fins.mask, fins.field, levels)
@@ -116,7 +116,10 @@ def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
 
 
 def is_darker(film: Picture, tank: Picture) -> Mask:
-    """Return where (h, w) the film (h, w[, 3]) is darker than the tank, summed over channels."""
+    """Return the mask (h, w) of where a frame is darker than the tank, summed over channels.
+
+    film, tank: (h, w[, 3]) uint8, of one size.
+    """
     change = film.astype(np.int16) - tank
     return np.asarray((change if change.ndim == 2 else change.sum(axis=2)) < 0)
 
@@ -124,8 +127,8 @@ def is_darker(film: Picture, tank: Picture) -> Mask:
 class Side(NamedTuple):
     """Where the pale pixels of one fish lie, as seen from the middle of its silhouette.
 
-    in_picture: (2,) x, y px; on_fish: (2,) px ahead and to one side; around: share of the way round
-    the fish, at a distance of half of its half width, that is pale.
+    in_picture: (2,) px, to the right and down in the picture; on_fish: (2,) px, ahead of the fish
+    and to one side. around: pale share of the line round the fish, half of its half width away.
     """
 
     in_picture: Floats
@@ -134,10 +137,11 @@ class Side(NamedTuple):
 
 
 def side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pale) -> Side | None:
-    """Return the side on which the pale pixels of a fish lie; None if there are next to none.
+    """Return the side on which the pale pixels of a fish lie; None if it has next to none.
 
-    mask: (h, w) the silhouette, its first pixel at `corner`, x and y. The thicker half of the
-    backbone, in px of the mask, counts as the front.
+    mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y. backbone: in px of the
+    mask; its thicker half counts as the front. fins: the pale pixels, in px of the same picture as
+    `corner`.
     """
     if np.count_nonzero(fins.mask) < _LEAST * np.count_nonzero(mask):
         return None
@@ -165,11 +169,12 @@ def _middle(weight: Picture | Mask) -> Floats:
 
 
 def kind(sides: Iterable[Side | None]) -> Kind:
-    """Return the nature of the pale pixels: fins keep their place on the fish, shadows do not.
+    """Return whether the pale pixels about the fish of a film are fins, shadows or gloom.
 
-    A shadow keeps its side of the picture. If both places are equally constant, the one on the fish
-    counts, for all fish may head the same way. Fins are at a few places, gloom at many. Fins, too,
-    if there is next to nothing pale.
+    sides: of each fish, None where it has next to none. A shadow keeps its side of the picture,
+    fins their place on the fish. If both are equally constant, they are no shadow, for all fish may
+    head the same way. Fins are at a few places, gloom all around. Without any pale pixels the
+    result is `fins`.
     """
     known = [one for one in sides if one is not None]
     if not known:

@@ -33,11 +33,11 @@ class FilmSize(NamedTuple):
 def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
 ) -> tuple[Given, str | None, str | None]:
-    """Return the poses by frames of the clip, and the names of head and tail keypoints, if any.
+    """Return another program's poses by frames of the clip, and its head and tail keypoints.
 
-    clip_frames: (frames of the clip,) the film's frame that each shows. FinloopError if a named
-    keypoint is missing, the file has places beyond the film's end or none in the clip, or the
-    places are not in px of the picture.
+    The names of these keypoints are None where it has none. clip_frames: (frames of the clip,) the
+    film's frame that each shows. FinloopError if a named keypoint is missing, the file has places
+    beyond the film's end or none in the clip, or the places are not in px of the picture.
     """
     head = keypoint(poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint")
     tail = keypoint(poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint")
@@ -70,9 +70,11 @@ def map_poses_to_clip(
 def keypoint(
     keypoints: Sequence[str], name: str, common: Sequence[str], parameter: str
 ) -> str | None:
-    """Return the keypoint called `name`, or for `auto` the first with a common name; else None.
+    """Return the keypoint called `name`; for `auto` the first one that has a common name.
 
-    FinloopError if a named keypoint does not exist; it mentions `parameter`.
+    It is None for `none`, and where `auto` finds nothing. keypoints: names in the file; common:
+    common names, the best first. FinloopError if a named keypoint does not exist; it mentions
+    `parameter`.
     """
     if name == "auto":
         plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(keypoints)}
@@ -129,11 +131,12 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
 
 
 class SilhouetteFit(NamedTuple):
-    """How well places agree with silhouettes in sample frames.
+    """How well given places agree with silhouettes in sample frames.
 
-    share: of the places that have a silhouette of any kind within a body length; chance: the same
-    share at silhouettes of other moments; places: their number; lost: animals, of several places
-    each, that never have one; seen: most silhouettes in a frame.
+    share: of the places, those with a silhouette of any kind within a body length, 0 … 1; chance:
+    the same share with silhouettes of other moments; places: their number; lost: numbers of the
+    animals that have three places or more, and never a silhouette; seen: most silhouettes in a
+    frame.
     """
 
     share: float
@@ -144,7 +147,7 @@ class SilhouetteFit(NamedTuple):
 
     @property
     def least_share(self) -> float:
-        """Return the least share for tracks of this film: midway between chance and all.
+        """Return the `share` that tracks of this film need: midway from `chance` to 1, at most 0.9.
 
         Tracks of another film agree by chance alone. So do this film's tracks where animals rest,
         which then must agree nearly always.
@@ -158,7 +161,10 @@ def fit(
     spots: Sequence[Sequence[SilhouettePlace]],
     length_px: float,
 ) -> SilhouetteFit:
-    """Compare the places of sample frames with the silhouettes (`spots`) of these frames."""
+    """Return how well given places agree with the silhouettes of sample frames.
+
+    frames: numbers of the sample frames; spots: the silhouettes of each; length_px: a body length.
+    """
     shift = len(frames) // 2
     own, other = [], []
     for number, frame in enumerate(frames):
@@ -184,7 +190,7 @@ def _near(points: Floats, spots: Sequence[SilhouettePlace], length_px: float) ->
 
 
 def refuse_other_film(tracks: Given, agreement: SilhouetteFit, film: FilmSize) -> None:
-    """Raise FinloopError if too few places show an animal."""
+    """Raise FinloopError if fewer given places have a silhouette than tracks of this film need."""
     if agreement.share >= agreement.least_share:
         return
     place = np.nanmean(tracks.points, axis=1)

@@ -55,7 +55,7 @@ class Given:
     stop: NDArray[np.int64]
 
     def rows(self, frame: int) -> slice:
-        """Return the rows of a frame of the clip."""
+        """Return the rows that belong to one frame of the clip, as a slice."""
         return slice(int(self.start[frame]), int(self.stop[frame]))
 
     def row_of(
@@ -89,7 +89,11 @@ def distances(points: Floats, spots: Sequence[SilhouettePlace], most_px: float) 
 def match_silhouettes(
     points: Floats, spots: Sequence[SilhouettePlace], length_px: float
 ) -> list[tuple[Outcome, int | None]]:
-    """Return the outcome and silhouette number of each place (animals, k, 2) px."""
+    """Return for each place (animals, k, 2) px its outcome and the number of its silhouette.
+
+    spots: the silhouettes of the same frame; length_px: a body length. The number is None where no
+    silhouette is near.
+    """
     if not len(points) or not spots:
         return [("no silhouette", None)] * len(points)
     apart = distances(points, spots, length_px)
@@ -115,12 +119,14 @@ def match_silhouettes(
 
 
 class GivenTrackLinker:
-    """Links tracks as the program gives them: runs of frames in which an animal has a silhouette.
+    """Links silhouettes to tracks by another program's places: a track is a run of one animal.
 
-    The track of an animal's k-th run, both from 0, has the number animal + k · animals. So a later
-    stage's tracks are whole, and `track_id % len(names)` is the animal.
+    A run is successive frames in which the animal has its own isolated silhouette; at least
+    `least_frames` make a track. The animal's k-th run, both from 0, is track animal + k · animals,
+    so `track_id % len(names)` is the animal.
 
-    outcomes: counts of (animal, outcome of its place), after the film has run.
+    outcomes: counts of (animal, outcome of its place); short: places in runs that are too short.
+    Both are complete after the film has run.
     """
 
     def __init__(self, given: Given, length_px: float, least_frames: int) -> None:
@@ -131,7 +137,11 @@ class GivenTrackLinker:
     def tracks(
         self, detections: Iterable[Detections], cuts: Sequence[int] = ()
     ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
-        """Yield the same as `finloop.extract.film.tracks`; runs also end at `cuts`."""
+        """Yield for each frame the counts of its verdicts, and the fish of runs long enough.
+
+        A run's fish so far come at once when it is long enough. Runs also end at `cuts`, the
+        numbers of the first frames of further segments.
+        """
         waiting: dict[int, list[TrackedFish]] = {}  # by animal, runs that are still too short
         running: dict[int, int] = {}  # animal → its track
         runs: Counter[int] = Counter()
@@ -196,7 +206,7 @@ def no_silhouette_error(
 
 
 def longest_run(given: Given) -> int:
-    """Return the most successive frames of the clip in which an animal has a place."""
+    """Return the largest number of successive frames of the clip in which an animal has a place."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
     animal = given.individual[row]

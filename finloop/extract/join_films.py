@@ -30,7 +30,10 @@ Rows = NDArray[np.intp]
 
 
 class Contribution(NamedTuple):
-    """A film's part of the motion base, and the scaling to the first film's fish and light."""
+    """A film's part of the motion base: how many rows and tracks, and the scaling of its fish.
+
+    like: makes its fish as long and as bright as those of the first film.
+    """
 
     name: str
     rows: int
@@ -54,13 +57,14 @@ class FilmTracks(NamedTuple):
 
 
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Contribution]:
-    """Write tracks, cut-outs, scene and background of several films beside their folders.
+    """Write the joint tracks, cut-outs, scene and background of several films; return their parts.
 
-    Tracks of another program are written as well. A film whose tracks are all shorter than a frame
-    of the common rate adds none.
+    clip, folder: what `clip` and `extract` have written, a folder a film in `films`; the joint
+    files lie in `folder` itself, with tracks of another program. A film whose tracks are all
+    shorter than a frame of the common rate adds none.
 
-    `errors`: by name of each film without tracks, the reason. FinloopError if the first film is
-    among them: the animation is shown in its tank.
+    errors: by name of each film without tracks, the reason. FinloopError if the first film is among
+    them: the animation is shown in its tank.
     """
     parts, whole = parts_of(clip), load_facts(clip / FACTS_NAME)
     if parts[0].name in errors:

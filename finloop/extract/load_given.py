@@ -26,7 +26,10 @@ from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_sp
 
 @dataclass(frozen=True)
 class GivenTracks:
-    """Another program's tracks of a clip: its places, and the keypoints that are head and tail."""
+    """Another program's tracks of a clip: its places, and the keypoints that are head and tail.
+
+    head, tail: their names, None where it has none; film: the size of the film that was tracked.
+    """
 
     given: Given
     head: str | None
@@ -35,10 +38,11 @@ class GivenTracks:
 
 
 def tracks_of(film: Path, pattern: str) -> str:
-    """Return the path of the tracks of one of several films.
+    """Return the path of the tracks, a file or a folder, that belong to one of several films.
 
-    pattern: in which {folder} and {name} stand for the film's, without ending, and `*`, `?`, `[…]`
-    for unknown parts. FinloopError if it matches none, or more than one.
+    film: its path. pattern: a path in which {folder} and {name} stand for the film's, without
+    ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it matches none, or more than
+    one.
     """
     if "{name}" not in pattern and "{folder}" not in pattern:
         raise FinloopError(
@@ -59,9 +63,10 @@ def tracks_of(film: Path, pattern: str) -> str:
 
 
 def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> GivenTracks:
-    """Load the tracks that the settings name, by frames of the clip.
+    """Load another program's tracks, which `p.tracks_path` names, by frames of the clip.
 
-    FinloopError if they cannot be read, or do not fit the clip.
+    clip: the folder of the clip; facts: about it. FinloopError if the tracks cannot be read, or do
+    not fit the clip.
     """
     software = None if p.tracks_software == "auto" else p.tracks_software
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
@@ -73,9 +78,9 @@ def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> GivenTracks
 def check_given(
     tracks: GivenTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
-    """Measure how well the places agree with the film in sample frames.
+    """Return how well given places agree with silhouettes in sample frames of the clip.
 
-    FinloopError if they do not.
+    clip: its folder. FinloopError if so few agree that the tracks are of another film.
     """
     there = np.flatnonzero(tracks.given.stop > tracks.given.start)
     spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
@@ -88,9 +93,10 @@ def check_given(
 
 
 def save_given(folder: Path, given: Given, points: int) -> None:
-    """Write another program's animal, head and tail for every row of the table of tracks.
+    """Write a table of another program's animal, head and tail, row by row of the table of tracks.
 
-    points: the number of points of a backbone in that table.
+    folder: holds the table of tracks, and receives `GIVEN_NAME`. points: the number of points of a
+    backbone in the table of tracks.
     """
     rows = load_table(folder / TRACKS_NAME, tracks_schema(points), ["track_id", "frame"])
     animal = rows["track_id"].to_numpy() % len(given.names)
@@ -104,7 +110,7 @@ def save_given(folder: Path, given: Given, points: int) -> None:
 def place_metrics(
     tracks: GivenTracks, followed: GivenTrackLinker, agreement: SilhouetteFit
 ) -> dict[str, float]:
-    """Return the outcomes of the places in the file, for metrics.json."""
+    """Return counts and shares (0 … 1) of the places' outcomes by name, for metrics.json."""
     total = Counter[Outcome]()
     for (_, outcome), count in followed.outcomes.items():
         total[outcome] += count

@@ -33,10 +33,10 @@ from finloop.extract.settings import ExtractSettings
 
 
 class Typical(NamedTuple):
-    """A typical fish of the clip: area of its silhouette, length of its backbone, its contrast.
+    """A typical fish of the clip: its silhouette's area, backbone's length [px], and contrast.
 
-    fins: which pale pixels beyond silhouettes are shown with them; thin: whether pale thin parts
-    belong to the silhouette.
+    contrast: grey levels of the difference image. fins: which pale pixels beyond silhouettes are
+    shown with them; thin: whether pale thin parts belong to the silhouette.
     """
 
     area_px: float
@@ -59,7 +59,7 @@ _UNSTEADY = 0.04
 
 
 def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -> Verdict:
-    """Judge a silhouette by its place, size and contrast."""
+    """Return whether a silhouette is one isolated fish, or why not, by place, size and contrast."""
     if silhouette.contrast < settings.min_contrast_ratio * typical.contrast:
         return "too pale"
     if silhouette.at_border:
@@ -72,7 +72,7 @@ def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -
 
 
 class BackgroundSurvey(NamedTuple):
-    """The measurements with a background: scene, typical fish, and its fish's spread in area.
+    """The measurements with one background: scene, typical fish, and how much fish differ in area.
 
     spread: half the width of the middle 68 % of their areas, relative to the median (for Gaussian
     areas the standard deviation); infinite for fewer than one fish in two frames.
@@ -86,10 +86,10 @@ class BackgroundSurvey(NamedTuple):
 def survey(
     sample: Sequence[Picture], arena: Picture, settings: ExtractSettings, workers: Threads = ALONE
 ) -> tuple[Scene, Typical]:
-    """Measure scene and typical fish on frames spread over the clip.
+    """Measure the scene and a typical fish on sample frames spread over the clip.
 
-    FinloopError if nothing stands out from the background, or no silhouette can be an isolated
-    fish.
+    sample: frames (h, w[, 3]); arena: (h, w) uint8, 255 inside. FinloopError if nothing stands out
+    from the background, or no silhouette can be an isolated fish.
     """
     if settings.background == "threshold":
         return _survey(sample, flat_background(sample), arena, settings, workers)[:2]
@@ -173,12 +173,12 @@ def _survey(
 def typical_fish(
     candidates: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> tuple[Typical, float]:
-    """Return the typical fish of a clip, from silhouettes of sample frames; and lengths' spread.
+    """Return the typical fish of silhouettes in sample frames, and the relative spread of lengths.
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt,
     bubbles and figures of a clock count little; length and contrast are the medians of the
     silhouettes of about that area. The spread is half the width of the middle 68 % of lengths,
-    relative to the median.
+    relative to the median. FinloopError if no silhouette can be an isolated fish.
     """
     free = [s for s in candidates if not s.at_border]
     if not free:

@@ -32,8 +32,9 @@ class Silhouette:
     """A connected patch of one frame that may be one fish, several, or none.
 
     x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
-    difference image. area_px: pixels of the mask. at_border: it touches the edge of the picture or
-    of the arena. fins: pale pixels beyond it; None where they are not searched.
+    difference image. contrast: of the fish to the tank, grey levels. area_px: pixels of the mask.
+    at_border: it touches the edge of the picture or of the arena. fins: pale pixels beyond it; None
+    where they are not searched.
     """
 
     x0: int
@@ -50,9 +51,9 @@ class Silhouette:
 class SegmentedFish:
     """One isolated fish in one frame. Coordinates in px of the picture, pixel centres at integers.
 
-    backbone.points_px and outline_px are in picture coordinates too; outline_px is (m, 2), closed,
-    its first point not repeated. cutout: (h, w, 2 or 4) uint8, premultiplied, its upper left pixel
-    at (x0, y0).
+    x_px, y_px: its mass centre; area_px: in px²; contrast: to the tank, grey levels. backbone: its
+    points are in picture coordinates, too. outline_px: (m, 2), closed, its first point not
+    repeated. cutout: (h, w, 2 or 4) uint8, premultiplied, its upper left pixel at (x0, y0).
     """
 
     x_px: float
@@ -85,8 +86,8 @@ def silhouettes(
 ) -> Iterator[Silhouette]:
     """Yield every patch of `frame` of at least `least_area` px² that differs from the background.
 
-    `scene` is in the light of the frame (`in_light_of`); `arena` (h, w) uint8 is 255 inside. The
-    rectangle about a candidate may hold parts of others, which are left out.
+    scene: in the light of the frame (`in_light_of`); arena: (h, w) uint8, 255 inside; ends: where a
+    silhouette ends.
     """
     fins = ends.fins
     change = difference(frame, scene)
@@ -208,7 +209,7 @@ def _near_border(mask: Picture, arena: Picture) -> bool:
 
 
 def contour(silhouette: Silhouette) -> Edge:
-    """Return the pixels of a silhouette's edge, px of the picture."""
+    """Return the pixels (n, 1, 2) int32 of a silhouette's edge, x and y in px of the picture."""
     chains, _ = cv2.findContours(
         silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE,
         offset=(silhouette.x0, silhouette.y0),
@@ -221,7 +222,8 @@ def measure(
 ) -> SegmentedFish | None:
     """Measure backbone, outline and cut-out of an isolated silhouette; None without a backbone.
 
-    `frame` and `scene` are those in which it was found. Only the cut-out shows the fins, too.
+    frame, scene: those in which it was found; points: of the backbone. Only the cut-out shows the
+    fins, too.
     """
     backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
@@ -251,11 +253,11 @@ def measure(
 
 @kernel
 def matte(mask: Mask, field: Picture, floor: int) -> Picture:
-    """Return the soft alpha (h, w) uint8 of a silhouette.
+    """Return the soft alpha (h, w) uint8, 0 … 255, of a silhouette `mask` (h, w).
 
-    Near the outline a pixel is a blend of fish and tank, so alpha is its difference divided by the
-    largest difference within two pixels inside the fish, `floor` at least. Deep inside, where
-    patterned skin may resemble the tank, alpha is 1; beyond the next pixel it is 0.
+    Near the outline a pixel is a blend of fish and tank, so alpha is its difference (`field`)
+    divided by the largest difference within two pixels inside the fish, `floor` at least. Deep
+    inside, where patterned skin may resemble the tank, alpha is 255; beyond the next pixel it is 0.
     """
     height, width = mask.shape
     alpha = np.zeros((height, width), np.uint8)
@@ -280,7 +282,10 @@ def matte(mask: Mask, field: Picture, floor: int) -> Picture:
 
 
 def outline(alpha: Picture) -> Floats:
-    """Return the outline (OUTLINE_POINTS, 2) x, y at equal arc lengths, where alpha is one half."""
+    """Return the outline (OUTLINE_POINTS, 2) x, y at equal arc lengths, where alpha is one half.
+
+    alpha: (h, w) uint8; x and y are px of it.
+    """
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return ring(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)

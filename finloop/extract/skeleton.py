@@ -15,12 +15,12 @@ _FORK = 3.0  # half widths from a path's tip within which it is cut off
 
 @kernel
 def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
-    """Return the longest shortest path of a skeleton, (m, 2) x, y (§2.2.1, Fig. 4: A to D).
+    """Return the longest shortest path (m, 2) x, y through a skeleton (§2.2.1, Fig. 4: A to D).
 
-    The length of a step is multiplied by the mean `weight` (h, w) of its two pixels. A weight of 1
-    is the paper's rule. Then an open fin can be longer than the head, before which the skeleton
-    ends. With the distance to the outline as weight a path counts by the area that it passes
-    through, and thin fins are not chosen.
+    skeleton: (h, w), True on it. The length of a step is multiplied by the mean `weight` (h, w) of
+    its two pixels. A weight of 1 is the paper's rule. Then an open fin can be longer than the head,
+    before which the skeleton ends. With the distance to the outline as weight a path counts by the
+    area that it passes through, and thin fins are not chosen.
 
     Two sweeps: the pixel farthest from any pixel is one end, and the pixel farthest from that end
     is the other. This is exact on a tree, and the skeleton of a silhouette without holes is one. Of
@@ -69,10 +69,10 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
 
 @kernel
 def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
-    """Return the path without its forked ends.
+    """Return the path (k, 2) x, y of a skeleton's path (m, 2) without its forked ends.
 
-    Near a blunt end the skeleton forks into the corners of the outline, so the path is cut off
-    within `_FORK` half widths of its ends.
+    half_width: (h, w), px from each pixel to the outline. Near a blunt end the skeleton forks into
+    the corners of the outline, so the path is cut off within `_FORK` half widths of its ends.
     """
     first, last = 0, len(path) - 1
     while (

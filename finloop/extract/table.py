@@ -38,7 +38,10 @@ head and tail are, if it says so."""
 
 
 def tracks_schema(points: int) -> Schema:
-    """Return the schema of tracks: a row per fish per frame; the row's number is its cut-out's."""
+    """Return the schema of the table of tracks: a row per fish per frame, in the order of cut-outs.
+
+    points: the number of points of a backbone.
+    """
     return Schema(
         *columns("int32", "1", "track_id", "frame"),
         *columns("float64", "px", "x_px", "y_px"),

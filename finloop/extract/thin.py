@@ -16,9 +16,10 @@ _THIN = 0.4  # share of a body's largest half width; narrower parts are thin
 
 
 def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
-    """Add thin parts of `change` above a level to the silhouettes (h, w), 0 or 255, they touch.
+    """Return silhouettes (h, w), 0 or 255, together with the pale thin parts that touch them.
 
-    A pale and wide part, such as a shadow or the gloom around an animal, is not thin.
+    above: the silhouettes, 0 or 255; change: the difference image; level: grey levels that a thin
+    part exceeds. A pale and wide part, such as a shadow or the gloom around an animal, is not thin.
     """
     body = np.minimum(above, 1)
     pale = cv2.threshold(change, level, 1, cv2.THRESH_BINARY)[1] | body

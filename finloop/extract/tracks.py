@@ -26,7 +26,8 @@ Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
 class SilhouettePlace:
     """The place of one silhouette of a frame; only an `isolated` one can belong to a track.
 
-    outline: (n, 1, 2) int32 px, only where tracks come from a file.
+    x_px, y_px: its centre; box: the pixels it spans. outline: (n, 1, 2) int32 px, only where tracks
+    come from a file.
     """
 
     x_px: float
@@ -50,11 +51,11 @@ class _Track:
 
 
 class Linker:
-    """Joins spots frame by frame by optimal assignment, gated by motion and by area.
+    """Joins silhouettes of successive frames to tracks: nearest pairs, limited in step and area.
 
     gate_px: largest distance of a fish from the place expected from its last two frames. Beyond a
-    quarter of it the pairing must also have no rival, on either side. area_ratio: largest ratio by
-    which a silhouette may grow or shrink from one frame to the next.
+    quarter of it, any other partner of the track or the silhouette must be 1.5 times as far away.
+    area_ratio: largest ratio by which a silhouette may grow or shrink from one frame to the next.
     """
 
     def __init__(self, gate_px: float, area_ratio: float) -> None:
@@ -68,7 +69,7 @@ class Linker:
         self._tracks, self._before = [], []
 
     def step(self, spots: list[SilhouettePlace]) -> list[int | None]:
-        """Return the track number of each spot of the next frame; None for spots in no track."""
+        """Return the track number of each silhouette of the next frame; None if it has no track."""
         owner = self._assign(spots)
         alone = [track for track in self._tracks if track not in owner.values()]
         numbers: list[int | None] = [None] * len(spots)

@@ -49,7 +49,7 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 
 
 class Extraction(NamedTuple):
-    """The results of a clip: its scene, how silhouettes were judged, frames of each track.
+    """The results of a clip: facts, counts of silhouettes by verdict, counts of frames by track.
 
     given: outcomes of the places in a file of tracks, see `place_metrics`; empty without one. lost:
     numbers of the frames that could not be decoded.
@@ -63,7 +63,7 @@ class Extraction(NamedTuple):
 
 
 def scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
-    """Return the facts about the tank and its fish for later stages.
+    """Return the facts about the tank and its fish for later stages, to be saved as `SCENE_NAME`.
 
     points: the number of points of a backbone.
     """
@@ -80,12 +80,12 @@ def extract(
     advance: Callable[[], None] = lambda: None,
     pieces: Pieces | None = None,
 ) -> Extraction:
-    """Write tracks, cut-outs, scene and background of a clip's folder to another folder.
+    """Write the tracks, cut-outs, scene and background of a clip to a folder.
 
-    Each of `workers` decodes and measures its own stretches; `advance()` after each frame. A frame
-    that cannot be decoded counts as one without fish. `pieces` stores the detections of stretches.
-    FinloopError if the clip cannot be read, the disk has too little space, or no fish can be
-    followed.
+    clip: the folder of the clip. Each of `workers` decodes and measures its own stretches;
+    `advance()` after each frame. A frame that cannot be decoded counts as one without fish.
+    `pieces` stores the detections of stretches. FinloopError if the clip cannot be read, the disk
+    has too little space, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
     tracks = load_given(clip, facts, p) if p.tracks_path else None
@@ -135,14 +135,17 @@ def extract(
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
-    """Describe which frames could not be decoded, by number and time."""
+    """Return a sentence that says which frames (`lost`, ascending) cannot be decoded, and when."""
     runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
     named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
 
 
 def sample_of(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
-    """Return frames spread over a clip that can be decoded; UndecodableError if none can."""
+    """Return up to `samples` frames (h, w[, 3]) spread over a clip, but no damaged ones.
+
+    path: of the clip's film; facts: about it. UndecodableError if none can be decoded.
+    """
     refuse_other_length(path, facts.frames)
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
     numbers = film.sample_frames(samples, facts.frames, shape, KEY_FRAME_EVERY)

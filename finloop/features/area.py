@@ -22,12 +22,15 @@ _G = np.array([245, 56, 1]) / 360  # gₖ for k = 1, 2, 3
 
 
 def control_points(backbone: Reals) -> Floats:
-    """Return the control points (rows, 6, 2) of backbones (rows, n, 2) with equal steps."""
+    """Return the six control points (rows, 6, 2) of backbones (rows, n, 2) with equal steps."""
     return at_places(backbone, CONTROL_ARCS * (backbone.shape[1] - 1))
 
 
 def at_places(lines: Reals, places: Floats) -> Floats:
-    """Interpolate lines (rows, n, 2) at places (k,), counted in points 0 … n − 1: (rows, k, 2)."""
+    """Return the points (rows, k, 2) of lines (rows, n, 2) at k places, linear between points.
+
+    places (k,): counted in points, 0 … n − 1; 2.5 is half way between points 2 and 3.
+    """
     low = np.minimum(places.astype(int), lines.shape[1] - 2)
     share = (places - low)[:, None]
     return (1 - share) * lines[:, low] + share * lines[:, low + 1]
@@ -56,6 +59,7 @@ def closed_spline(control: Reals, per_knot: int = 16) -> Floats:
 def bend(backbone: Reals, length_px: Reals) -> Floats:
     """Return the signed motion area (rows,) [squared body length], + = bent to the fish's left.
 
-    `motion_area` of the feature table is its absolute value.
+    backbone: (rows, n, 2) px, from head to tail; length_px: (rows,). `motion_area` of the feature
+    table is its absolute value.
     """
     return -signed_area(control_points(backbone)) / length_px**2

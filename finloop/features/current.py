@@ -26,11 +26,12 @@ def measured_current(
     places: Reals, heading_deg: Reals, tail: Reals, bent: Reals, tracks: Sequence[slice],
     rate_hz: float,
 ) -> float:  # fmt: skip
-    """Return the speed through the water [body lengths/s] of animals that stay in place; else 0.
+    """Return the speed [body lengths/s] of animals that stay in place in a current; else 0.
 
-    It follows from how fast and how far the tail beats: fish cruise at a Strouhal number of 0.3.
-    places (n, 2): in body lengths; tail (n,): its tip's offset from the head's axis, body lengths;
-    bent (n,): signed motion area; tracks: the rows of each.
+    It is the speed through the water. It follows from how fast and how far the tail beats: fish
+    cruise at a Strouhal number of 0.3. places (n, 2): in body lengths; heading_deg (n,); tail (n,):
+    its tip's offset from the head's axis, body lengths; bent (n,): signed motion area; tracks: the
+    rows of each; rate_hz: frames per second.
     """
     if max(float(np.hypot(*np.ptp(places[one], axis=0))) for one in tracks) >= _STAYS:
         return 0.0
@@ -47,8 +48,9 @@ def measured_current(
 def through_water(features: pd.DataFrame) -> Floats:
     """Return places (n, 2) [px] of every row as if its track were filmed in still water.
 
-    They are as filmed without a current (column `current`, body lengths/s); else moved on along the
-    heading. Only differences within a track have a meaning.
+    Without a current (column `current`, body lengths/s) they are as filmed. With one, each row is
+    moved on along the heading by the distance it swims until then. Only differences within a track
+    have a meaning.
     """
     place = features[["x_px", "y_px"]].to_numpy(float)
     current = features["current"].to_numpy(float)

@@ -26,16 +26,20 @@ _MEMORY_S = 0.4  # nearer frames repeat the same evidence
 
 
 def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
-    """Return which lines (rows, n, 2) px, beside a feature table, begin at their fish's tail."""
+    """Return a mask (rows,) of the lines (rows, n, 2) px that begin at their fish's tail.
+
+    features: the same rows of a feature table, which has the places of the heads.
+    """
     head = features[["head_x_px", "head_y_px"]].to_numpy(float)
     first, last = (np.linalg.norm(lines[:, end] - head, axis=1) for end in (0, -1))
     return last < first
 
 
 def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
-    """Return the head end (rows,) of another program: 1 the first, −1 the last, 0 unknown.
+    """Return which end of each backbone is the head by another program: 1, −1 or 0, (rows,) int8.
 
-    backbone: (rows, n, 2) px; head, tail: (rows, 2) px, NaN where unknown.
+    1 is the first point, −1 the last, 0 unknown. backbone: (rows, n, 2) px; head, tail: the
+    program's points, (rows, 2) px, NaN where unknown.
     """
     ends = backbone[:, [0, -1]].astype(float)
     same, swapped = (

@@ -8,9 +8,10 @@ from finloop.base.line import PX, TRACK, Line, checked_line
 
 
 def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
-    """Return a track of the film, `track:8`, as a path with times and headings.
+    """Return the track that `name` names, such as `track:8`, as a path with times and headings.
 
-    FinloopError if there is no such track; it mentions `parameter`.
+    features: the feature table; the path is in px, s and degrees. FinloopError if there is no such
+    track; it mentions `parameter`.
     """
     numbers = features["track_id"]
     text = name.removeprefix(TRACK).strip()

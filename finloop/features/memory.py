@@ -20,10 +20,11 @@ _PARTS = 4  # least Δ in the longest track: the last one has no motion, and blo
 
 
 def memory_frames(postures: Reals, track: Ints) -> float:
-    """Return the frames after which postures (n, k) are half as far from themselves as from others.
+    """Return the memory [frames] of postures (n, k): the time after which one is half forgotten.
 
-    It compares the mean square of posture(t + τ) − posture(t) over all tracks (n,), linear between
-    whole frames τ. It is the longest track's length where that never happens.
+    That is the lag τ at which the mean square of posture(t + τ) − posture(t) reaches half of that
+    between any two postures, linear between whole frames; the longest track's length if it never
+    does. track (n,): the track of each row, in the order of frames.
     """
     values = np.asarray(postures, float)
     most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
@@ -38,10 +39,10 @@ def memory_frames(postures: Reals, track: Ints) -> float:
 
 
 def block_frames(block: float, held_out: float, delta: int, frame: Ints, least: int) -> int:
-    """Return the length [frames] of the stretches of time that are held out: `block` Δ, or less.
+    """Return the length [frames] of the blocks of time that are held out to test a prediction.
 
-    In a short film it is the share `held_out` of the film, and at least `least` frames. delta: Δ in
-    frames; frame (n,): frame numbers of the rows.
+    It is `block` times Δ, but at most the share `held_out` of the film, or `least` frames if that
+    is more. delta: Δ in frames; frame (n,): frame numbers of the rows.
     """
     film = int(np.ptp(frame)) + 1 if len(frame) else 1
     return min(max(1, round(block * delta)), max(least, int(held_out * film)))
@@ -51,8 +52,8 @@ def measured_delta(bends: Sequence[Reals], rate_hz: float) -> float:
     """Return Δ [s] for `features.delta_s=auto`, from the bend of each track (n,).
 
     It is the paper's Δ, but at most three memories, half a tail beat, so that a quick animal's
-    motion is not smoothed away, and at most a quarter of the longest track, so that there is
-    something to learn from.
+    motion is not smoothed away. It is also at most a quarter of the longest track, so that there is
+    something to learn from. rate_hz: frames per second.
     """
     longest = max(len(bend) for bend in bends)
     track = np.repeat(np.arange(len(bends)), [len(bend) for bend in bends])

@@ -18,11 +18,12 @@ _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
 
 def table1(features: pd.DataFrame) -> pd.DataFrame:
-    """Compute Table 1 of the fish paper: what each orientation shows, in per cent of its frames.
+    """Return Table 1 of the fish paper: a row per orientation, its frames by swimming type in %.
 
-    The largest motion areas are relative to the clip's largest of that type of turn. Per row
-    straight + right + left is 100, and the amounts sum to 100 (the paper's own do not: 101.45 in
-    row 23, 99.87). Shares and areas of an orientation without frames are empty.
+    `max_area_…` is the largest motion area relative to the clip's largest of that type of turn;
+    `amount_pct` is the orientation's share of all frames. Straight + right + left is 100 in a row,
+    and the amounts sum to 100 (the paper's own do not: 101.45 in row 23, 99.87). Shares and areas
+    of an orientation without frames are empty.
     """
     rows = []
     for number in range(1, orientations_of(features) + 1):
@@ -46,7 +47,10 @@ def longest_track(features: pd.DataFrame) -> pd.DataFrame:
 
 
 def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
-    """Summarise the table for metrics.json."""
+    """Return counts, medians and shares of a feature table by name, for metrics.json.
+
+    long: frames from which a track counts as a long one.
+    """
     lengths = features.groupby("track_id").size()
     kinds = features["swimming_type"]
     return {
@@ -69,9 +73,10 @@ def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
 def in_mm(
     features: pd.DataFrame, tank_px: tuple[int, int], rate_hz: float, mm_per_px: float
 ) -> dict[str, float]:
-    """Return lengths and speeds in millimetres for metrics.json; `tank_px`: width and height.
+    """Return body length, median speed and tank size in millimetres by name, for metrics.json.
 
-    The speed is the displacement over Δ; NaN where no track is as long as Δ.
+    tank_px: width and height; rate_hz: frames per second. The speed is the displacement over Δ; NaN
+    where no track is as long as Δ.
     """
     speed = features["displacement"] * features["body_length_px"]
     return {
@@ -83,10 +88,11 @@ def in_mm(
 
 
 def forwards(features: pd.DataFrame) -> dict[str, float]:
-    """Return the share of moving rows headed within 90° of their motion, for metrics.json.
+    """Return how well headings agree with the motion in moving rows, by name, for metrics.json.
 
-    Swaps of head and tail lower it. The motion is the displacement over Δ, the heading that in the
-    middle of it. In a current the film shows no such motion.
+    The metrics are the number of these rows, the share headed within 90° of their motion, and the
+    median angle. Swaps of head and tail lower the share. The motion is the displacement over Δ, the
+    heading that in the middle of it. In a current the film shows no such motion.
     """
     delta = delta_of(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)
@@ -105,11 +111,12 @@ def forwards(features: pd.DataFrame) -> dict[str, float]:
 def against_truth(
     features: pd.DataFrame, backbones: np.ndarray, truth: pd.DataFrame
 ) -> dict[str, float]:
-    """Return errors against the drawn carp's ground truth, for metrics.json.
+    """Return errors against the drawn carp's ground truth by name, for metrics.json.
 
-    `backbones` (rows, n, 2) head first, of the table's rows. Each row is compared with the nearest
-    fish of the same frame. A backbone's error is the mean distance of its points from the true
-    points at the same shares of the length, so errors along the body count too.
+    backbones (rows, n, 2): px, head first, of the table's rows; truth: a row per carp per frame.
+    Each row is compared with the nearest carp of the same frame. A backbone's error is the mean
+    distance of its points from the true points at the same shares of the length, so errors along
+    the body count too.
     """
     pairs = _nearest(features, truth)
     fish, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
@@ -151,11 +158,13 @@ def against_truth(
 
 
 def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> dict[str, float]:
-    """Return how well another program's heads agree with our own, for metrics.json.
+    """Return how well another program's heads agree with our own by name, for metrics.json.
 
-    Our own heads are those of `orient_backbones` without the given ones. The angle is that between
-    the two directions from tail to head; above 90° the ends are exchanged. Where the program has no
-    tail, its direction is that from the middle of the backbone to the head.
+    The metrics are the share of rows with a head of the program, the share in which the ends are
+    exchanged, and the median angle. The angle is that between the two directions from tail to head;
+    above 90° the ends are exchanged. Our own heads are those of `orient_backbones` without the
+    given ones. Where the program has no tail, its direction is that from the middle of the backbone
+    to the head.
 
     tracks: the columns `finloop.features.table.USED`; given: schema GIVEN, the same rows.
     """

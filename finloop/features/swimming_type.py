@@ -37,12 +37,13 @@ BRISK = Thresholds(16.0, 0.04)
 
 
 def thresholds(headings_deg: Sequence[Reals], bends: Sequence[Reals], span: int) -> Thresholds:
-    """Measure the thresholds of a film from heading and bend of each track (n,).
+    """Return the change of heading and the bend that make a turn, measured in a film.
 
+    headings_deg, bends: of each track (n,), degrees and signed body length²; span: Δ in frames.
     They start from those of a brisk fish. If a fish turns more slowly, or bends less, they are the
     values it exceeds in a tenth of its frames; both are lowered together until a tenth of them
     reach the score of a turn. If no track turns by 45° in all, there is no turn to find, and tail
-    beats would count as turns. span: Δ in frames.
+    beats would count as turns; then they stay those of a brisk fish.
     """
     ranges = [np.ptp(np.unwrap(one, period=360)) for one in map(np.asarray, headings_deg)]
     if max(ranges) < _TURNS_DEG:
@@ -60,7 +61,11 @@ def _seldom(values: Reals) -> float:
 
 
 def score(turn_deg: Reals, bend: Reals, limits: Thresholds) -> Floats:
-    """Return how much frames (n,) turn: 1 makes a turn to the left, −1 one to the right."""
+    """Return how much frames (n,) turn: 1 makes a turn to the left, −1 one to the right.
+
+    It is the mean of turn_deg (n,), the change of heading over Δ, and bend (n,), signed, each over
+    its threshold in `limits`.
+    """
     return 0.5 * (turn_deg / limits.turn_deg + bend / limits.bend)
 
 
@@ -83,10 +88,10 @@ def swimming_type(
     limits: Thresholds,
     release: float,
 ) -> NDArray[np.int8]:
-    """Classify consecutive frames: type (frames,) int8, 0 straight, 1 left, −1 right.
+    """Return the swimming types (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
 
-    A turn is a run of frames whose score - the mean of turn and signed bend, each over its
-    threshold - stays above `release` and somewhere reaches 1.
+    turn_deg, bend (frames,): change of heading over Δ, and signed bend; limits: their thresholds. A
+    turn is a run of frames whose `score` stays above `release` and somewhere reaches 1.
     """
     scores = score(turn_deg, bend, limits)
     left = skimage.filters.apply_hysteresis_threshold(scores, release, 1.0)

@@ -52,12 +52,15 @@ FEATURES = Schema(
 
 
 def delta_frames(delta_s: float, rate_hz: float) -> int:
-    """Return Δ in whole frames, at least 1."""
+    """Return Δ, the time over which motion is measured, in whole frames, at least 1."""
     return max(1, round(delta_s * rate_hz))
 
 
 def delta_of(features: pd.DataFrame) -> int:
-    """Return Δ [frames] of a feature table: the number of empty displacements at a track's end."""
+    """Return Δ [frames] of a feature table: how many displacements are empty at a track's end.
+
+    The longest track decides: a displacement needs a frame Δ later.
+    """
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
@@ -71,18 +74,21 @@ def step_of(features: pd.DataFrame) -> int:
 
 
 def wrap_deg(angle: Reals) -> Floats:
-    """Wrap angles to (−180, 180]."""
+    """Return angles [°] of any shape, wrapped to (−180, 180]."""
     return 180.0 - (180.0 - np.asarray(angle, float)) % 360.0
 
 
 def orientation(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
-    """Return the orientation number, 1 … (§3.3, Table 1: 24): 1 is centred on 0°, anticlockwise."""
+    """Return the numbers, 1 … `orientations`, of the sectors in which headings [°] lie (§3.3).
+
+    Sector 1 is centred on 0°, to the right; they count anticlockwise. The paper has 24 (Table 1).
+    """
     sector = 360 / orientations
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
 
 
 def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> Floats:
-    """Return the heading in [0, 360) at the centre of an orientation, 1 … orientations."""
+    """Return the heading [°], in [0, 360), at the centre of an orientation, 1 … `orientations`."""
     return (np.asarray(number, float) - 1) * (360 / orientations)
 
 
@@ -92,9 +98,10 @@ def orientations_of(table: pd.DataFrame) -> int:
 
 
 def heading(backbone: Reals) -> Floats:
-    """Return the direction (rows,) [°] of the head of backbones (rows, n, 2), head to tail.
+    """Return the heading (rows,) [°] of backbones (rows, n, 2) px, which run from head to tail.
 
-    It is the chord from one third of the body to the head end: the part that does not bend.
+    It is the direction of the chord from one third of the body to the head end: that part does not
+    bend.
     """
     third = at_places(backbone, np.array([HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
     dx, dy = (backbone[:, 0] - third).T
@@ -105,7 +112,7 @@ def measure_features(
     tracks: pd.DataFrame, rate_hz: float, settings: FeaturesSettings,
     given: pd.DataFrame | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:  # fmt: skip
-    """Compute the feature table of a table of tracks, row by row, and the backbones head first.
+    """Return the feature table of a table of tracks, row by row, and the backbones head first.
 
     The table of tracks is in the order (track_id, frame), as `extract` writes it; else
     FinloopError. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of
@@ -186,7 +193,7 @@ def _tail(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
 def limits_of(
     direction: Reals, bent: Reals, tracks: Sequence[slice], delta: int, settings: FeaturesSettings
 ) -> Thresholds:
-    """Return the thresholds of turns: those of the settings, or measured in the film.
+    """Return the thresholds of turns: those of the settings; for `auto`, measured in the film.
 
     direction [°], bent (n,): heading and bend of all rows; tracks: the rows of each; delta: Δ in
     frames.
@@ -198,7 +205,7 @@ def limits_of(
 
 
 def spans(tracks: pd.DataFrame) -> list[slice]:
-    """Return the rows of each track of a table that is sorted by them."""
+    """Return a slice of rows for each track of a table that is sorted by `track_id`."""
     first = np.flatnonzero(np.diff(tracks["track_id"].to_numpy(), prepend=np.nan))
     return [slice(*one) for one in pairwise([*first.tolist(), len(tracks)])]
 
@@ -206,7 +213,11 @@ def spans(tracks: pd.DataFrame) -> list[slice]:
 def orient_backbones(
     tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None
 ) -> tuple[Floats, Floats]:
-    """Return backbones (rows, n, 2) px, head first, and the confidence (rows,) in that."""
+    """Return backbones (rows, n, 2) px, head first, and the probability (rows,) of that.
+
+    tracks: the columns `USED`, sorted by track and frame; rate_hz: frames per second; given: the
+    head and tail of another program, same rows, which decide where they are not NaN.
+    """
     backbone = lists_to_points(tracks, "backbone").astype(float)
     width = lists_to_array(tracks["half_width_px"])
     ends = None if given is None else match_head_end(backbone, *head_tail_points(given))

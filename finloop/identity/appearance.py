@@ -35,9 +35,11 @@ _BLOCK = 2_000  # pictures held at once
 def descriptors(
     measures: Floats, pictures: Callable[[Tracks], NDArray[np.float32]], components: int
 ) -> Floats:
-    """Return descriptors (rows, d). Each measure has the spread 1, as have all components together.
+    """Return a descriptor (rows, d) of each row: body measures, and components of its picture.
 
-    measures (rows, m); pictures: returns those of some rows, (k, pixels).
+    measures (rows, m): of any unit; pictures: returns those of some row numbers, (k, pixels);
+    components: most principal components. Each measure is scaled to a standard deviation of 1, and
+    so are all components together.
     """
     rows = np.arange(len(measures))
     some = pictures(spread(rows, _PICTURES)).astype(float)
@@ -58,12 +60,12 @@ def _spread(values: Floats) -> Floats:
 
 
 def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats:
-    """Return the log ratio (e,) of pairs of tracks looking like one animal rather than two.
+    """Return the log ratio (e,) that each pair of tracks looks like one animal rather than two.
 
     tracks: for each, the descriptors (k, d) of its pictures, in the order of time. at_once: the
-    pairs of tracks that have a frame in common. All zeros where the film has too few pairs to learn
-    from. Ratios are limited to the number of pairs that they were learnt from, and distances to the
-    median of those of two animals.
+    pairs of tracks that have a frame in common; pairs: those to be rated. All zeros where the film
+    has too few pairs to learn from. Ratios are limited to the number of pairs that they were learnt
+    from, and distances to the median of those of two animals.
     """
     long = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
     one_animal, two = list[Floats](), list[Floats]()

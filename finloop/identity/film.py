@@ -31,7 +31,7 @@ USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px
 
 
 class Spans(NamedTuple):
-    """First and last row of each track, half-open."""
+    """The rows of each track: start … stop − 1; both are (tracks,)."""
 
     start: NDArray[np.intp]
     stop: NDArray[np.intp]
@@ -39,9 +39,10 @@ class Spans(NamedTuple):
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence for the identities in a film. measures (n, d): of every row's body.
+    """The evidence for the identities in a film.
 
-    segment (n,): each row's part of the film, between cuts; no join leads across a cut.
+    reel: its feature table and cut-outs. measures (n, d): of every row's body. segment (n,): each
+    row's part of the film, between cuts; no join leads across a cut.
     """
 
     reel: Reel
@@ -53,7 +54,7 @@ class Evidence:
 def evidence(
     reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
 ) -> Evidence:
-    """Collect the evidence of a film.
+    """Collect the evidence for the identities in a film: body measures and parts of the film.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
     film's further segments.
@@ -63,7 +64,7 @@ def evidence(
 
 
 def identities(film: Evidence) -> pd.DataFrame:
-    """Return the animal of each track (schema IDENTITIES); number 0 is longest on film."""
+    """Return the animal of each track (schema IDENTITIES); animal 0 has the most frames."""
     features = film.reel.features
     parts = [np.arange(a, b) for a, b in zip(*spans(features), strict=True)]
     joins = joins_of(film, parts)
@@ -82,9 +83,10 @@ def identities(film: Evidence) -> pd.DataFrame:
 
 
 def from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
-    """Return the animal of each track (schema IDENTITIES) from another program's names.
+    """Return the animal of each track (schema IDENTITIES) from another program's names of animals.
 
-    animals (rows,): the names, in the rows of the feature table.
+    animals (rows,): the name of the animal in each row of the feature table. Animal 0 has the most
+    rows, and every probability is 1.
     """
     span = features.assign(animal=animals.to_numpy()).groupby("track_id", as_index=False)
     table = span.agg(
@@ -102,10 +104,11 @@ def from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
 
 
 def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator) -> Floats:
-    """Return the shares of trial gaps that are joined right and wrong; NaN without any.
+    """Return the shares (2,) of trial gaps that are joined right and wrong; NaN without any.
 
     Frames are removed from the middle of every track that is long enough, as many as in one of the
-    film's own `gaps`, and all tracks are joined anew.
+    film's own `gaps` (k,) [frames], and all tracks are joined anew. A gap that is not joined counts
+    as neither.
     """
     parts, halves = list[NDArray[np.intp]](), list[int]()
     frame = film.reel.features["frame"].to_numpy()
@@ -127,7 +130,11 @@ def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator)
 
 
 def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
-    """Return length, area, contrast and half widths from head to tail of every row (n, d)."""
+    """Return length, area, contrast and half widths of every row (n, d), the widths head to tail.
+
+    tracks: the columns `USED`, in px, px² and grey levels; features: the same rows of the feature
+    table, which say where the head is.
+    """
     widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
     back = tail_first(lists_to_points(tracks, "backbone"), features)
     widths = np.where(back[:, None], widths[:, ::-1], widths)
@@ -135,16 +142,16 @@ def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
 
 
 def spans(features: pd.DataFrame) -> Spans:
-    """Return the rows of each track of a feature table."""
+    """Return the rows of each track of a feature table that is sorted by tracks."""
     edges = np.flatnonzero(np.diff(features["track_id"].to_numpy())) + 1
     return Spans(np.append(0, edges), np.append(edges, len(features)))
 
 
 def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """Join tracks, or parts of tracks, given as rows in the order of frames.
+    """Return which tracks, or parts of tracks, are joined as one animal, and how probable that is.
 
-    The score of a join combines motion and appearance; the appearance of joined tracks is that of
-    all their pictures.
+    parts: the rows of each, in the order of frames. The score of a join combines motion and
+    appearance; the appearance of joined tracks is that of all their pictures.
     """
     reel, p = film.reel, film.settings
     features = reel.features

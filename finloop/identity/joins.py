@@ -21,14 +21,17 @@ Chains = list[list[int]]
 
 
 class Pairs(NamedTuple):
-    """Pairs of tracks that may be one animal: the earlier (e,) and the later (e,)."""
+    """Pairs of track numbers: a (e,) and b (e,); of a pair that may be joined a is the earlier."""
 
     a: Tracks
     b: Tracks
 
 
 class TrackJoins(NamedTuple):
-    """For each track (n,) its predecessor, −1 for none, and the probability of that join."""
+    """The joins between tracks: each track's predecessor, and the probability of that join.
+
+    before (n,): number of the track before, −1 for none; probability (n,): 1 where there is none.
+    """
 
     before: Tracks
     probability: Floats
@@ -37,7 +40,8 @@ class TrackJoins(NamedTuple):
 def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> Pairs:
     """Pair every track with the `most` that begin soonest after its end, in its segment.
 
-    start, stop (n,): first and last frames of the film; segment (n,): rising with the frames.
+    start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
+    cuts, rising with the frames. In a pair, `a` is the earlier track.
     """
     order = np.argsort(start, kind="stable")
     low = np.searchsorted(start[order], stop, side="right")
@@ -47,7 +51,10 @@ def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> P
 
 
 def at_once(start: Reals, stop: Reals) -> Pairs:
-    """Return all pairs a < b of tracks that have a frame in common; start, stop as in `later`."""
+    """Return all pairs a < b of tracks that have a frame in common.
+
+    start, stop (n,): first and last frame of each track.
+    """
     order = np.argsort(start, kind="stable")
     low = np.empty(len(order), np.intp)
     low[order] = np.arange(len(order)) + 1
@@ -68,8 +75,9 @@ def best(
 ) -> TrackJoins:  # fmt: skip
     """Return the most probable set of joins; every track has at most one on each side.
 
-    log_ratio (e,): of a join of each pair; no other joins are made. strangers: how often an animal
-    comes or goes. A join less probable than `least` is left out.
+    log_ratio (e,): of each of the `pairs`, how much more probable one animal is than two; no other
+    joins are made. strangers: probability that an animal comes or goes. A join less probable than
+    `least` is left out.
 
     The probability of a join is its share of the best sets when all scores are disturbed by noise
     (perturb and maximise: Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The
@@ -93,7 +101,7 @@ def in_passes(
     sure: float,
     best_of: Callable[[int, Pairs, Floats], TrackJoins],
 ) -> TrackJoins:
-    """Join tracks in several passes, the sure joins first.
+    """Return the joins of `tracks` tracks, made in several passes, the sure joins first.
 
     Tracks that a join of at least the probability `sure` connects are one chain in the next pass:
     then more of an animal is visible, and fewer ends are open. scores: returns pairs of chains and

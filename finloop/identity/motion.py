@@ -23,9 +23,10 @@ _NO_ERROR = 1e-3  # body lengths; no prediction is more exact than the measureme
 
 @dataclass(frozen=True)
 class TrackEnds:
-    """Where tracks begin and end. start, stop (n,): frames of both; the rest in body lengths.
+    """Where and when tracks begin and end, and how fast their animals move there.
 
-    first, last (n, 2): places; arriving, leaving (n, 2): velocities a frame.
+    start, stop (n,): first and last frame. first, last (n, 2): places, body lengths; arriving,
+    leaving (n, 2): velocities at start and end, body lengths per frame.
     """
 
     start: Reals
@@ -37,9 +38,10 @@ class TrackEnds:
 
 
 def ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
-    """Return the ends of tracks, given the frames (k,) and places (k, 2) of each.
+    """Return where each track begins and ends, and its velocities there.
 
-    before: rows over which a velocity is measured, if the track has as many.
+    frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; before: steps between
+    rows over which a velocity is measured, if the track has as many.
     """
     back = [min(before, len(track) - 1) for track in frames]
     return TrackEnds(
@@ -53,7 +55,7 @@ def ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
 
 
 def ends_of(tracks: TrackEnds, chains: Chains) -> TrackEnds:
-    """Return where chains of tracks begin and end."""
+    """Return where chains of tracks begin and end: the start of the first, the end of the last."""
     first, last = ([chain[k] for chain in chains] for k in (0, -1))
     return TrackEnds(
         tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
@@ -69,9 +71,10 @@ def _pace(frames: Reals, places: Floats, a: int, b: int) -> Floats:
 
 @dataclass(frozen=True)
 class Drift:
-    """The error of the place predicted half way through a gap. gaps (k,): frames, ascending.
+    """How far animals are, after a gap, from the place predicted half way through it.
 
-    error (k,): the median; before: frames over which the velocity is measured.
+    gaps (k,): frames, ascending; error (k,): median distance, body lengths; before: frames over
+    which the velocity is measured.
     """
 
     gaps: Floats
@@ -83,26 +86,28 @@ class Drift:
     def log_ratio(self, gap: Floats, apart: Floats) -> Floats:
         """Return the log of how much more probable a place is for the same animal than for any.
 
-        log((1 − ε) A m² / (π (m² + d²)²) + ε), for a distance d between the predicted places
-        (`apart`, body lengths), its median m over a `gap` (frames), a tank of area A, and ε for
-        animals that may be anywhere. The density is Student's t in the plane, with two degrees of
-        freedom: most animals swim on, some dart, and those that touch dart more often.
+        gap (e,): frames; apart (e,): distance d between the two predicted places, body lengths. It
+        is log((1 − ε) A m² / (π (m² + d²)²) + ε), for the median m of d over such a gap, a tank of
+        area A, and ε for animals that may be anywhere. The density is Student's t in the plane,
+        with two degrees of freedom: most animals swim on, some dart, and those that touch dart more
+        often.
         """
         error = np.maximum(np.interp(gap, self.gaps, self.error), _NO_ERROR)
         near = error**2 / (np.pi * (error**2 + apart**2) ** 2)
         return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
 
     def shares(self, gap: Floats) -> Floats:
-        """Return the share of the velocity before a gap that lasts over it."""
+        """Return the share (e,) of the velocity before gaps (e,) [frames] that lasts over them."""
         return np.interp(gap, self.gaps, self.share)
 
 
 def drift(tracks: pd.DataFrame) -> Drift:
-    """Measure the drift in whole tracks: track_id, frame, x, y (body lengths), rows in that order.
+    """Return the drift of a film's animals, measured by trial gaps in whole tracks.
 
-    The gaps double from one frame on, while enough tracks are that long; beyond, an animal may be
-    anywhere. The number of frames of a velocity is the one with the least error: over less than a
-    tail beat a velocity may point aside.
+    tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
+    one frame on, while enough tracks are that long; beyond, an animal may be anywhere. The number
+    of frames of a velocity is the one with the least error: over less than a tail beat a velocity
+    may point aside.
     """
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
@@ -151,9 +156,10 @@ def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
 
 
 def log_ratios(ends: TrackEnds, drift: Drift, pairs: Pairs) -> Floats:
-    """Return the log ratio (e,) of joining the end of a to the start of b, which is later.
+    """Return the log ratio (e,), one animal against any two, of pairs a, b of tracks by motion.
 
-    The place half way is predicted from both sides: from the end of a and from the start of b.
+    b begins after a has ended. The place half way is predicted from both sides: from the end of a
+    and from the start of b.
     """
     a, b = pairs
     gap = (ends.start[b] - ends.stop[a]).astype(float)
