@@ -16,7 +16,10 @@ SCORER = "finloop"
 
 
 def deeplabcut(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
-    """Yield the rows of the layout, one per frame of the clip, `block` frames at a time."""
+    """Yield tables in DeepLabCut's layout, `block` frames each, a row per frame of the clip.
+
+    Columns: x, y (px) and likelihood (0 … 1) of every keypoint of every individual.
+    """
     columns = pd.MultiIndex.from_product(
         [[SCORER], poses.individuals, poses.keypoints, ["x", "y", "likelihood"]],
         names=["scorer", "individuals", "bodyparts", "coords"],

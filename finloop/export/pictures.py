@@ -54,12 +54,12 @@ class Alone:
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
     def show(self, *fish: Placed) -> Box:
-        """Paint these fish alone, the lowest first; return their box."""
+        """Paint these fish alone, the lowest first; return the box that they cover."""
         self.white.show(*fish)
         return self.black.show(*fish)
 
     def cut(self, box: Box) -> Image:
-        """Return the fish in the box, (h, w, 4) RGBA uint8 premultiplied by alpha.
+        """Return what was painted within a box, (h, w, 4) RGBA uint8 premultiplied by alpha.
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
@@ -73,7 +73,10 @@ class Alone:
 
 
 def bounding_box(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
-    """Return the smallest box of the canvas that holds all fish, and the rim of their colour."""
+    """Return the smallest box of the canvas that holds all fish of all ticks, and their rim.
+
+    frames: the fish of every tick.
+    """
     boxes = [box for fish in frames if not (box := alone.show(*fish)).empty]
     if not boxes:
         return Box(0, 0, 1, 1)
@@ -81,10 +84,10 @@ def bounding_box(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
 
 
 def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iterator[Image]:
-    """Yield the fish without background, tick by tick: the part `crop`, RGBA with straight alpha.
+    """Yield the fish of each tick without background: the part `crop`, (h, w, 4) uint8 RGBA.
 
-    The array is drawn on again: take a copy to keep it. `crop` is that of `bounding_box`, or a
-    smaller one.
+    Its alpha is straight. The array is drawn on again: take a copy to keep it. frames: the fish of
+    every tick; `crop` is that of `bounding_box`, or a smaller one.
     """
     frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
     last = Box(0, 0, 0, 0)
@@ -102,7 +105,7 @@ def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iter
 
 
 def straight(pixels: Image) -> Image:
-    """Return premultiplied RGBA with straight alpha, its colour extended under the edge and beyond.
+    """Return premultiplied RGBA (h, w, 4) uint8 with straight alpha, the colour extended outwards.
 
     A faint pixel's own colour is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the mean
     around it, as transparent pixels within `RIM` do. Else 4:2:0 and filters would bring noise, or
@@ -121,9 +124,10 @@ def straight(pixels: Image) -> Image:
 def cycle(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[Placed]], int]:
-    """Return a sequence of sprites on the spot, headed right, and half the canvas [px].
+    """Return the sprites of a sequence, on the spot and headed right, and half the canvas [px].
 
-    A fish a step. The mass centre is the middle pixel of a square canvas, 2 half + 1 px wide.
+    Each step of the sequence has one fish. The mass centre is the middle pixel of a square canvas,
+    2 half + 1 px wide.
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
@@ -138,10 +142,10 @@ def readable(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
-    """Return an edit list (schema EDIT) with the source of every row (schema READABLE).
+    """Return an edit list (EDIT) with the film's track and frame of every row, and mm (READABLE).
 
     tracks: track_id and frame of every cut-out; sprites: schema SPRITES; mm_per_px: None where
-    unknown; length_px: of the animal as drawn.
+    unknown; length_px: body length of the animal as drawn.
     """
     source = _source_columns(edit, "", "source", tracks, sprites)
     partner = _source_columns(edit, "partner_", "partner", tracks, sprites)
@@ -155,9 +159,9 @@ def readable(
 
 
 def flat(listed: pd.DataFrame) -> pd.DataFrame:
-    """Return an edit list for CSV, without lists: `pose` becomes pose_1, pose_2 …; empty: no pose.
+    """Return an edit list (READABLE) without lists, for CSV: `pose` becomes pose_1, pose_2 …
 
-    Without columns in mm where no scale is known.
+    A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.
     """
     codes = [pose for pose in listed["pose"] if pose is not None]
     wide = np.full((len(listed), len(codes[0]) if codes else 0), np.nan)

@@ -23,16 +23,16 @@ def poses(
     most: int,
     animals: pd.Series | None = None,
 ) -> Poses:
-    """Return head, equidistant points of the backbone, tail and mass centre of every track.
+    """Return head, equidistant points of the backbone, tail and mass centre (px) of the tracks.
 
     The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1.
     FinloopError if no track is long enough.
 
     tracks: the columns `USED` of the table of tracks; features: head_x_px, head_y_px,
-    head_confidence of the feature table, whose rows are the same; frames: of the clip, also those
-    without a fish; body_points: between head and tail, at least 0; least_frames, most: the shortest
-    track, and the largest number of tracks, the longest first; animals (rows,): names of animals;
-    with them an individual is an animal, else a track.
+    head_confidence of the feature table, whose rows are the same; frames: number of frames of the
+    clip, also those without a fish; body_points: how many between head and tail, at least 0;
+    least_frames, most: the shortest track, and the largest number of tracks, the longest first;
+    animals (rows,): names of animals; with them an individual is an animal, else a track.
     """
     individual = tracks["track_id"] if animals is None else animals
     length = individual.groupby(individual).size()

@@ -19,9 +19,9 @@ _AROUND = 1.25  # body lengths that a panel shows on every side of the fish
 
 
 def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
-    """Return the film's longest tracks, one after the other, as an edit list of so many ticks.
+    """Return the film's longest tracks, one after the other, as an edit list of `ticks` ticks.
 
-    track (n,): of each row; places (n, 2): x, y px.
+    track (n,): its number at each row of the film; places (n, 2): x, y px.
     """
     _, first, count = np.unique(track, return_index=True, return_counts=True)
     rows: list[Ints] = []
@@ -36,10 +36,10 @@ def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
 def draw_beside(
     edits: Mapping[str, pd.DataFrame], gallery: Gallery, tank: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
-    """Draw edit lists of one fish side by side, tick by tick, each with its title below.
+    """Yield edit lists of one fish side by side, a picture per tick, each list titled below.
 
-    edits: by title, as many ticks each; tank (h, w) or (h, w, 3): the floor; length_px: of the
-    fish; size: px of a panel.
+    A picture is (size + WORDS_PX, size · lists, 3) uint8. edits: by title, as many ticks each; tank
+    (h, w) or (h, w, 3): the floor; length_px: of the fish; size: px of a panel.
     """
     half_px = _AROUND * length_px
     films = [_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]

@@ -28,7 +28,7 @@ _COLUMNS = [
 
 
 class Shelf(NamedTuple):
-    """Cut-outs of the n frames, or of the n sprites in each of `orientations` orientations.
+    """A store of cut-outs: n frames, or n sprites in each of `orientations` orientations.
 
     centres_px (n, 2): their mass centres in the film.
     """
@@ -39,9 +39,10 @@ class Shelf(NamedTuple):
 
 
 class Gallery:
-    """Pictures by the names in an edit list; the most recent `keep` stay in memory.
+    """The pictures that an edit list names; the most recent `keep` stay in memory.
 
-    bodies: the film's postures, without which no frame can be drawn mirrored or in another pose.
+    shelves: by kind, FRAME or SPRITE; bodies: the film's postures, without which no frame can be
+    drawn mirrored or in another pose.
     """
 
     def __init__(
@@ -67,7 +68,11 @@ class Gallery:
         self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
         mirrored: bool = False,
     ) -> Turned:  # fmt: skip
-        """Return a sprite in an orientation, or a frame, which has none, turned."""
+        """Return a frame, or a sprite in an orientation, as it is drawn: turned and scaled.
+
+        kind: FRAME or SPRITE; source: row of the film, or number of the sprite; orientation: 1 … n,
+        used of a sprite only; rotation_deg: anticlockwise.
+        """
         if kind != FRAME:
             one = self.picture(kind, source, int(orientation), False)
         elif mirrored:
@@ -79,7 +84,10 @@ class Gallery:
         return Turned(one, rotation_deg, scale)
 
     def place(self, row: Any) -> Placed:
-        """Return what a row of an edit list draws; `row` has the names of its columns."""
+        """Return the fish and its partner that a row of an edit list draws, and where.
+
+        row: has the names of the list's columns.
+        """
         own = row.kind, row.source, row.orientation, row.rotation_deg
         partner = None
         if row.weight > 0:
@@ -118,10 +126,10 @@ class Gallery:
 def shelves(
     stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
 ) -> dict[str, Shelf]:
-    """Open stores by kind, FRAME or SPRITE, with the mass centres of their pictures.
+    """Return a shelf by kind, FRAME or SPRITE: a store with the mass centres of its pictures.
 
-    tracks, table: x_px, y_px of every cut-out; the same and orientations of every sprite.
-    FinloopError if a table belongs to another store.
+    stores: by kind; tracks: x_px, y_px of every cut-out; table: the same and orientations of every
+    sprite, None without sprites. FinloopError if a table belongs to another store.
     """
     made = {FRAME: Shelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:
@@ -137,7 +145,7 @@ def shelves(
 
 
 def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
-    """Yield row by row what an edit list (schema EDIT) draws.
+    """Yield, row by row, the fish that an edit list (schema EDIT) draws, and where.
 
     FinloopError at once, listing all that cannot be drawn.
     """
@@ -146,7 +154,7 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
 
 
 def frames(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
-    """Yield what an edit list (schema EDIT) draws, tick by tick: every fish, the lowest first.
+    """Yield, tick by tick, all fish that an edit list (schema EDIT) draws, the lowest first.
 
     FinloopError at once, listing all that cannot be drawn.
     """

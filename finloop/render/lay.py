@@ -74,7 +74,10 @@ def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
 
 @kernel
 def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
-    """Lay (1 − share) fish + share partner, both a `painter.Layer`, over the canvas."""
+    """Lay (1 − share) fish + share partner, both a `painter.Layer`, over the canvas, in place.
+
+    canvas: (H, W, 1 or 3) uint8; box: top, left, bottom, right of what is drawn; share: 0 … 1.
+    """
     top, left, bottom, right = box
     # Unpacked here: within the loop every access to a tuple would count its references.
     pixels, near, m = fish
@@ -112,7 +115,7 @@ def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
 
 @kernel
 def over(canvas, drawn):  # type: ignore[no-untyped-def]
-    """Lay a picture (h, w, 2 or 4), 0 … 1, premultiplied, over the canvas (h, w, 1 or 3)."""
+    """Lay a premultiplied picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3) uint8."""
     height, width, channels = drawn.shape
     for y in range(height):
         for x in range(width):

@@ -40,7 +40,7 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Return the category of each tick of an edit list, and the colour of each category.
+    """Return the category (ticks,) of each tick of an edit list, and each category's "#RRGGBB".
 
     The category is what a tick shows; where all show the same, its state.
     """
@@ -52,20 +52,23 @@ def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
 
 def aims(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Return the stretches to each goal in turn: its name ("" = wandering), first tick, end."""
+    """Return the stretches to each goal in turn: its name ("" = wandering), first tick, end.
+
+    The end is the tick after the last one.
+    """
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
 
 
 def goal_ticks(edit: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return which ticks lead to a goal; all ticks where there is no goal."""
+    """Return the mask (ticks,) of ticks that lead to a goal; all True where there is no goal."""
     found = (edit["goal"] != "").to_numpy()
     return found if found.any() else ~found
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """Return "#RRGGBB" as three numbers."""
+    """Return red, green and blue, 0 … 255, of a colour "#RRGGBB"."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red, green, blue
 
@@ -78,14 +81,18 @@ def write(
     size: int,
     weight: int = _REGULAR,
 ) -> None:
-    """Write into a picture (h, w, 3), from `place` (left end of the base line) on."""
+    """Write a text into a picture (h, w, 3), in place.
+
+    place: x, y px of the base line's left end; size: of the letters, px; weight: 400 regular, 700
+    bold.
+    """
     cv2.putText(picture, text, place, colour, _FONT, size, weight)  # a face keeps its last weight
 
 
 class MarkedTrack(NamedTuple):
-    """The marks of a fish. places (ticks, 2): of its path, px; pens: colour and width there.
+    """The marks of a fish. places (ticks, 2): its path, px; pens: RGB and width (px) by tick.
 
-    goals: the name of the goal from each tick on at which that changes, "" = wandering.
+    goals: by the tick at which the goal changes, the new one's name, "" = wandering.
     """
 
     places: NDArray[np.float64]
@@ -132,7 +139,7 @@ class MarkPainter:
             self._goal(name, _WAITING)
 
     def show(self, tick: int, *fish: Placed) -> None:
-        """Draw a tick; ticks must come in order, since the paths grow with each."""
+        """Draw the fish and all marks of a tick; ticks must come in order, since paths grow."""
         self._below(tick)
         self._painter.show(*fish)
         self._above(tick)

@@ -41,7 +41,7 @@ _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
 
 
 class Box(NamedTuple):
-    """A rectangle of the canvas, half open; empty where bottom ≤ top or right ≤ left."""
+    """A rectangle of the canvas, px, half open; empty where bottom ≤ top or right ≤ left."""
 
     top: int
     left: int
@@ -50,7 +50,7 @@ class Box(NamedTuple):
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Return the slices of its rows and columns."""
+        """Return the slices of rows and columns that cut the box out of a canvas."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
@@ -59,13 +59,13 @@ class Box(NamedTuple):
         return self.bottom <= self.top or self.right <= self.left
 
     def within(self, shape: tuple[int, ...]) -> "Box":
-        """Return the part of the box that lies on a canvas of this shape."""
+        """Return the part of the box that lies on a canvas of this shape (height, width …)."""
         top, bottom = (min(max(edge, 0), shape[0]) for edge in (self.top, self.bottom))
         left, right = (min(max(edge, 0), shape[1]) for edge in (self.left, self.right))
         return Box(top, left, bottom, right)
 
     def grow(self, rim: int) -> "Box":
-        """Return the box enlarged by a rim."""
+        """Return the box enlarged by `rim` px on every side."""
         return Box(self.top - rim, self.left - rim, self.bottom + rim, self.right + rim)
 
     def common(self, other: "Box") -> "Box":
@@ -96,7 +96,7 @@ class Picture(NamedTuple):
 
 
 class Turned(NamedTuple):
-    """A picture to draw, turned about its mass centre."""
+    """A picture to draw, turned anticlockwise and scaled about its mass centre."""
 
     picture: Picture
     rotation_deg: float = 0.0
@@ -107,7 +107,7 @@ class Bent(NamedTuple):
     """A picture to draw in another posture (`finloop.puppet.pose`).
 
     source: the animal's backbone in the picture's pixels. posture: the one to draw, headed
-    `heading_rad` on screen; size_px: of the animal there. mirrored: left is drawn as right.
+    `heading_rad` on screen; size_px: of the animal there. mirrored: whether left is drawn as right.
     """
 
     picture: Picture
@@ -118,13 +118,16 @@ class Bent(NamedTuple):
     mirrored: bool
 
     def lay_at(self, x_px: float, y_px: float) -> Laid:
-        """Lay the picture with its mass centre at (x_px, y_px) of the canvas."""
+        """Return the picture in its new posture, its mass centre at (x_px, y_px) of the canvas."""
         target = PlacedBackbone(x_px, y_px, self.heading_rad, self.size_px, self.posture)
         return Laid(self.picture.pixels, self.source, target, self.mirrored)
 
 
 def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
-    """Return a picture from a cut-out (h, w, 2 or 4) uint8 with its mass centre at (x_px, y_px)."""
+    """Return a picture to draw, with a transparent rim, from a cut-out (h, w, 2 or 4) uint8.
+
+    x_px, y_px: its mass centre, px of the cut-out.
+    """
     rim = (_PAD, _PAD)
     padded = np.pad(pixels, (rim, rim, (0, 0)))
     alpha = np.ascontiguousarray(padded[..., -1])
@@ -133,7 +136,7 @@ def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
 
 
 class Placed(NamedTuple):
-    """What a row of an edit list draws; the arguments of `Painter.draw`."""
+    """What a row of an edit list draws, and where; the arguments of `Painter.draw`."""
 
     x_px: float
     y_px: float
@@ -143,7 +146,7 @@ class Placed(NamedTuple):
 
 
 class Shadow(NamedTuple):
-    """The shadow on the fish below. share: of the light that it takes; blur_px: its softness."""
+    """The shadow on the fish below. share: of the light that it takes; blur_px: SD of its blur."""
 
     share: float
     blur_px: float
@@ -174,7 +177,7 @@ class Painter:
         return self.canvas if self.canvas.shape[2] == 3 else self.canvas[..., 0]
 
     def touch(self, box: Box) -> None:
-        """Mark a box of the canvas as changed, now or soon."""
+        """Mark a box of the canvas as changed, now or soon, so that `wipe` restores it."""
         if not box.empty:
             self._touched.append(box)
 
@@ -185,7 +188,7 @@ class Painter:
         self._touched.clear()
 
     def show(self, *fish: Placed) -> Box:
-        """Draw the floor with these fish alone, the lowest first; return their box."""
+        """Draw these fish alone on the floor, the lowest first; return the box that they cover."""
         self.wipe()
         boxes: list[Box] = []
         for number, one in enumerate(fish):
@@ -233,9 +236,10 @@ class Painter:
         partner: Turned | Bent | None = None,
         weight: float = 0.0,
     ) -> Box:
-        """Draw a fish with its mass centre at (x_px, y_px), clipped at the edges; return its box.
+        """Draw a fish with its mass centre at (x_px, y_px) of the canvas; return its box.
 
-        `partner`, of the same kind, is cross-faded into it with the share `weight` (0 … 1).
+        `partner`, of the same kind, is cross-faded into it with the share `weight` (0 … 1). The
+        fish is clipped at the edges.
         """
         other, share = (partner, weight) if partner is not None else (fish, 0.0)
         channels = max(one.picture.pixels.shape[2] for one in (fish, other))
@@ -267,7 +271,7 @@ class Painter:
 
 
 def extent(one: Placed) -> Box:
-    """Return where a fish and its partner can leave a trace."""
+    """Return the box of the canvas, px, in which a fish and its partner can leave a trace."""
     pictures = [one.fish] if one.partner is None or not one.weight else [one.fish, one.partner]
     return Box.around(
         Box(*fish.lay_at(one.x_px, one.y_px).box) if isinstance(fish, Bent)

@@ -23,7 +23,10 @@ class FrameChangeMeter:
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
     def measure_step(self, box: Box) -> float:
-        """Return the step to the canvas as it is now, fish in `box` alone; NaN at the first."""
+        """Return the change of the canvas, grey levels, since the last call; NaN at the first one.
+
+        box: holds all that is drawn now.
+        """
         canvas, last = self._painter.canvas, self._last
         self._last = box, canvas[box.slices].copy()
         if last is None:
@@ -45,10 +48,10 @@ class FrameChangeMeter:
 def film_steps(
     painter: Painter, gallery: Gallery, tracks: pd.DataFrame, most: int = 400
 ) -> NDArray[np.float64]:
-    """Return the steps of the film itself: its fish drawn alone, frame after frame.
+    """Return how much the film itself changes from frame to frame (n,), grey levels: fish only.
 
-    tracks: track_id, frame and mass centre, a row per frame; most: pairs of consecutive frames,
-    spread over the film.
+    tracks: track_id, frame and mass centre, a row per frame; most: how many pairs of consecutive
+    frames at most, spread over the film.
     """
     track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
     first = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
@@ -67,7 +70,10 @@ def film_steps(
 
 
 def step_numbers(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
-    """Return metrics: the steps of an animation beside those of the film itself."""
+    """Return metrics that compare an animation's changes from frame to frame with the film's.
+
+    drawn: from `FrameChangeMeter`, the first one NaN; film: from `film_steps`; both in grey levels.
+    """
     steps = np.asarray(drawn)[1:]
     if not len(steps) or not len(film):
         return {}

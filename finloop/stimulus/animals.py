@@ -41,21 +41,25 @@ _SPEED_S = 0.2  # an animal's speed is that of the last so many seconds
 
 
 class Heard(NamedTuple):
-    """The verdict on a sighting. id: of the animal; None: it was no message."""
+    """The verdict on one sighting of a tracker, or on a message without a valid sighting.
+
+    id: of the animal; None where the verdict is malformed or unwanted.
+    """
 
     verdict: Verdict
     id: str | None = None
 
     @property
     def is_present(self) -> bool:
-        """Return whether the animal is present now."""
+        """Return whether the sighting was taken, so that its animal is present now."""
         return self.verdict in _TAKEN
 
 
 class Animal(NamedTuple):
-    """Where an animal is, px. heading_rad: from the tracker, or from its motion; None: unknown.
+    """Where a live animal was last seen: x, y in px of the tank's picture, y down.
 
-    speed: px/s, of the last moments; heard_s: time of its last message.
+    heading_rad: anticlockwise as seen, from the tracker or from the motion; None: unknown. speed:
+    px/s over the last 0.2 s; heard_s: session time of its last message.
     """
 
     id: str
@@ -67,10 +71,10 @@ class Animal(NamedTuple):
 
 
 class LiveAnimals:
-    """All live animals. FinloopError if the tracker's calibration is invalid.
+    """All live animals, from trackers' messages. FinloopError if the calibration is invalid.
 
-    settings: None where the protocol has no animals; mm_per_px: mm of the real world per px of the
-    tank's picture, if known.
+    settings: `animals` of the protocol, None where it has none; mm_per_px: mm of the real world per
+    px of the tank's picture, if known.
     """
 
     def __init__(
@@ -82,11 +86,14 @@ class LiveAnimals:
 
     @property
     def gap_s(self) -> float:
-        """Return the time without messages after which an animal is lost."""
+        """Return the time without messages, s, after which an animal is lost."""
         return 0.0 if self._settings is None else self._settings.gap_s
 
     def hear(self, text: str | bytes | None, source: str, arrived_s: float) -> list[Heard]:
-        """Take a message. source: its sender; arrived_s: its arrival, s of the session."""
+        """Take a tracker's message; return a verdict per sighting, or one if no sighting is valid.
+
+        text: JSON (`finloop.stimulus.tracker`); source: its sender; arrived_s: session time, s.
+        """
         if self.calibration is None:
             return [Heard("unwanted")]
         sightings = parse_sightings(text)
@@ -95,7 +102,7 @@ class LiveAnimals:
         return [self._take(one, source, arrived_s) for one in sightings]
 
     def recent_animals(self, now_s: float) -> list[Animal]:
-        """Return all animals remembered, the lost ones included, sorted by id."""
+        """Return all animals heard of in the last 60 s, the lost ones included, sorted by id."""
         return [
             Animal(name, *track.place, track.heading, track.speed, track.heard_s)
             for name, track in sorted(self._tracks.items())
@@ -103,14 +110,14 @@ class LiveAnimals:
         ]
 
     def present_animals(self, now_s: float) -> list[Animal]:
-        """Return the animals that are present, sorted by id, each at its last known place."""
+        """Return the animals heard of in the last `gap_s` seconds, at their last places, by id."""
         return [one for one in self.recent_animals(now_s) if now_s - one.heard_s <= self.gap_s]
 
     def past(self, id: str, time_s: float) -> tuple[float, float] | None:
-        """Return where an animal was at a time, interpolated between two sightings.
+        """Return where an animal was (x, y px) at a session time, interpolated between sightings.
 
         None before the first sighting, more than 60 s before the last one, and where the animal was
-        lost. After the last one it is there, until it is lost.
+        lost. After its last sighting an animal stays at that place until it is lost.
         """
         track = self._tracks.get(id)
         return None if track is None else track.past(time_s, self.gap_s)

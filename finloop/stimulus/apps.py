@@ -21,9 +21,9 @@ Tasks = list[Coroutine[Any, Any, None]]
 def session_app(
     door: Door, room: SessionHub, inputs: Callable[[], Tasks], fail: Callable[[Any], None]
 ) -> Starlette:
-    """Return the application of a session.
+    """Return the web application of a session: both pages, the trackers' WebSocket, all its tasks.
 
-    inputs: tasks that receive trackers' messages; fail: called with a task's error.
+    inputs: returns tasks that receive trackers' messages; fail: called with a task's error.
     """
     session = room.session
     sockets = {
@@ -38,7 +38,10 @@ def session_app(
 def replay_app(
     door: Door, room: Replay, ends: Callable[[], None], fail: Callable[[Any], None]
 ) -> Starlette:
-    """Return the application of a replay, on one display. ends: called when all has been drawn."""
+    """Return the web application of a replay, on one display.
+
+    ends: called when all frames have been drawn; fail: called with a task's error.
+    """
 
     async def until_all_is_drawn() -> None:
         await room.ended.wait()
@@ -51,13 +54,13 @@ def replay_app(
 
 
 def calibration_app(door: Door, room: CalibrationHub, fail: Callable[[Any], None]) -> Starlette:
-    """Return the application of a calibration, for one display."""
+    """Return the web application of a calibration, for one display. fail: takes a task's error."""
     sockets = {"/display": (lambda one: attend(room, one), 1, False)}
     return app(door, {"/": display_page()}, sockets, list, fail)
 
 
 async def beat(session: Session, every_s: float = 0.5) -> None:
-    """Write the log to disk every `every_s` until cancelled, so that a crash loses little."""
+    """Write the log to disk and check the computer's clock every `every_s`, until cancelled."""
     with contextlib.suppress(asyncio.CancelledError):
         while True:
             await asyncio.sleep(every_s)

@@ -20,17 +20,17 @@ _STEPS = slice(PICTURE, LOOK + 1)
 
 
 def planned_ticks(change: Change | None, ticks: int) -> int:
-    """Return how many ticks of a motion are needed so that it lasts `ticks` after its change."""
+    """Return how many ticks of a motion to plan so that it lasts `ticks` ticks after its change."""
     if change is None:
         return ticks
     return 1 if change.still else math.ceil((ticks - 1) * change.speed - 1e-9) + 1
 
 
 def apply_change(states: States, change: Change | None, ticks: int | None = None) -> States:
-    """Apply a condition's change to a motion, for at most `ticks` ticks; None: for all.
+    """Return a motion (n, fish, F) after a condition's change, at most `ticks` ticks; None: all.
 
-    Only the needed first part of a motion is taken, also backwards. A still motion keeps its number
-    of ticks.
+    Only the first `planned_ticks` of the motion are used, also backwards. A still motion holds its
+    first state for `ticks` ticks, or for as many as it had.
     """
     if ticks is not None:
         states = states[: planned_ticks(change, ticks)]
@@ -44,13 +44,16 @@ def apply_change(states: States, change: Change | None, ticks: int | None = None
 
 
 def faster(states: States, speed: float) -> States:
-    """Return the motion at `speed` times its playback rate, from the first tick on."""
+    """Return the motion (ticks, fish, F) at `speed` times its playback rate; below 1, slower."""
     count = math.floor((len(states) - 1) / speed + 1e-9) + 1
     return interpolate_states(states, speed * np.arange(count, dtype=float))
 
 
 def interpolate_states(states: States, at: Floats) -> States:
-    """Interpolate the states at times, in ticks, each within the motion."""
+    """Return the states (n, fish, F) of a motion (ticks, fish, F) at n times within it.
+
+    at (n,): times in ticks from the first one on.
+    """
     last = len(states) - 1
     at = np.clip(at, 0, last)
     tick = at.astype(int)
@@ -67,7 +70,7 @@ def interpolate_states(states: States, at: Floats) -> States:
 
 
 def ramp(count: int, ticks: int) -> NDArray[np.float32]:
-    """Return shares (count,) of alpha: from 0 up to 1 in `ticks`, and down to 0 at the end."""
+    """Return shares (count,) of alpha, tick by tick: 0 to 1 in `ticks` ticks, at the end to 0."""
     if ticks <= 0:
         return np.ones(count, np.float32)
     end = np.arange(count)
@@ -75,14 +78,14 @@ def ramp(count: int, ticks: int) -> NDArray[np.float32]:
 
 
 def fade_states(states: States, ticks: int) -> States:
-    """Fade the states in over `ticks` ticks, and out at the end."""
+    """Return the states (n, fish, F), faded in over `ticks` ticks and out over the last ones."""
     made = states.copy()
     made[..., ALPHA] *= ramp(len(states), ticks)[:, None]
     return made
 
 
 def with_look(states: States, look: int) -> States:
-    """Return the states drawn with a look, by its number."""
+    """Return the states (…, fish, F) with look number `look`, an index of `Protocol.looks`."""
     made = states.copy()
     made[..., LOOK] = look
     return made

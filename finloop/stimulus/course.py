@@ -39,7 +39,8 @@ MODE = "matching"
 class TrialContext:
     """What is the same in every trial of a session.
 
-    player: of mode `matching`; mm_per_px: mm of the display per px of the tank's picture, if known.
+    player: animates the fish in mode `matching`; bodies: the film's postures; mm_per_px: mm of the
+    display per px of the tank's picture, if known.
     """
 
     player: AnyPlayer
@@ -48,45 +49,45 @@ class TrialContext:
 
     @property
     def world(self) -> World:
-        """Return what all fish swim in."""
+        """Return the world that all fish swim in: its tank, and the film's motion."""
         return self.player.world
 
     @property
     def rate_hz(self) -> float:
-        """Return the ticks of a second."""
+        """Return the number of ticks per second."""
         return self.world.motion.rate_hz
 
     @property
     def length_px(self) -> float:
-        """Return the length of a fish."""
+        """Return the body length of a fish, px of the tank's picture."""
         return self.world.motion.body_length_px
 
     @property
     def width(self) -> int:
-        """Return the number of values of a fish's state."""
+        """Return F, the number of values of a fish's state: `FIELDS` and its posture."""
         return len(FIELDS) + self.posture
 
     @property
     def posture(self) -> int:
-        """Return the number of values of a posture."""
+        """Return the number of values of a posture, the last part of a fish's state."""
         return int(self.bodies.poses.shapes.mean.size)
 
     @cached_property
     def tank(self) -> TankGeometry:
-        """Return the tank as rules need it."""
+        """Return the tank as rules need it: its size, the body length, and where fish can be."""
         height, width = self.world.tank.arena.shape
         return TankGeometry(width, height, self.length_px, self.world.tank.into)
 
     def ticks(self, seconds: float) -> int:
-        """Return a time in ticks, at least one."""
+        """Return a time of `seconds` as a number of ticks, at least one."""
         return max(1, round(seconds * self.rate_hz))
 
 
 @dataclass(frozen=True)
 class Cue:
-    """How a trial is shown. look: number of its look; fade_s: fading in and out of the fish.
+    """How a trial is shown: its condition, the number of fish, their look and their fading.
 
-    condition: what is shown; fish: how many.
+    look: index of the look in `Protocol.looks`; fade_s: s, of fading in, and of fading out.
     """
 
     condition: Condition
@@ -95,12 +96,12 @@ class Cue:
     fade_s: float = 0.0
 
     def apply_look_and_fade(self, states: States, scene: TrialContext) -> States:
-        """Return the states (ticks, fish, F) with the look of the cue, fading in and out."""
+        """Return the states (ticks, fish, F) with the look of the cue, faded in and out."""
         return fade_states(with_look(states, self.look), round(self.fade_s * scene.rate_hz))
 
 
 def tank_of(scene: TrialContext, cue: Cue, seed: int) -> LiveTank:
-    """Return the live tank of a trial, at its first tick.
+    """Return a live tank with the fish of a trial, at its first tick. seed: of the motion.
 
     FinloopError where there is no room for all fish.
     """
@@ -115,7 +116,7 @@ def tank_of(scene: TrialContext, cue: Cue, seed: int) -> LiveTank:
 
 
 def rehearse(scene: TrialContext) -> None:
-    """Send a fish to and fro, so that compiling and caching at first use cost no trial time."""
+    """Let a fish swim unseen for 200 ticks, so that no trial waits for compiling or caching."""
     tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
         tank.advance()
@@ -126,15 +127,16 @@ def rehearse(scene: TrialContext) -> None:
 
 
 def states_of(tank: LiveTank, scene: TrialContext) -> States:
-    """Return the states (fish, F) at the present tick."""
+    """Return the states (fish, F) of all fish of a live tank at its present tick."""
     rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
     return drawn_of(rows, scene.bodies)
 
 
 def plan_motion(scene: TrialContext, cue: Cue, seed: int) -> States:
-    """Plan the states (ticks, fish, F) of a motion known beforehand, with its change.
+    """Return the states (ticks, fish, F) of a trial whose motion is known beforehand.
 
-    The look and the fading come later. FinloopError if fish cannot follow a path.
+    seed: of the motion. It has the condition's change; look and fading come later. FinloopError if
+    fish cannot follow a path.
     """
     condition, tank = cue.condition, tank_of(scene, cue, seed)
     motion, goals = condition.motion, Goals()
@@ -156,7 +158,7 @@ def plan_motion(scene: TrialContext, cue: Cue, seed: int) -> States:
 
 
 def repeat_motion(scene: TrialContext, cue: Cue, motion: States) -> States:
-    """Repeat the motion (ticks, fish, F) of another trial, with the condition's change.
+    """Return the motion (ticks, fish, F) of another trial, with the change of the cue's condition.
 
     A motion that was cut short keeps its last state to the end.
     """
@@ -167,7 +169,7 @@ def repeat_motion(scene: TrialContext, cue: Cue, motion: States) -> States:
 
 
 def whole_motion(scene: TrialContext, plan: Protocol, order: Sequence[Trial]) -> States:
-    """Return all trials with their pauses, (ticks, fish, F), for a page that plays by itself.
+    """Return the states (ticks, fish, F) of all trials and pauses, for a page that plays by itself.
 
     FinloopError if a motion is not known beforehand.
     """
@@ -194,26 +196,29 @@ def whole_motion(scene: TrialContext, plan: Protocol, order: Sequence[Trial]) ->
 
 
 def cue_of(plan: Protocol, trial: Trial) -> Cue:
-    """Return how a trial of a protocol is shown."""
+    """Return how a trial of a protocol is shown: condition, look, fading, number of fish."""
     condition = plan.conditions[trial.condition]
     return Cue(condition, plan.fish, plan.looks.index(condition.look), plan.fade_s)
 
 
 def route_of(scene: TrialContext, path: Path) -> Route:
-    """Return the route of a path from a file, laid out in the tank; its times are left out."""
+    """Return the route along the path in a file, laid out in the tank, without the file's times."""
     line, world = load_line(path, TANK), scene.world
     return lay(line._replace(time_s=None), world.tank, world.motion, scene.mm_per_px).route
 
 
 class Goals:
-    """Places that each fish is sent to in turn: shares of the tank."""
+    """The goals that each fish is sent to in turn.
+
+    places: x, y of each goal, shares (0 … 1) of the tank's width and height from the upper left.
+    """
 
     def __init__(self, places: tuple[tuple[float, ...], ...] = ()) -> None:
         self._places = places
         self._at: dict[int, int] = {}
 
     def send(self, tank: LiveTank, which: Iterable[int]) -> None:
-        """Send some fish to their next places; after the last one a fish wanders."""
+        """Send the fish numbered `which` to their next goals; after its last one a fish wanders."""
         height, width = tank.world.tank.arena.shape
         for number in which:
             at = self._at.get(number, -1) + 1
@@ -223,14 +228,17 @@ class Goals:
                 tank.send(number, x * (width - 1), y * (height - 1))
 
     def next(self, tank: LiveTank) -> None:
-        """Send on the fish that have reached their places."""
+        """Send each fish that has reached its goal to its next one."""
         if self._places:
             at = range(len(tank.fish))
             self.send(tank, [n for n in at if tank.fish[n].reached and n in self._at])
 
 
 class Reaction:
-    """A trial whose fish react to live animals, tick by tick."""
+    """A trial whose fish react to live animals, planned tick by tick. seed: of the motion.
+
+    states: those (fish, F) of every tick so far, or of the last one where `keeps` is False.
+    """
 
     def __init__(self, scene: TrialContext, cue: Cue, seed: int, animals: LiveAnimals) -> None:
         rule = cue.condition.motion.rule
@@ -244,7 +252,7 @@ class Reaction:
         self.keeps = True  # keeps all states, for a trial that repeats them; else the last ones
 
     def tick(self, now_s: float) -> States:
-        """Return the states (fish, F) of the next tick, planned at a time of the session."""
+        """Plan the next tick at a session time, s; return the states (fish, F) of its fish."""
         if self.states:
             self._ask(now_s)
             self._tank.advance()
@@ -254,7 +262,10 @@ class Reaction:
         return self.states[-1]
 
     def react(self, now_s: float) -> States | None:
-        """Return the states of the last tick, planned again; None if nothing changes."""
+        """Plan the last tick again at a session time, s; return its states (fish, F), or None.
+
+        None: no fish has a new target, so nothing changes.
+        """
         if not self.states:
             return None
         numbers = self._ask(now_s)
@@ -303,7 +314,7 @@ class Reaction:
 
 
 def collect_motion(states: Iterable[States]) -> States:
-    """Return the motion (ticks, fish, F) that a trial has shown, for a trial that repeats it."""
+    """Return the states (fish, F) of all ticks as one motion (ticks, fish, F), without fading."""
     whole = np.stack(list(states))
     whole[:, :, ALPHA] = 1.0
     return whole

@@ -20,20 +20,20 @@ _EVERY_S = 0.1
 
 
 class Button(Message):
-    """Start, stop after this trial, abort now, or skip this trial."""
+    """A request to start, to stop after this trial, to abort now, or to skip this trial."""
 
     do: Literal["start", "stop", "abort", "skip"]
 
 
 class Note(Message):
-    """A text for the log."""
+    """A request to write a text of the experimenter into the log."""
 
     do: Literal["note"]
     text: Annotated[str, Field(min_length=1, max_length=2000)]
 
 
 class DeskKeyPress(Message):
-    """A key was pressed."""
+    """A message that a key was pressed on the experimenter's page."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
@@ -45,7 +45,7 @@ _ASKED: TypeAdapter[Any] = TypeAdapter(
 
 
 def ask(session: Session, text: str | None) -> bool:
-    """Carry out a request of the page; return whether it was a message."""
+    """Carry out a request of the experimenter's page, a JSON text; return whether it was valid."""
     try:
         asked = _ASKED.validate_json(text or "")
     except (ValidationError, UnicodeError):
@@ -61,7 +61,10 @@ def ask(session: Session, text: str | None) -> bool:
 
 
 def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
-    """Return what the page shows of a session; `whole` adds what never changes."""
+    """Return the facts of a session that the experimenter's page shows, ready for JSON.
+
+    whole: whether to add what never changes in a session.
+    """
     numbers, now = session.numbers, session.clock.read_time()
     waits = session.plan.start_key or session.plan.start_message
     status: dict[str, Any] = {
@@ -116,7 +119,7 @@ def _animals(session: Session, now: float) -> list[list[Any]]:
 
 
 async def attend(session: Session, connection: WebSocket) -> None:
-    """Serve an experimenter's page until it disconnects."""
+    """Serve an experimenter's page until it disconnects: take requests, send the status."""
     tells = asyncio.create_task(_tell(session, connection))
     try:
         while True:

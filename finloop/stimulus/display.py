@@ -32,14 +32,17 @@ class _StrictModel(BaseModel):
 
 
 class Square(_StrictModel):
-    """A square for a photodiode, black on even frames and white on odd ones."""
+    """A square in a corner for a photodiode, black on even frames, white on odd ones.
+
+    size_px: its side, px of the display.
+    """
 
     corner: Corner
     size_px: Pixels
 
 
 class DisplayCalibration(_StrictModel):
-    """A calibrated display.
+    """The calibration of a display: size of its pixels, brightness curve, place of its picture.
 
     px_per_mm: None = not measured. ratio: device px per CSS px. background: the film's empty tank,
     or one colour. gamma: what is sent (R, G, B) for each wanted level 0 … 255; None = the same.
@@ -77,7 +80,10 @@ def _turn(corners: tuple[Place, ...], number: int) -> float:
 
 
 def load_display(path: Path) -> DisplayCalibration:
-    """Read a display. FinloopError if the file is missing, broken, or of another version."""
+    """Read a display's calibration from a JSON file.
+
+    FinloopError if the file is missing, broken, or of another version.
+    """
     try:
         with path.open("rb") as file:
             content = file.read(_LARGEST + 1)
@@ -113,5 +119,5 @@ def _display_error(path: Path, error: ValidationError | UnicodeError) -> Finloop
 
 
 def save_display(path: Path, display: DisplayCalibration) -> None:
-    """Write a display, completely or not at all. FinloopError if the disk is full."""
+    """Write a display's calibration as JSON, or nothing. FinloopError if the disk is full."""
     save_bytes(path, (display.model_dump_json(indent=1) + "\n").encode())

@@ -28,10 +28,10 @@ States = NDArray[np.float32]
 
 
 def drawn_of(rows: Sequence[Any], bodies: Bodies) -> States:
-    """Return the states (fish, F) of rows of an edit list, or of the live tank, all of one tick.
+    """Return the states (fish, F) of one tick's rows, from an edit list or the live tank.
 
-    For a picture that is drawn as filmed the posture is the film's own; for two that are mixed it
-    is mixed, too. So both have the shape of the visible fish.
+    A picture that is drawn as filmed has the film's own posture; two that are cross-faded have a
+    mixed one, too. So both have the shape of the visible fish.
     """
     body = _bodies(rows, bodies, "", [row.source for row in rows])
     mixed = np.array([row.weight > 0 for row in rows], bool)

@@ -31,7 +31,7 @@ EARLY_S = 0.5
 
 
 class TankCanvas(NamedTuple):
-    """The empty tank (h, w) or (h, w, 3), and the largest picture of a fish, px."""
+    """The empty tank, (h, w) or (h, w, 3) uint8, and the size of the largest fish picture, px."""
 
     floor: NDArray[np.uint8]
     slot_width: int
@@ -39,11 +39,11 @@ class TankCanvas(NamedTuple):
 
     @property
     def channels(self) -> int:
-        """Return the channels of the floor; a picture has one more."""
+        """Return the floor's number of colour channels, 1 or 3; a fish's picture adds alpha."""
         return 1 if self.floor.ndim == 2 else 3
 
     def slots(self, fish: int, rate_hz: float) -> int:
-        """Return the number of slots: as many as memory allows, but at least those in use.
+        """Return how many fish pictures the page keeps: what memory allows, at least those in use.
 
         In use are two pictures a fish and tick, from sending until just after display.
         """
@@ -53,15 +53,16 @@ class TankCanvas(NamedTuple):
 
 
 def message(kind: str, payload: bytes = b"", **facts: Any) -> bytes:
-    """Return a message to the page."""
+    """Return a message to the page as bytes: length, JSON of `kind` and `facts`, payload."""
     text = json.dumps({"kind": kind, **facts}, separators=(",", ":")).encode()
     return len(text).to_bytes(4, "little") + text + payload
 
 
 class Feed:
-    """Makes the messages to a page, and keeps track of its pictures.
+    """Makes the messages to a display page, and keeps track of the pictures that the page has.
 
-    facts: of `hello`; picture: returns a picture of the film by its number.
+    facts: values of the message `hello`, of which `fish` (their number) and `rate` (ticks/s) are
+    required; picture: returns a picture of the film by its row.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class Feed:
         self._last: dict[int, bytes] = {}  # rows by tick, of the last ticks
 
     def begin(self) -> list[bytes]:
-        """Return all messages that a new page needs.
+        """Return all messages that a new page needs: hello, pictures, and the last ticks' states.
 
         They include at least one picture: with the first one the page prepares to draw, which takes
         a while.
@@ -93,7 +94,11 @@ class Feed:
     def rows(
         self, seq: int, tick: int, due_s: float, states: NDArray[np.float32], cut: bool = False
     ) -> list[bytes]:
-        """Return the states (fish, F) of a tick, after the pictures that the page still lacks."""
+        """Return the messages of one tick's states (fish, F): missing pictures, then the states.
+
+        seq: number of the message; tick: of the trial; due_s: when to show it, session time, s;
+        cut: whether states that were sent for this tick and later ones are void.
+        """
         made = self.pictures(states)
         rows = message("rows", states.tobytes(), seq=seq, tick=tick, due=due_s, cut=cut)
         self._last = {old: sent for old, sent in self._last.items() if tick - 64 < old < tick}
@@ -101,16 +106,16 @@ class Feed:
         return [*made, rows]
 
     def frame(self, number: int, states: NDArray[np.float32]) -> list[bytes]:
-        """Return a frame that was shown before, after the pictures that the page lacks for it."""
+        """Return the messages of a replayed frame (fish, F): missing pictures, then the states."""
         return [*self.pictures(states), message("frame", states.tobytes(), number=number)]
 
     def clear(self) -> bytes:
-        """Return the message that shows no fish."""
+        """Return the message after which the page shows no fish."""
         self._last = {}
         return message("clear")
 
     def pictures(self, states: NDArray[np.float32]) -> list[bytes]:
-        """Return the pictures of states (…, F) that the page lacks."""
+        """Return messages with the pictures that states (…, F) name and the page lacks."""
         made = []
         for number in np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist():
             if number < 0:

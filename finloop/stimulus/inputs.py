@@ -30,7 +30,7 @@ Hear = Callable[[str | None, str], None]
 
 
 def guard_input(hear: Hear, fail: Callable[[BaseException], None]) -> Hear:
-    """Wrap `hear` to report its errors to `fail`; asyncio would end the input silently."""
+    """Return `hear` with its errors passed to `fail`; asyncio would end the input silently."""
 
     def heard(text: str | None, source: str) -> None:
         try:
@@ -42,12 +42,18 @@ def guard_input(hear: Hear, fail: Callable[[BaseException], None]) -> Hear:
 
 
 async def open_udp(sock: socket.socket, hear: Hear, token: str | None) -> asyncio.BaseTransport:
-    """Listen on a bound UDP socket to JSON texts; closing the transport ends it."""
+    """Pass JSON texts that arrive at a bound UDP socket to `hear`; closing the transport ends it.
+
+    token: what each message must show; None: nothing.
+    """
     return await _open(sock, lambda content: [json_of(content, token)], "udp", hear)
 
 
 async def open_osc(sock: socket.socket, hear: Hear, token: str | None) -> asyncio.BaseTransport:
-    """Listen on a bound UDP socket to OSC; closing the transport ends it."""
+    """Pass OSC messages at a bound UDP socket to `hear` as JSON; closing the transport ends it.
+
+    token: what each message must show; None: nothing.
+    """
     return await _open(sock, lambda content: osc_of(content, token), "osc", hear)
 
 
@@ -73,7 +79,7 @@ class _Datagrams(asyncio.DatagramProtocol):
 
 
 def json_of(content: bytes | str, token: str | None) -> str | None:
-    """Return the text of a datagram, without its token; None if it or the token is invalid."""
+    """Return the JSON text of a datagram without its token; None if it or the token is invalid."""
     if len(content) > LONGEST:
         return None
     try:
@@ -97,7 +103,10 @@ def _same(claim: Any, token: str) -> bool:
 
 
 def osc_of(content: bytes, token: str | None) -> list[str | None]:
-    """Return the texts of an OSC packet, one a message; [None] if it is invalid."""
+    """Return the JSON texts of an OSC packet, one a message, None for an invalid one.
+
+    An invalid packet gives [None]. token: what each message must show; None: nothing.
+    """
     parts = [content] if not content.startswith(_BUNDLE) else list(_parts(content))
     if len(content) > LONGEST or not 0 < len(parts) <= MOST_AT_ONCE:
         return [None]

@@ -13,7 +13,7 @@ _TEXT = ("condition", "motion", "look", "change")
 
 
 def listing(protocol: Protocol, order: tuple[Trial, ...]) -> str:
-    """Return all trials, each condition, the duration, and the requirements."""
+    """Return a text that lists a protocol's duration, requirements, conditions and trials."""
     seconds = sum(trial.seconds for trial in order) + protocol.pause_s * (len(order) - 1)
     waits = "" if protocol.start == "auto" else " and the waits for a start"
     return "\n".join([
@@ -27,7 +27,7 @@ def listing(protocol: Protocol, order: tuple[Trial, ...]) -> str:
 
 
 def demands(protocol: Protocol) -> Iterator[str]:
-    """Yield what must be ready before a start, and what is sent out."""
+    """Yield a phrase for each requirement of a start: display, tracker, key, message, receivers."""
     display, animals = protocol.display, protocol.animals
     yield "a calibrated display" if display.calibrated else "any display, calibrated or not"
     if display.fish_mm is not None:

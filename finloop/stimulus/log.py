@@ -53,7 +53,11 @@ _MOST_TEXT = LONGEST  # characters that are kept of an input: all of a valid one
 
 
 class Log:
-    """Collects entries, and writes them to a journal. Entries may come from any thread."""
+    """Collects the entries of a session, and writes them to a journal. Any thread may add entries.
+
+    path: the journal's file; header: what is known when the session begins, as JSON values. trial:
+    number of the trial that entries belong to; None between trials.
+    """
 
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
         self._journal = Journal(path, SESSION, json.dumps(header))
@@ -63,25 +67,31 @@ class Log:
         self.trial: int | None = None
 
     def entry(self, kind: str, time_s: float, **values: Any) -> None:
-        """Add an entry of a tick, an input, a trial or an event."""
+        """Add an entry of a tick, an input, a trial or an event, with columns of `SESSION` by name.
+
+        time_s: session time, s; the number of the present trial is added.
+        """
         with self._lock:
             self._entries.append({"kind": kind, "time_s": time_s, "trial": self.trial, **values})
 
     def event(self, time_s: float, what: str, **facts: Any) -> None:
-        """Add an event."""
+        """Add an event at a session time, s: what happened, and facts about it, ready for JSON."""
         self.entry("event", time_s, text=json.dumps({"what": what, **facts}))
 
     def input(self, time_s: float, source: str, text: str, verdict: str) -> None:
-        """Add a message of a tracker."""
+        """Add a tracker's message: its arrival (session time, s), sender, text and verdict."""
         self.entry("input", time_s, source=source, text=text[:_MOST_TEXT], verdict=verdict)
 
     def frame(self, facts: NDArray[np.float64], drawn: NDArray[np.float32]) -> None:
-        """Add a displayed frame: FRAME_FIELDS numbers, and its fish (fish, F)."""
+        """Add a displayed frame: its FRAME_FIELDS numbers, and the states (fish, F) of its fish.
+
+        facts: number, intended, shown, drawn (s), seq, dropped, count of fish, digest.
+        """
         with self._lock:
             self._frames.append((-1 if self.trial is None else self.trial, facts, drawn))
 
     def keep(self) -> None:
-        """Write all entries to the disk; call it in a thread, as a disk may be slow."""
+        """Write all new entries to the disk; call it in a thread, as a disk may be slow."""
         with self._keeping:
             with self._lock:
                 entries, self._entries = self._entries, []
@@ -96,7 +106,7 @@ class Log:
                 self._journal.keep(parts)
 
     def close(self) -> None:
-        """Write all entries, and end the journal."""
+        """Write all remaining entries, and close the journal."""
         self.keep()
         self._journal.close()
 
@@ -147,9 +157,9 @@ def _array(values: Any, kind: pa.DataType, rows: int) -> pa.Array:
 
 
 def frames_of(message: bytes, width: int) -> list[tuple[Floats, NDArray[np.float32]]]:
-    """Return the records of displayed frames in a page's message, of `width` numbers a fish.
+    """Return the displayed frames in a page's message: FRAME_FIELDS facts, states (fish, width).
 
-    ValueError where it is no such message.
+    width: values of a fish's state. ValueError where the message holds no such records.
     """
     frames, at = [], 0
     while at < len(message):
@@ -167,6 +177,6 @@ def frames_of(message: bytes, width: int) -> list[tuple[Floats, NDArray[np.float
 
 
 def digest_of(states: NDArray[np.float32]) -> int:
-    """Return a digest of states of fish, 62 bits."""
+    """Return a digest of states of fish, a whole number of 62 bits."""
     whole = hashlib.blake2b(np.ascontiguousarray(states, "<f4").tobytes(), digest_size=8)
     return int.from_bytes(whole.digest(), "little") >> 2

@@ -10,10 +10,11 @@ _RECENT = 512  # values kept of each
 
 @dataclass
 class Numbers:
-    """The last latencies and errors, ms, and counts.
+    """The last latencies of a running session, ms, and its counts of frames and messages.
 
     planned, drawn: from an input to the planned reaction, and to the frame that shows it; ticks:
-    how much later ticks were planned than due; heard: messages of trackers by verdict.
+    how much later ticks were planned than due; frames, dropped, late: displayed, missed, and drawn
+    too late; bad: invalid messages of pages; heard: messages of trackers by verdict.
     """
 
     planned: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
@@ -27,7 +28,7 @@ class Numbers:
 
 
 def percentiles(values: deque[float]) -> tuple[float, float]:
-    """Return median and 99th percentile; NaN if there are no values."""
+    """Return the median and the 99th percentile of values, in their unit; NaN if there are none."""
     if not values:
         return float("nan"), float("nan")
     median, most = np.percentile(np.array(values), [50, 99])

@@ -24,9 +24,9 @@ _WORD = 2**64
 
 
 class Trial(NamedTuple):
-    """A trial: its number from 1, block and repeat (of its condition) from 1.
+    """A trial: its number, its block and its condition's repeat, each counted from 1.
 
-    seconds: its duration; seed: of its motion.
+    condition: its name; seconds: its duration; seed: of its motion.
     """
 
     number: int
@@ -38,7 +38,7 @@ class Trial(NamedTuple):
 
 
 def trials(protocol: Protocol) -> tuple[Trial, ...]:
-    """Return all trials in their order."""
+    """Return all trials of a protocol in the order in which they are shown."""
     names, draws = list(protocol.conditions), _Draws(protocol.seed)
     if protocol.order == "given":
         order = names * protocol.repeats
@@ -56,14 +56,17 @@ def trials(protocol: Protocol) -> tuple[Trial, ...]:
 
 
 def source(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
-    """Return the trial whose motion a trial repeats, if none is skipped."""
+    """Return the trial whose motion a trial repeats, the latest before it; None if there is none.
+
+    order: all trials, none of them skipped.
+    """
     again = protocol.conditions[trial.condition].motion.again
     before = reversed(order[: trial.number - 1])
     return next((one for one in before if one.condition == again), None)
 
 
 def trigger_text(trigger: Trigger, trial: Trial) -> str:
-    """Return the text of a trigger, for a trial."""
+    """Return a trigger's text with the trial's number, condition, block and repeat filled in."""
     return trigger.text.format(
         trial=trial.number, condition=trial.condition, block=trial.block, repeat=trial.repeat,
         at=trigger.at,

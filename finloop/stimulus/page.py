@@ -29,18 +29,18 @@ _PLAIN: dict[str, Any] = {"as": "fish", "contrast": 1.0, "size": 1.0, "colour": 
 
 
 def script(*names: str) -> str:
-    """Return the scripts of these names as one."""
+    """Return the JavaScript files `names` of `page/`, joined to one strict script."""
     return '"use strict";\n' + "\n".join(_read(name) for name in names)
 
 
 def display_page() -> str:
-    """Return the page in front of the animals, which gets its content from the session's server."""
+    """Return the HTML of the page in front of the animals; a server sends its content."""
     code = script(*DRAWING, "levels.js", "panel.js", "display.js")
     return _read("display.html").replace("/*script*/", code)
 
 
 def experimenter_page() -> str:
-    """Return the page of the experimenter."""
+    """Return the HTML of the experimenter's page."""
     return _read("experimenter.html")
 
 
@@ -48,10 +48,11 @@ def alone_page(
     title: str, rate: float, floor: Picture, pictures: Mapping[int, PagePicture], motion: States,
     looks: Sequence[dict[str, Any]] = (_PLAIN,), loops: bool = True,
 ) -> str:  # fmt: skip
-    """Return a page that plays a motion (ticks, fish, F) by itself, for ever if `loops`.
+    """Return the HTML of a page that plays a motion (ticks, fish, F) alone, for ever if `loops`.
 
-    rate: ticks/s; floor: the empty tank; pictures: all that the motion names, by number. It needs
-    no server and no network. FinloopError if a picture or all ticks are missing.
+    rate: ticks/s; floor: the empty tank, (h, w) or (h, w, 3) uint8; pictures: all that the motion
+    names, by row of the film; looks: each as `Look.message`. It needs no server and no network.
+    FinloopError if a picture or all ticks are missing.
     """
     _refuse(pictures, motion)
     data = _pack_data(rate, floor, pictures, motion, list(looks), loops)

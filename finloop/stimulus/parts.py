@@ -68,7 +68,7 @@ class Part(BaseModel):
 
 
 class Motion(Part):
-    """What the fish do: exactly one of these."""
+    """What the fish do: exactly one of these fields is given."""
 
     goal: Place | None = None
     """All fish swim to one goal, then wander: x, y, shares (0..1) of the tank's width and height
@@ -100,17 +100,17 @@ class Motion(Part):
 
     @property
     def file(self) -> Path:
-        """Return the file of a path."""
+        """Return the path's file, in the protocol's folder."""
         return self._folder / (self.path or "")
 
     @property
     def kind(self) -> str:
-        """Return which of the fields is given."""
+        """Return the name of the one field that is given."""
         return next(name for name in Motion.model_fields if getattr(self, name) is not None)
 
     @property
     def text(self) -> str:
-        """Return its own text, the same for motions that are the same."""
+        """Return the motion as JSON text, the same for motions that are the same."""
         values = self.model_dump(mode="json", exclude_defaults=True)
         return json.dumps(values, sort_keys=True, separators=(",", ":"))
 
@@ -135,7 +135,7 @@ class Look(Part):
 
     @property
     def message(self) -> dict[str, Any]:
-        """Return the look for the display's page: as, contrast, size, colour."""
+        """Return the look for the display's page, ready for JSON: as, contrast, size, colour."""
         return self.model_dump(mode="json", by_alias=True)
 
 
@@ -157,7 +157,7 @@ class Change(Part):
 
 
 class Condition(Part):
-    """What is shown in a trial."""
+    """What is shown in a trial: a motion, how it is changed, and how the fish look."""
 
     seconds: Annotated[float, Field(ge=0.1, le=86_400)]
     """Duration of a trial, s, 0.1..86400, fades included. A motion at twice the speed is shown as
@@ -171,7 +171,7 @@ class Condition(Part):
 
 
 class Display(Part):
-    """Requirements of the display."""
+    """What a protocol requires of the display."""
 
     fish_mm: Annotated[float, Field(gt=0, le=10_000)] | None = None
     """Length of a fish on the display, mm, above 0; null: from the display's calibration."""

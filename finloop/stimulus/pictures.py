@@ -18,9 +18,10 @@ _SMALLER = 0.75  # below this drawn size a picture is shrunk beforehand: else it
 
 
 class PagePicture(NamedTuple):
-    """A picture (h, w, 2 or 4) uint8, premultiplied, and the animal in it, in its own px.
+    """A picture (h, w, 2 or 4) uint8, grey or RGB with alpha, premultiplied, and the animal in it.
 
-    line: x, y of the mass centre, heading in radians, size; posture: of the animal.
+    line: x, y of the mass centre (px of the picture), heading (rad), size (px); posture: of the
+    animal, as in `finloop.puppet.pose`.
     """
 
     pixels: Picture
@@ -29,10 +30,10 @@ class PagePicture(NamedTuple):
 
 
 def typical(pictures: Iterable[PagePicture]) -> dict[str, Any]:
-    """Return medians of pictures that dots and silhouettes share, so that they do not flicker.
+    """Return the medians, over pictures, of a fish's area and of its darkest colour.
 
-    area: of a fish, as a share of its squared size; dark: red, green, blue of its darkest
-    twentieth.
+    Dots and silhouettes share them, so that they do not flicker. area: share of the fish's squared
+    size; dark: red, green, blue (0 … 255) of its darkest twentieth.
     """
     areas, colours = [], []
     for one in pictures:
@@ -49,7 +50,10 @@ def typical(pictures: Iterable[PagePicture]) -> dict[str, Any]:
 
 
 class PagePictures:
-    """Pictures by their number, a row of the film. shrink: drawn size / filmed size."""
+    """The film's pictures for the display's page: a call with a row of the film returns one.
+
+    shrink: drawn size / filmed size; much smaller fish get smaller pictures.
+    """
 
     def __init__(self, gallery: Gallery, shrink: float = 1.0) -> None:
         self._gallery, self._shrink = gallery, shrink if shrink < _SMALLER else 1.0
@@ -63,17 +67,17 @@ class PagePictures:
         return height, width
 
     def typical(self) -> dict[str, Any]:
-        """Return `typical` of pictures from all over the film."""
+        """Return a typical fish's area and darkest colour, as `typical` does, of the film."""
         count = len(self._gallery.shelves[FRAME].centres_px)
         return typical(self(number) for number in range(0, count, max(1, count // _SAMPLE)))
 
     def load_pictures(self, states: States) -> dict[int, PagePicture]:
-        """Load all pictures that states (…, F) name, by their numbers."""
+        """Return all pictures that states (…, F) name, by their rows of the film."""
         named = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
         return {number: self(number) for number in named if number >= 0}
 
     def __call__(self, number: int) -> PagePicture:
-        """Return a picture. FinloopError if its file is damaged."""
+        """Return the picture of a row of the film. FinloopError if its file is damaged."""
         shelf, bodies = self._gallery.shelves[FRAME], self._gallery.bodies
         assert bodies is not None
         cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
@@ -88,7 +92,10 @@ class PagePictures:
 def shrunk(
     pixels: NDArray[np.uint8], share: float
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
-    """Return a smaller picture, each pixel a mean of those it covers, and its scale in x, y."""
+    """Return a picture (h, w, c) shrunk to `share` of its size, and its exact scale in x and y.
+
+    Each new pixel is the mean of those it covers. From a share of 1 on nothing changes.
+    """
     if share >= 1:
         return pixels, (1.0, 1.0)
     height, width = pixels.shape[:2]

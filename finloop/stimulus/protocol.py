@@ -96,12 +96,12 @@ class Protocol(Part):
 
     @property
     def start_key(self) -> str | None:
-        """Return the key that starts a trial, by its name in the browser."""
+        """Return the key that starts a trial, by its name in the browser; None: no key does."""
         return None if self.start == "auto" else self.start.key
 
     @property
     def start_message(self) -> str | None:
-        """Return the name of the message that starts a trial."""
+        """Return the name of the message that starts a trial; None: no message does."""
         return None if self.start == "auto" else self.start.message
 
     @property
@@ -111,7 +111,7 @@ class Protocol(Part):
 
     @property
     def looks(self) -> list[Look]:
-        """Return all looks, each once; the display's page has their messages."""
+        """Return all looks of the conditions, each once; a state names a look by its index."""
         looks: list[Look] = []
         for condition in self.conditions.values():
             looks += [condition.look] * (condition.look not in looks)
@@ -119,14 +119,17 @@ class Protocol(Part):
 
 
 def motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
-    """Return the seed (53 bits) of a trial's motion: from protocol seed, motion and repeat."""
+    """Return the seed (53 bits) of a trial's motion, from protocol seed, motion and repeat.
+
+    condition: its name; repeat: of the condition, from 1.
+    """
     motion = protocol.conditions[condition].motion.text
     text = json.dumps([protocol.seed, motion, repeat])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()) >> (256 - 53)
 
 
 def load_protocol(path: Path) -> Protocol:
-    """Return the protocol in a file; FinloopError lists all that is wrong, line by line."""
+    """Read a protocol from a YAML file; FinloopError lists all that is wrong, line by line."""
     text = _read(path)
     if text.values is None:
         raise _refusal(str(path), text.problems)
@@ -139,7 +142,7 @@ def load_protocol(path: Path) -> Protocol:
 
 
 def protocol_of(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
-    """Return the protocol of values, as in a file; FinloopError lists all that is wrong.
+    """Return the protocol with the values of a YAML file; FinloopError lists all that is wrong.
 
     folder: where its relative paths begin.
     """
@@ -252,7 +255,10 @@ def _format_problem(place: Place, what: str) -> str:
 
 
 def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
-    """Yield what is allowed alone, but not together. names: of all conditions, valid or not."""
+    """Yield the place and a description of each problem between fields that are valid alone.
+
+    names: of all conditions of the file, valid or not.
+    """
     if len(names) * protocol.repeats > MOST_TRIALS:
         yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
     if protocol.display.fish_mm is not None and not protocol.display.calibrated:

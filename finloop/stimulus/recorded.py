@@ -21,7 +21,7 @@ NAME = "recorded"
 
 
 class Spoiled(NamedTuple):
-    """Faults of the connection.
+    """The faults of a tracker's connection.
 
     loss: share of the messages that never arrive, 0..1; jitter_s: the largest delay of the others,
     which may overtake each other; gap_s: silence of the tracker after every `every_s` of the track;
@@ -39,11 +39,11 @@ def messages(
     line: Line, rate_hz: float | None, tank: TankGeometry, spoiled: Spoiled | None = None,
     calibration: Calibration = PX, mm_per_px: float | None = None,
 ) -> Iterator[tuple[float, str]]:  # fmt: skip
-    """Yield when each message arrives, s from the beginning of the track, and its text; in order.
+    """Yield a tracker's messages about a recorded track: arrival (s from its beginning), JSON text.
 
-    line: with times; the track is sampled at `rate_hz`, or at its own times. calibration: of the
-    imitated tracker. FinloopError if the line has no times, or is in mm and the film's scale is not
-    known.
+    They come in order of arrival. line: places with times; rate_hz: messages per second, None: one
+    at each time of the line; spoiled: faults, None: none; calibration: of the imitated tracker.
+    FinloopError if the line has no times, or is in mm and the film's scale is not known.
     """
     time_s, way = _sample_track(line, rate_hz, _px_of(line, tank, mm_per_px))
     spoiled = spoiled or Spoiled()

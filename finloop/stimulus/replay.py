@@ -34,18 +34,18 @@ _WANTED = "the .parquet file of a session, whole, of this version"
 
 @dataclass(frozen=True)
 class Record:
-    """A session's file. header: what was known at its beginning."""
+    """A session's Parquet file, and its header: what was known when the session began."""
 
     path: Path
     header: dict[str, Any]
 
     @property
     def file(self) -> pq.ParquetFile:
-        """Return the file, opened again."""
+        """Open the session's Parquet file once more and return it."""
         return pq.ParquetFile(self.path)
 
     def rows(self, *kinds: str) -> Iterator[dict[str, Any]]:
-        """Yield all rows of some kinds, in the order of the log."""
+        """Yield all rows of these kinds in the log's order, as dicts without the states of fish."""
         names = [name for name in SESSION.names if name not in (*FIELDS, "posture")]
         for part in self.file.iter_batches(columns=names):
             kept = part.filter(pc.is_in(part["kind"], pa.array(kinds)))
@@ -53,7 +53,7 @@ class Record:
 
 
 def open_record(path: Path) -> Record:
-    """Return a session's file. FinloopError if it is none, cut off, or of another version."""
+    """Open a session's Parquet file. FinloopError if it is none, cut off, or of another version."""
     try:
         file = pq.ParquetFile(path)
     except (OSError, pa.ArrowException) as error:
@@ -76,7 +76,10 @@ def open_record(path: Path) -> Record:
 
 
 class Frame(NamedTuple):
-    """A displayed frame: its number, when it was shown (s), its digest, and its fish (fish, F)."""
+    """A displayed frame: number, session time (s) when shown, digest of its pixels, its fish.
+
+    states: (fish, F).
+    """
 
     number: int
     shown_s: float
@@ -85,7 +88,7 @@ class Frame(NamedTuple):
 
 
 def frames_of(record: Record) -> Iterator[Frame]:
-    """Yield every frame that was displayed."""
+    """Yield every displayed frame of a session, with the states of its fish."""
     columns = ["kind", "time_s", "number", "digest", "fish", *FIELDS, "posture"]
     heads: list[tuple[int, float, int]] = []
     fish: dict[int, list[NDArray[np.float32]]] = {}
@@ -119,14 +122,14 @@ def _make_frame(number: int, shown: float, digest: int, fish: dict[int, Any]) ->
 
 
 class Planned(NamedTuple):
-    """The result of planning a session again: planned ticks, and those that differ."""
+    """The result of planning a session again: how many ticks were planned, and how many differ."""
 
     ticks: int
     different: int
 
 
 def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> Planned:
-    """Plan a session again, from the logged inputs, and compare every tick.
+    """Plan a session again from its logged inputs; return how many ticks differ from the log's.
 
     scene: of the same film and parameters; plan: the protocol in the session's header.
     """

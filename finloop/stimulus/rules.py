@@ -68,9 +68,9 @@ class RuleSpec(BaseModel):
 
 
 class TankGeometry(NamedTuple):
-    """The tank as rules need it, px. length_px: of a fish.
+    """The tank as rules need it: its width and height, and the body length of a fish, px.
 
-    into: returns the nearest place where the centre of a fish can be.
+    into: returns the place nearest to x, y (px) where the centre of a fish can be.
     """
 
     width: float
@@ -80,26 +80,26 @@ class TankGeometry(NamedTuple):
 
 
 class Present(Protocol):
-    """An animal that is present."""
+    """A live animal that is present, in the tank's picture."""
 
     @property
     def id(self) -> str:
-        """Return its name."""
+        """Return the animal's id, as the tracker names it."""
         ...
 
     @property
     def x(self) -> float:
-        """Return its place, px."""
+        """Return the animal's x, px to the right."""
         ...
 
     @property
     def y(self) -> float:
-        """Return its place, px."""
+        """Return the animal's y, px downwards."""
         ...
 
     @property
     def heading_rad(self) -> float | None:
-        """Return its heading; None while it is unknown."""
+        """Return the animal's heading, rad anticlockwise as seen; None while it is unknown."""
         ...
 
 
@@ -107,18 +107,19 @@ class Known(Protocol):
     """The known animals: `finloop.stimulus.animals.LiveAnimals`, or a test's."""
 
     def present_animals(self, now_s: float) -> Sequence[Present]:
-        """Return the animals that are present at a time."""
+        """Return the animals that are present at a session time, s."""
         ...
 
     def past(self, id: str, time_s: float) -> tuple[float, float] | None:
-        """Return where an animal was at a time; None: unknown."""
+        """Return where an animal was (x, y px) at a session time, s; None: unknown."""
         ...
 
 
 def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: TankGeometry) -> Aim | None:
-    """Return the place that a fish swims to; None: it wanders, without an animal or far from it.
+    """Return the place (x, y px) that a rule sends a fish to; None: the fish wanders.
 
-    own: x, y, heading_rad of the fish; now_s: the session's time.
+    It wanders without an animal, and in the rule `avoid` also far from it. own: x, y (px), heading
+    (rad) of the fish; now_s: session time, s.
     """
     animal = _animal(rule.animal, own, animals.present_animals(now_s))
     if animal is None:
@@ -139,7 +140,7 @@ def aim(rule: RuleSpec, own: Own, animals: Known, now_s: float, tank: TankGeomet
 
 
 def mirror_place(place: Aim, axis: str, tank: TankGeometry) -> Aim:
-    """Mirror a place about the tank's middle: see `RuleSpec.axis`."""
+    """Return the mirror image (x, y px) of a place in the tank; axis: see `RuleSpec.axis`."""
     x, y = place
     return tank.width - 1 - x if axis != "y" else x, tank.height - 1 - y if axis != "x" else y
 

@@ -38,7 +38,11 @@ Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
 
 
 class Ready(Message):
-    """A display has connected. width, height: px of its window; ratio: device px per CSS px."""
+    """A page's message that a display has connected.
+
+    width, height: px of its window; ratio: device px per CSS px; renderer, agent: its graphics
+    hardware and its browser.
+    """
 
     do: Literal["ready"]
     width: Pixels
@@ -49,28 +53,28 @@ class Ready(Message):
 
 
 class Ping(Message):
-    """A request for the session's time. sent: ms of the page's clock."""
+    """A page's request for the session's time. sent: ms of the page's clock."""
 
     do: Literal["ping"]
     sent: Number
 
 
 class DisplayKeyPress(Message):
-    """A key was pressed at the display."""
+    """A page's message that a key was pressed at the display."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
 class Calibrated(Message):
-    """The display's calibration, to be stored."""
+    """A page's message with the display's new calibration, to be stored."""
 
     do: Literal["display"]
     display: DisplayCalibration
 
 
 class Hidden(Message):
-    """Whether the page is hidden behind another."""
+    """A page's message that it is now hidden behind another (`on`), or visible again."""
 
     do: Literal["hidden"]
     on: bool
@@ -82,14 +86,14 @@ _SAID: TypeAdapter[Any] = TypeAdapter(
 
 
 class Screen:
-    """A display page that is connected."""
+    """A display page that is connected, and the queue of messages to it."""
 
     def __init__(self, connection: WebSocket) -> None:
         self.connection, self.ready = connection, False
         self.waiting: asyncio.Queue[bytes | str] = asyncio.Queue(_WAITING)
 
     def send(self, content: bytes | str) -> bool:
-        """Queue a message; return whether there is room for it."""
+        """Queue a message to the page; return whether there was room for it."""
         with contextlib.suppress(asyncio.QueueFull):
             self.waiting.put_nowait(content)
             return True
@@ -109,7 +113,8 @@ class Screen:
 class DisplayHub:
     """Takes the messages of display pages; the session, or a replay, overrides what it needs.
 
-    The page that came first is the display; records of others' frames are not taken.
+    The page that came first is the display; the others mirror it, and their records of displayed
+    frames are ignored.
     """
 
     feed: Feed
@@ -125,7 +130,7 @@ class DisplayHub:
         task.add_done_callback(self._beside.discard)
 
     def session_time(self) -> float:
-        """Return the session's time, s."""
+        """Return the present session time, s."""
         return time.perf_counter()
 
     def send(self, content: bytes) -> None:
@@ -136,7 +141,7 @@ class DisplayHub:
                 self.beside(_end(screen.connection))
 
     def handle_message(self, screen: Screen, wish: Any) -> None:
-        """Handle a message of a display page."""
+        """Answer a parsed message of a display page, or pass it to the method for its kind."""
         match wish:
             case Ready():
                 for content in self.feed.begin():
@@ -153,13 +158,13 @@ class DisplayHub:
                 self.set_hidden(wish.on)
 
     def came(self, ready: Ready) -> None:
-        """Handle a display that has connected."""
+        """Handle a display that has connected. ready: what its page reports."""
 
     def handle_disconnect(self) -> None:
         """Handle a display that has disconnected."""
 
     def key(self, key: str) -> None:
-        """Handle a key press."""
+        """Handle a key press at the display. key: its name in the browser."""
 
     def store_calibration(self, display: DisplayCalibration) -> None:
         """Store a calibration of the display."""
@@ -168,14 +173,14 @@ class DisplayHub:
         """Note that a page is hidden, or visible again."""
 
     def frames(self, content: bytes) -> None:
-        """Take records of displayed frames."""
+        """Take a page's records of displayed frames (see `finloop.stimulus.log.frames_of`)."""
 
     def bad(self) -> None:
-        """Count an invalid message."""
+        """Count an invalid message of a page."""
 
 
 async def attend(stage: DisplayHub, connection: WebSocket) -> None:
-    """Serve a display page until it disconnects."""
+    """Serve a display page until it disconnects: pass on its messages and those to it."""
     screen = Screen(connection)
     stage.screens.append(screen)
     delivers = asyncio.create_task(screen.deliver())
@@ -205,7 +210,7 @@ async def attend(stage: DisplayHub, connection: WebSocket) -> None:
 
 
 def parse_message(text: str | None) -> Any:
-    """Parse a message of a display page; return None where it is no message."""
+    """Return the message in a display page's JSON text; None where it is invalid."""
     try:
         return _SAID.validate_json(text or "")
     except (ValidationError, UnicodeError):
@@ -213,7 +218,7 @@ def parse_message(text: str | None) -> Any:
 
 
 async def cancel_task(task: "asyncio.Task[None]") -> None:
-    """Cancel a task, and wait for it."""
+    """Cancel a task, and wait until it has ended."""
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await task
@@ -231,11 +236,11 @@ def app(
     door: Door, pages: dict[str, str], sockets: dict[str, tuple[Handler, int, bool]],
     tasks: Callable[[], list[Coroutine[Any, Any, None]]], fail: Callable[[Any], None],
 ) -> Starlette:  # fmt: skip
-    """Return the application.
+    """Return a web application of pages, WebSockets and tasks that run beside them.
 
     pages: HTML by path; sockets: by path the handler of a WebSocket, the largest number of
-    connections, and whether programs that are no pages may open one; tasks: what runs beside; fail:
-    called with the error that ended one of them.
+    connections, and whether programs that are no pages may open one; tasks: returns what runs
+    beside; fail: called with the error that ended a task.
     """
     open_now = dict.fromkeys(sockets, 0)
 

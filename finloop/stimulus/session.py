@@ -36,19 +36,23 @@ _JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
 
 
 class Clock(Protocol):
-    """The session's clock, s."""
+    """The session's clock, which counts seconds."""
 
     def read_time(self) -> float:
         """Return the present time, s."""
         ...
 
     async def until(self, time_s: float) -> None:
-        """Wait until a time; return at once if it is past."""
+        """Wait until a session time, s; return at once if it is past."""
         ...
 
 
 class Session:
-    """Runs a protocol."""
+    """Runs the trials of a protocol: plans, sends and logs every tick, and takes all inputs.
+
+    scene: what all trials share; plan: the protocol; trials: in their order; feed: makes the
+    messages to the display pages; log, clock: of the session.
+    """
 
     def __init__(
         self, scene: TrialContext, plan: Plan, trials: tuple[Trial, ...], feed: Feed, log: Log,
@@ -83,9 +87,10 @@ class Session:
         self._wall: float | None = None
 
     def attach(self, send: Callable[[bytes], None], out: Callable[[str, str], str | None]) -> None:
-        """Connect the outputs. send: a message to all display pages; out: a trigger to a receiver.
+        """Connect the outputs: display pages, and receivers of triggers.
 
-        `out` takes receiver and text, and returns what went wrong.
+        send: sends a message to all display pages; out: takes a trigger's receiver and text, sends
+        it, and returns what went wrong.
         """
         self._send, self._out = send, out
 
@@ -115,7 +120,7 @@ class Session:
         self._permit.set()
 
     def note(self, text: str) -> None:
-        """Log a text of the experimenter."""
+        """Log a note of the experimenter."""
         self._note("note", text=text)
 
     def key(self, key: str) -> None:
@@ -125,7 +130,7 @@ class Session:
             self._permit.set()
 
     def trouble(self, what: str, **facts: Any) -> None:
-        """Report a problem to the experimenter, and log it."""
+        """Show a problem to the experimenter, and log it with the facts about it."""
         self._note(what, **facts)
         words = ", ".join(f"{name} {value}" for name, value in facts.items())
         self.messages.append(
@@ -138,7 +143,10 @@ class Session:
     # --- live animals
 
     def hear(self, text: str | bytes | None, source: str) -> None:
-        """Take a message of a tracker; fish react before this returns."""
+        """Take a message of a tracker, or one that starts a trial; fish react before this returns.
+
+        source: the sender.
+        """
         arrived = self.clock.read_time()
         name = trigger_of(text)
         if name is not None:
@@ -163,7 +171,7 @@ class Session:
     # --- display
 
     def frames(self, message: bytes) -> None:
-        """Take records of displayed frames from a page."""
+        """Log a page's records of displayed frames, and count missed and late ones."""
         try:
             frames = frames_of(message, self.scene.width)
         except ValueError:
@@ -186,13 +194,16 @@ class Session:
                     del self._waits[waiting]
 
     def display_came(self, facts: dict[str, Any]) -> None:
-        """Handle a display that has connected. A page counts its frames from 0; the log goes on."""
+        """Note that a display has connected, with facts about it.
+
+        A page counts its frames from 0; the log's numbers go on.
+        """
         self._first = (self._frame // 2 + 1) * 2 if self._frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
         self._note("display", **facts)
 
     def display_left(self) -> None:
-        """Handle a display that has disconnected."""
+        """Note that a display has disconnected."""
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
@@ -205,11 +216,11 @@ class Session:
         self.trouble("the display's page is hidden" if on else "the display's page is seen again")
 
     def left_s(self, now: float) -> float | None:
-        """Return how long the trial still lasts, s; None where none runs."""
+        """Return how long the trial still lasts, s; None where none runs. now: session time, s."""
         return None if self._ends is None else round(max(0.0, self._ends - now), 1)
 
     def look(self, wall_s: float) -> None:
-        """Compare the computer's clock with the session's."""
+        """Report a jump of the computer's clock against the session's. wall_s: s since 1970."""
         wall = wall_s - self.clock.read_time()
         if self._wall is not None and abs(wall - self._wall) > _JUMP_S:
             self.trouble("the computer's clock jumped", seconds=round(wall - self._wall, 3))
@@ -218,7 +229,7 @@ class Session:
     # --- trials
 
     async def run(self) -> None:
-        """Run all trials, from `start` on."""
+        """Run all trials, once `start` is called; return when the session has ended."""
         await self._begun.wait()
         self._note("begin", wall=datetime.now().astimezone().isoformat())
         gc.freeze()  # present objects are not scanned again after each trial

@@ -32,14 +32,17 @@ class RealClock:
         return time.perf_counter() - self._zero
 
     async def until(self, time_s: float) -> None:
-        """Wait until a time."""
+        """Wait until a time, s since the clock's creation."""
         while (left := time_s - self.read_time()) > 0:
             # The loop's own timer may be a millisecond late: wait for the rest step by step.
             await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
 
 
 class SessionHub(DisplayHub):
-    """Connects a session with its displays. store: where calibrations go."""
+    """Connects a session with its display pages and its trackers.
+
+    name: of the display; store: the file that its calibration is written to.
+    """
 
     def __init__(self, session: Session, name: str, store: Path) -> None:
         super().__init__()
@@ -47,11 +50,11 @@ class SessionHub(DisplayHub):
         self._listeners: set[WebSocket] = set()
 
     def session_time(self) -> float:
-        """Return the session's time, s."""
+        """Return the present session time, s."""
         return self.session.clock.read_time()
 
     def came(self, ready: Ready) -> None:
-        """Handle a display that has connected."""
+        """Tell the session that a display has connected, and what is known of it."""
         known = self.feed.facts.get("display")
         facts = {
             "name": self._name, **ready.model_dump(exclude={"do"}), "calibrated": bool(known),
@@ -60,11 +63,11 @@ class SessionHub(DisplayHub):
         self.session.display_came(facts)
 
     def handle_disconnect(self) -> None:
-        """Handle a display that has disconnected."""
+        """Tell the session that a display has disconnected."""
         self.session.display_left()
 
     def key(self, key: str) -> None:
-        """Handle a key press."""
+        """Tell the session that a key was pressed at the display."""
         self.session.key(key)
 
     def store_calibration(self, display: DisplayCalibration) -> None:
@@ -81,15 +84,15 @@ class SessionHub(DisplayHub):
         self.session.set_hidden(on)
 
     def frames(self, content: bytes) -> None:
-        """Take records of displayed frames."""
+        """Pass a page's records of displayed frames to the session."""
         self.session.frames(content)
 
     def bad(self) -> None:
-        """Count an invalid message."""
+        """Count an invalid message of a page."""
         self.session.numbers.bad += 1
 
     async def track(self, connection: WebSocket) -> None:
-        """Serve a tracker at the WebSocket /animals until it disconnects."""
+        """Serve a tracker at the WebSocket /animals until it disconnects: pass its messages on."""
         client = connection.client
         source = f"ws://{client.host}:{client.port}" if client else "ws"
         self._listeners.add(connection)
@@ -104,7 +107,7 @@ class SessionHub(DisplayHub):
             self._listeners.discard(connection)
 
     def tell(self, text: str) -> None:
-        """Send a trigger to all programs connected to /animals."""
+        """Send a trigger's text to all programs connected to /animals."""
         for connection in self._listeners:
             self.beside(_say(connection, text))
 
@@ -115,7 +118,10 @@ async def _say(connection: WebSocket, text: str) -> None:
 
 
 class CalibrationHub(DisplayHub):
-    """Calibrates a display without a session. done: called when the calibration is stored."""
+    """Calibrates a display without a session.
+
+    store: the file that the calibration is written to; done: called when it is stored.
+    """
 
     def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
         super().__init__()
@@ -129,9 +135,11 @@ class CalibrationHub(DisplayHub):
 
 
 class Replay(DisplayHub):
-    """Replays a session. quick: as fast as the page draws, not at the rate of the session.
+    """Replays a session's frames on a display, and compares what is drawn with the session's log.
 
-    different: numbers of frames whose pixels differ from the session's, where these are known.
+    quick: as fast as the page draws, not at the rate of the session. shown, compared: how many
+    frames were drawn again, and had their pixels compared; different: numbers of the frames whose
+    states or pixels differ from the log's; ended: set when all frames are drawn.
     """
 
     def __init__(self, feed: Feed, frames: Iterator[Frame], quick: bool) -> None:
@@ -144,11 +152,11 @@ class Replay(DisplayHub):
         self.ended = asyncio.Event()
 
     def came(self, ready: Ready) -> None:
-        """Handle a display that has connected: the replay begins."""
+        """Begin the replay, as a display has connected."""
         self._there.set()
 
     def frames(self, content: bytes) -> None:
-        """Take records of frames that were drawn again."""
+        """Compare a page's records of frames that were drawn again with the session's."""
         try:
             width = POSTURE + self.feed.facts["posture"]
             for facts, states in frames_of(content, width):
@@ -168,7 +176,7 @@ class Replay(DisplayHub):
             self.different.append(number)
 
     async def run(self) -> None:
-        """Send all frames, once a display has connected."""
+        """Send all frames once a display has connected; set `ended` when drawn, or 10 s later."""
         await self._there.wait()
         async for frame in self._pace_frames():
             while len(self._wanted) >= _AHEAD and self._quick:
@@ -196,7 +204,7 @@ class Replay(DisplayHub):
 
 
 def again_and_again(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
-    """Yield the messages of a recorded track for ever; a round begins a second after the last."""
+    """Yield a track's messages (arrival in s, JSON text) for ever, a second between rounds."""
     begin = 0.0
     while messages:
         for due, text in messages:
@@ -206,9 +214,10 @@ def again_and_again(messages: list[tuple[float, str]]) -> Iterator[tuple[float, 
 
 
 class Dry:
-    """A clock without real time: a wait ends at once, and the time is the one waited for.
+    """The clock of a dry run: a wait ends at once, and the time is the one waited for.
 
-    messages: of trackers, with their times; hear: takes them, each at its time.
+    messages: of trackers, each with its session time (s); hear: takes text and sender of each, at
+    its time.
     """
 
     def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:
@@ -221,7 +230,7 @@ class Dry:
         return self._now
 
     async def until(self, time_s: float) -> None:
-        """Set the clock to a time, after the messages due until then."""
+        """Pass on the messages that are due until a time, s, and set the clock to it."""
         while self._next is not None and self._next[0] <= time_s:
             due, text = self._next
             self._next = next(self._messages, None)

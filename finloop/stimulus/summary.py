@@ -17,7 +17,7 @@ from finloop.stimulus.replay import Record
 
 
 def table_of(record: Record) -> pd.DataFrame:
-    """Return all rows of a session in the order of the log, except those of fish."""
+    """Return a session's log as a table in its order, without the rows and columns of fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
     parts = [
         part.filter(pc.not_equal(part["kind"], "fish"))
@@ -27,7 +27,11 @@ def table_of(record: Record) -> pd.DataFrame:
 
 
 def tick_errors_ms(table: pd.DataFrame) -> Floats:
-    """Return how much later (n,) each tick was planned than due, without those planned again."""
+    """Return how much later (n,), ms, each tick was planned than it should have been.
+
+    Ticks that were planned again are left out, and the first ones, which are sent at once.
+    table: from `table_of`.
+    """
     starts = _texts(table[table["kind"] == "trial"])
     early = {one["number"]: one["early_s"] for one in starts if one["what"] == "start"}
     ticks = table[(table["kind"] == "tick") & table["verdict"].isna()]
@@ -38,7 +42,11 @@ def tick_errors_ms(table: pd.DataFrame) -> Floats:
 
 
 def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
-    """Return the times from an input to the tick planned again, and to the first frame of it."""
+    """Return the times, ms, from an input to its tick planned again (n,), and to its frame (m,).
+
+    The frame is the first that shows the tick; m ≤ n, as some are never shown. table: from
+    `table_of`; rate_hz: ticks per second.
+    """
     heard = table["time_s"].where(table["kind"] == "input").ffill()
     anew = (table["kind"] == "tick") & (table["verdict"] == "anew")
     arrived = heard[anew].to_numpy(float)
@@ -55,7 +63,7 @@ def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
 
 
 def summary(record: Record, recovered: bool = False) -> str:
-    """Return the Markdown summary of a session; recovered: from the journal of a broken session."""
+    """Return a session's summary as Markdown. recovered: whether the session was broken off."""
     table, header = table_of(record), record.header
     parts = {
         "Trials": _trials(table),

@@ -41,7 +41,10 @@ class Strict(BaseModel):
 
 
 class Sighting(Strict):
-    """An animal at a moment. The numbers 1 and "1" are the same animal."""
+    """A tracker's report of one animal at a moment; the module's text explains its fields.
+
+    The ids 1 and "1" are the same animal.
+    """
 
     t: Time
     id: Number | Name
@@ -56,7 +59,7 @@ _MESSAGE: TypeAdapter[Sighting | list[Sighting]] = TypeAdapter(Sighting | Sighti
 
 
 def parse_sightings(text: str | bytes | None) -> list[Sighting] | None:
-    """Return the sightings of a message; None where it is too long, no JSON, or invalid."""
+    """Return the sightings in a tracker's JSON message; None where it is too long or invalid."""
     if text is None or len(text) > LONGEST:
         return None
     try:
@@ -82,7 +85,7 @@ class Pair(Strict):
 
 
 class TrackerSettings(Strict):
-    """What a tracker's places mean."""
+    """What a tracker's places mean: their unit, the direction of y, and pairs of known points."""
 
     unit: Literal["px", "mm"] = "px"
     """Unit of the tracker's places, where no points are given: px of the tank's picture, or mm of
@@ -111,20 +114,23 @@ class Calibration(NamedTuple):
     error_px: float = 0.0
 
     def place(self, x: float, y: float) -> tuple[float, float]:
-        """Return a place in px. One behind the horizon of an oblique view is very far away."""
+        """Return a tracker's place in px (x, y) of the tank's picture.
+
+        A place behind the horizon of an oblique view is very far away.
+        """
         to_x, to_y, w = self._homogeneous_place(x, y)
         w = max(w, _HORIZON)
         return to_x / w, to_y / w
 
     def heading_rad(self, x: float, y: float, heading_deg: float) -> float:
-        """Return a heading at a place, in the tank's picture."""
+        """Return a tracker's heading, degrees, at its x, y as one in the tank's picture, rad."""
         angle = math.radians(heading_deg)
         along, down = math.cos(angle), math.sin(angle) * (1 if self.up else -1)
         right, below = self._map_direction(x, y, along, down)
         return math.atan2(-below, right)
 
     def back(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
-        """Return x, y and heading in degrees of a place of the tank, in the tracker's unit."""
+        """Return x, y (tracker's unit) and heading (degrees) of a place and heading in the tank."""
         own = Calibration(_rows(np.linalg.inv(np.array(self.matrix))))
         x, y = own.place(x_px, y_px)
         along, down = own._map_direction(x_px, y_px, math.cos(heading_rad), -math.sin(heading_rad))
@@ -147,7 +153,7 @@ PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 def calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
-    """Return the calibration of a tracker. FinloopError lists all that is wrong with it.
+    """Return what maps a tracker's places to the tank. FinloopError lists all that is wrong.
 
     mm_per_px: mm of the real world per px of the tank's picture, which the display also uses.
     """

@@ -21,7 +21,7 @@ class _Trigger(Message):
 
 
 def trigger_of(text: str | bytes | None) -> str | None:
-    """Return the name in a message {"do": "trigger", "name": …}; None if it is none."""
+    """Return the name in a message {"do": "trigger", "name": …}; None for any other text."""
     if text is None or len(text) > LONGEST:
         return None
     try:
@@ -31,7 +31,7 @@ def trigger_of(text: str | bytes | None) -> str | None:
 
 
 class Outlet:
-    """Sends triggers, by UDP, or to all connected programs (`say`)."""
+    """Sends triggers by UDP, or through `say` to all connected programs."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
@@ -51,5 +51,5 @@ class Outlet:
         return None
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the UDP socket."""
         self._socket.close()

@@ -23,9 +23,10 @@ Place = tuple[str | int, ...]
 
 
 class Text(NamedTuple):
-    """The content of a text. values: None where it cannot be read at all.
+    """The content of a YAML text: its values, the line of each, and what is wrong.
 
-    lines: of each key and entry, from 1; problems: all that is wrong, with the line.
+    values: None where the text cannot be read at all; lines: number of the line, from 1, of each
+    key and entry; problems: a sentence each, with its line.
     """
 
     values: Any
@@ -33,7 +34,7 @@ class Text(NamedTuple):
     problems: list[str]
 
     def line(self, place: Place) -> int:
-        """Return the line of a place, or of the nearest enclosing one."""
+        """Return the number of the line of a place, or of the nearest enclosing one."""
         while place and place not in self.lines:
             place = place[:-1]
         return self.lines.get(place, 1)
@@ -44,7 +45,7 @@ class _TooMuch(Exception):
 
 
 def read_yaml(text: str) -> Text:
-    """Return the values of a text."""
+    """Return the values of a YAML text, the line of each, and all problems."""
     reader = _Reader()
     try:
         root = yaml.compose(text, yaml.BaseLoader)

@@ -37,11 +37,12 @@ _NEAR = 0.2  # own half widths are kept this near to the animal's typical ones (
 
 @dataclass(frozen=True)
 class Loft:
-    """A grid of points attached to a backbone of p points.
+    """A grid of surface points that can be attached to any backbone of p points.
 
-    place, along (RINGS · AROUND, p): a point's place and direction on the backbone; s, angle
-    (RINGS, AROUND): where along it (0 head, 1 tail) and where around (rad, 0 = back, left > 0);
-    closes (RINGS, 1): what is left of the width where the tail fin ends.
+    place, along (RINGS · AROUND, p): matrices; times a backbone (p, 2) they give each point's place
+    on it and the direction there. s, angle (RINGS, AROUND): where along the backbone (0 head, 1
+    tail) and where around it (rad, 0 = back, left > 0). closes (RINGS, 1): share of the width that
+    is left where the tail fin ends.
     """
 
     place: Floats
@@ -53,7 +54,7 @@ class Loft:
 
 @lru_cache
 def loft(points: int) -> Loft:
-    """Return the loft of backbones of `points` points, equally spaced from head to tail."""
+    """Return the surface grid for backbones of `points` points, equally spaced, head first."""
     half = np.radians(_HALF_DEG)
     return hang(_rings(), np.concatenate([half[::-1], -half[1:]]), points)
 
@@ -64,7 +65,10 @@ def _rings() -> Floats:
 
 
 def hang(ring: Floats, angle: Floats, points: int) -> Loft:
-    """Return a loft of rings and angles on a backbone of `points` points."""
+    """Return a surface grid with these rings and angles for backbones of `points` points.
+
+    ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0.
+    """
     s, angle = np.meshgrid(ring, angle, indexing="ij")
     back = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)
     s = s - _FORK * back**2 * np.sin(angle) ** 2  # the tips of the tail stay, its middle does not
@@ -74,19 +78,22 @@ def hang(ring: Floats, angle: Floats, points: int) -> Loft:
 
 
 def typical_width(half_width: Floats, backbone: Floats) -> Floats:
-    """Return the animal's half width (p,) in body lengths: the median over its pictures."""
+    """Return the animal's half width (p,), in body lengths: the median over its n pictures.
+
+    half_width, backbone: (n, p) and (n, p, 2), px.
+    """
     return np.median(half_width / lengths(backbone)[:, None], axis=0)
 
 
 def lengths(backbone: Floats) -> Floats:
-    """Return the arc lengths (n,) of backbones (n, p, 2)."""
+    """Return the arc lengths (n,), px, of backbones (n, p, 2), px."""
     return np.linalg.norm(np.diff(backbone, axis=1), axis=-1).sum(-1)
 
 
 def surface(
     backbone: Floats, half_width: Floats, typical: Floats, length_px: float
 ) -> tuple[Floats, Floats]:
-    """Return points and normals (n, RINGS, AROUND, 3) of n fish, z from the height of the backbone.
+    """Return points (px) and unit normals (n, RINGS, AROUND, 3) of n fish; backbones at z = 0.
 
     backbone, half_width: (n, p, 2) and (n, p), px; y up.
     typical: (p,) half widths in body lengths, see `typical_width`.
@@ -102,13 +109,19 @@ def surface(
 
 
 def limit_half_width(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
-    """Return half widths (n, p) kept near the typical ones of the body: without fins."""
+    """Return half widths (n, p), px, limited to ±20 % around the typical ones: without fins.
+
+    half_width, backbone: (n, p) and (n, p, 2), px; typical: (p,), in body lengths.
+    """
     goal = typical * lengths(backbone)[:, None]
     return np.clip(half_width, (1 - _NEAR) * goal, (1 + _NEAR) * goal)
 
 
 def plan(grid: Loft, backbone: Floats, width: Floats) -> Floats:
-    """Return the points of a loft as seen from above, (n, *grid.s.shape, 2) px."""
+    """Return the points of a loft on n backbones as seen from above, (n, *grid.s.shape, 2) px.
+
+    backbone, width: (n, p, 2) and half widths (n, p), px.
+    """
     shape = (len(backbone), *grid.s.shape, 2)
     line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (grid.place, grid.along))
     ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
@@ -136,7 +149,7 @@ def _heights(grid: Loft, widest: float, length_px: float) -> tuple[Floats, Float
 
 
 def normals(points: Floats) -> Floats:
-    """Return unit normals out of the surface; at the head, where a ring is a point, ahead."""
+    """Return outward unit normals of surfaces (n, RINGS, AROUND, 3); ahead at the head's tip."""
     down = np.gradient(points, axis=1)
     ring = np.concatenate([points[:, :, -2:-1], points, points[:, :, 1:2]], axis=2)
     around = ring[:, :, 2:] - ring[:, :, :-2]
@@ -150,7 +163,7 @@ def normals(points: Floats) -> Floats:
 
 @lru_cache
 def triangles() -> NDArray[np.int32]:
-    """Return the surface's triangles (m, 3), anticlockwise as seen from outside."""
+    """Return the point numbers (m, 3) of the triangles, anticlockwise as seen from outside."""
     ring, column = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
     a = ring * AROUND + column
     b, c, d = a + 1, a + AROUND, a + AROUND + 1
@@ -159,7 +172,7 @@ def triangles() -> NDArray[np.int32]:
 
 @lru_cache
 def texture_places() -> NDArray[np.float32]:
-    """Return texture coordinates (RINGS · AROUND, 2), 0-1: from head to tail, around."""
+    """Return texture coordinates (RINGS · AROUND, 2) of the points, 0–1: along, around."""
     angle = loft(4).angle[0]
     u, v = np.meshgrid(_rings(), (np.pi - angle) / (2 * np.pi), indexing="ij")
     return np.stack([u, v], -1).reshape(-1, 2).astype(np.float32)

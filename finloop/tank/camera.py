@@ -23,9 +23,9 @@ _BLEND_S = 2.0
 
 
 class Views(NamedTuple):
-    """A camera at every tick: its place and the point it looks at, (ticks, 3) px.
+    """A camera at every tick: its place and the point it looks at, both (ticks, 3) px.
 
-    `height_px` is half of what is seen where the view is parallel, None where it is perspective.
+    height_px: half the height of what a parallel view shows; None where the view is perspective.
     """
 
     place: Floats
@@ -34,7 +34,10 @@ class Views(NamedTuple):
 
 
 class Room(NamedTuple):
-    """The tank: width and height of the film, depth of the water; the fish's length. All px."""
+    """The tank, px: width and height of the film, depth of the water, body length of the fish.
+
+    aspect: width / height of the pictures.
+    """
 
     width: float
     height: float
@@ -44,15 +47,15 @@ class Room(NamedTuple):
 
     @property
     def middle(self) -> Floats:
-        """Return the middle of the water."""
+        """Return the middle of the water, (3,) px."""
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
 def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """Return the camera, one of CAMERAS, at every tick of a fish.
+    """Return the place and the aim of a camera, one of CAMERAS, at every tick of a fish.
 
-    head, heading: (ticks, 3) px and (ticks,) rad, where it is and where it looks, without jumps of
-    2π; rate_hz: ticks per second.
+    head (ticks, 3): px, where the fish is; heading (ticks,): rad, without jumps of 2π; rate_hz:
+    ticks per second.
     """
     ticks = len(head)
     if camera == TOP:

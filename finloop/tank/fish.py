@@ -18,7 +18,11 @@ _BATCH = 16  # ticks whose surfaces are made at once: a sixth of the time of one
 
 @dataclass(frozen=True)
 class FishSurface:
-    """The surface of a fish. place (ticks, 3): mass centre; typical, length_px: of the animal."""
+    """The surface and the skin of a fish, tick by tick.
+
+    place (ticks, 3): px of its mass centre in the tank; skins: by row of the film; typical (p,):
+    its half widths in body lengths; length_px: its body length.
+    """
 
     poses: TankPoses
     place: Floats
@@ -30,7 +34,10 @@ class FishSurface:
         return len(self.poses)
 
     def shape(self, batch: int) -> tuple[Floats, Floats]:
-        """Return points and normals (ticks, rings, around, 3) of a batch, about the mass centre."""
+        """Return points (px about the mass centre) and normals, (k, rings, around, 3), of k ticks.
+
+        batch: number of the batch, from 0; each has 16 ticks, the last one the rest.
+        """
         ticks, poses = slice(batch * _BATCH, (batch + 1) * _BATCH), self.poses
         return surface(poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px)
 
@@ -39,19 +46,19 @@ class FishSurface:
         return lru_cache(1)(self.shape)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
-        """Return points in the tank and normals (rings, around, 3), and the skin, at one tick."""
+        """Return one tick's points (px of the tank), normals, both (rings, around, 3), and skin."""
         batch, k = divmod(tick, _BATCH)
         points, normals = self._recent_shape(batch)
         return points[k] + self.place[tick], normals[k], self.skin(tick)
 
     def skin(self, tick: int) -> Picture:
-        """Return the skin at a tick."""
+        """Return the skin at a tick, (around, lengthwise, 3) uint8, see `finloop.tank.skin`."""
         first, second, weight = self.poses.first, self.poses.second, self.poses.weight[tick]
         flips = bool(first.mirrored[tick]), bool(second.mirrored[tick])
         return self.skins.blend(int(first.row[tick]), int(second.row[tick]), weight, flips)
 
     def points(self) -> NDArray[np.float32]:
-        """Return the surface at every tick, (ticks, rings · around, 3), about the mass centre."""
+        """Return the surface at every tick, (ticks, rings · around, 3) px about the mass centre."""
         parts = [
             self.shape(batch)[0].astype(np.float32) for batch in range(-(-len(self) // _BATCH))
         ]
@@ -59,13 +66,13 @@ class FishSurface:
         return surfaces.reshape(len(surfaces), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
-        """Return the median of the skins at some ticks."""
+        """Return the median skin of at most `most` ticks, (around, lengthwise, 3) uint8."""
         ticks = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
         return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
 
     @property
     def head(self) -> Floats:
-        """Return the tip of the head in the tank, (ticks, 3)."""
+        """Return the tip of the head in the tank, (ticks, 3) px."""
         return self.place + np.pad(self.poses.backbone[:, 0], ((0, 0), (0, 1)))
 
     def find_bent_tick(self) -> int:

@@ -23,23 +23,26 @@ class Glb:
         self._document: dict[str, Any] = {"asset": {"version": "2.0", "generator": generator}}
 
     def add(self, kind: str, item: dict[str, Any]) -> int:
-        """Add to the document's list of this kind ("nodes", "meshes", "materials" …)."""
+        """Add an item to the document's list `kind` ("nodes", "meshes" …); return its index."""
         items = self._document.setdefault(kind, [])
         items.append(item)
         return len(items) - 1
 
     def use(self, extension: str) -> None:
-        """Declare an optional extension."""
+        """Declare an optional glTF extension by its name."""
         names = self._document.setdefault("extensionsUsed", [])
         if extension not in names:
             names.append(extension)
 
     def show(self, nodes: list[int]) -> None:
-        """Set the scene that a reader shows."""
+        """Add a scene of these nodes, and make it the one that a reader shows."""
         self._document["scene"] = self.add("scenes", {"nodes": nodes})
 
     def add_array(self, array: NDArray, *, indices: bool = False, vertices: bool = False) -> int:
-        """Add an accessor of an array (n,) or (n, 2 … 4): indices as uint16, else float32."""
+        """Add an accessor of an array (n,) or (n, 2 … 4); return its index.
+
+        Point numbers (`indices`) are written as uint16, all else, such as `vertices`, as float32.
+        """
         array = np.ascontiguousarray(array, np.uint16 if indices else np.float32)
         if not np.isfinite(array).all():
             raise ValueError("NaN and infinity cannot be written")
@@ -57,7 +60,10 @@ class Glb:
         return self.add("accessors", accessor)
 
     def add_texture(self, coded: bytes, mime: str) -> int:
-        """Add a texture from the bytes of a PNG or JPEG file, smooth, not repeated."""
+        """Add a texture from the bytes of a PNG or JPEG file; return its index.
+
+        It is smooth and not repeated. mime: "image/png" or "image/jpeg".
+        """
         sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
         image = self.add("images", {"bufferView": self._view(coded, {}), "mimeType": mime})
         return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
@@ -69,7 +75,7 @@ class Glb:
         return self.add("bufferViews", view)
 
     def encode(self) -> bytes:
-        """Return the file's bytes."""
+        """Return the bytes of the .glb file."""
         data = bytes(self._data) + b"\0" * (-len(self._data) % 4)
         document = self._document | {"buffers": [{"byteLength": len(data)}]}
         text = json.dumps(document, separators=(",", ":")).encode()

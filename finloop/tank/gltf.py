@@ -28,10 +28,10 @@ _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
 
 
 class Shapes(NamedTuple):
-    """Principal components of a fish's shapes: mean + weights · modes.
+    """Principal components of a fish's shapes: a shape is mean + weights · modes.
 
     mean (v, 3) and modes (m, v, 3) in px; weights (ticks, m); error_px: the greatest distance of a
-    point from its place.
+    point of such a shape from its true place.
     """
 
     mean: Floats
@@ -41,9 +41,10 @@ class Shapes(NamedTuple):
 
 
 def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
-    """Return the principal components of a fish's shapes.
+    """Return the mean and the principal components of a fish's shapes, each turned to head right.
 
-    points (ticks, v, 3): relative to the mass centre, y up; heading (ticks,): rad.
+    points (ticks, v, 3): px, relative to the mass centre, y up; heading (ticks,): rad; modes: the
+    largest number of components.
     """
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
     ahead = points.copy()
@@ -66,9 +67,9 @@ def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
 
 
 class AnimatedFish(NamedTuple):
-    """A moving fish. place (ticks, 3): px of its mass centre in the tank; heading (ticks,): rad.
+    """A moving fish: its shapes, and at every tick its place and heading.
 
-    The heading has no jumps of 2π.
+    place (ticks, 3): px of its mass centre in the tank; heading (ticks,): rad, without jumps of 2π.
     """
 
     shape: Shapes
@@ -85,7 +86,8 @@ def tank_glb(
 ) -> bytes:
     """Return the bytes of a .glb: a fish is one unit long, y is up, the origin the tank's middle.
 
-    background: (H, W) or (H, W, 3), skin (a, l, 3), uint8, of every fish.
+    background: (H, W) or (H, W, 3) uint8, the floor; skin: (a, l, 3) uint8, worn by every fish;
+    rate_hz: ticks per second.
     """
     glb = Glb("finloop")
     glb.use("KHR_materials_unlit")
@@ -112,7 +114,7 @@ def tank_glb(
 
 
 def upright(place: Floats) -> list[float]:
-    """Return a place of the tank with y up and z towards the viewer, as glTF requires."""
+    """Return a place (3,) of the tank in glTF's axes: x right, y up, z towards the viewer."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 

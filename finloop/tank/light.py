@@ -30,7 +30,10 @@ _CELL_PX = 10  # of the pattern of light
 
 
 def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, Floats, Floats]:
-    """Return height (px) and slopes of the water at places of any shape."""
+    """Return the water's height (px, 0 at rest) and its slopes along x and y, shaped as `x`.
+
+    x, y: px; depth: of the water, px; time_s: s.
+    """
     high, along_x, along_y = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     for angle, length, rate, phase in _WAVES:
         number = 2 * math.pi / (length * depth)  # plain floats: single precision stays single
@@ -45,9 +48,10 @@ def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, F
 
 
 class Floor:
-    """The lit floor of the tank at a tick: (H, W) or (H, W, 3) uint8, as the background.
+    """The floor of the tank under moving light, with the shadows of fish.
 
-    background: the film without fish; a larger one is shrunk to `most_px`.
+    background: the film without fish, (H, W) or (H, W, 3) uint8; where a side is longer than
+    `most_px`, the drawn floor is smaller.
     """
 
     def __init__(self, background: NDArray[np.uint8], room: Room, most_px: int = 960) -> None:
@@ -64,7 +68,10 @@ class Floor:
         self._x, self._y = np.meshgrid(columns, rows)
 
     def draw_floor(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
-        """Draw the floor under the points (rings, around, 3) of each fish."""
+        """Return the lit floor at a time, (h, w) or (h, w, 3) uint8, with the shadow of each fish.
+
+        fish: points (rings, around, 3) of each, px of the tank.
+        """
         height, width = self.plain.shape[:2]
         light = cv2.resize(self._caustics(time_s), (width, height), interpolation=cv2.INTER_LINEAR)
         for points in fish:
@@ -105,7 +112,7 @@ class Floor:
 
 
 class Surface:
-    """The water's surface as a grid (m, n) over the tank: heights and appearance."""
+    """The water's surface as a grid (m, n) over the tank; `cells` along its longer side."""
 
     def __init__(self, room: Room, cells: int = 44) -> None:
         across = max(8, round(cells * room.height / max(room.width, room.height)))
@@ -118,7 +125,10 @@ class Surface:
     def points_and_colours(
         self, time_s: float, camera: Floats, parallel: bool
     ) -> tuple[Floats, NDArray[np.uint8]]:
-        """Return points (m · n, 3) and RGBA (m · n, 4) of the clear surface with the sky in it."""
+        """Return points (m · n, 3) px and RGBA (m · n, 4) uint8 of the surface; it mirrors the sky.
+
+        camera (3,): its place, px; parallel: whether the view is parallel, from above.
+        """
         high, along_x, along_y = slopes(self.x, self.y, self._room.depth, time_s)
         points = np.stack([self.x, self.y, self._room.depth + high], -1)
         normal = np.stack([-along_x, -along_y, np.ones_like(high)], -1)

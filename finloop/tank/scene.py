@@ -71,9 +71,9 @@ class TankScene:
         self._plotter.close()
 
     def frame(self, fish: Sequence[Worn], views: Views, tick: int, time_s: float) -> Picture:
-        """Draw the picture (height, width, 3) uint8 of all fish of the scene.
+        """Return the picture (height, width, 3) uint8 of the tank with all its fish at a tick.
 
-        The camera is that of `views` at the tick.
+        fish: points, normals and skin of each; time_s: s. The camera is `views` at the tick.
         """
         self._look(views, tick)
         for (points, normals, skin), (mesh, picture) in zip(fish, self._fish, strict=True):

@@ -25,8 +25,9 @@ _PUPIL, _IRIS = 22.0, 206.0
 
 
 class Skins:
-    """Skins (AROUND, LENGTHWISE, 3) float32 by row of the film; the most recent `keep` are held.
+    """The skins of a fish: `skin(row)` returns one, (AROUND, LENGTHWISE, 3) float32, 0 … 255.
 
+    The most recent `keep` are held in memory.
     film, typical: bodies, and the half widths of `tank.body.typical_width`.
     centres_px: (n, 2) the mass centres, px of the film, y down.
     cutout: returns the cut-out of a row.
@@ -68,7 +69,10 @@ class Skins:
         return skin
 
     def blend(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
-        """Return the skin (AROUND, LENGTHWISE, 3) at a tick; `flips`: which are mirrored."""
+        """Return the skin of a row cross-faded with its partner's, (AROUND, LENGTHWISE, 3) uint8.
+
+        weight: share of the partner, 0 … 1; flips: whether row and partner are mirrored.
+        """
         skin = self.skin(row)[:: -1 if flips[0] else 1]
         if weight > 0:
             skin = skin + np.float32(weight) * (self.skin(partner)[:: -1 if flips[1] else 1] - skin)

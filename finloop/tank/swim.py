@@ -33,9 +33,9 @@ USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
 
 @dataclass(frozen=True)
 class FilmBodies:
-    """The bodies of the film, a row per cut-out: backbone (n, p, 2), half_width (n, p), px.
+    """The bodies of the film, one per cut-out, head first, relative to the mass centre, y up.
 
-    heading_deg: (n,).
+    backbone: (n, p, 2) px; half_width: (n, p) px; heading_deg: (n,).
     """
 
     backbone: Floats
@@ -44,9 +44,10 @@ class FilmBodies:
 
 
 class BodyPlacement(NamedTuple):
-    """The filmed body of every tick (ticks,), its turn, and whether it is mirrored first.
+    """The filmed body that each tick shows, and how it is mirrored, turned, scaled; all (ticks,).
 
-    It is mirrored about the line of direction `axis_deg` through the mass centre.
+    row: of the film; turn_deg: anticlockwise, after mirroring; axis_deg: direction of the line
+    through the mass centre about which a mirrored body is reflected.
     """
 
     row: Rows
@@ -60,8 +61,9 @@ class BodyPlacement(NamedTuple):
 class TankPoses:
     """The fish at every tick, in coordinates of the tank.
 
-    centre (ticks, 2): mass centre; backbone (ticks, p, 2) relative to it; half_width (ticks, p);
-    heading (ticks,): rad; first, second: whose skin it wears, `weight` the share of the second.
+    centre (ticks, 2): px, mass centre; backbone (ticks, p, 2): px, relative to it; half_width
+    (ticks, p): px; heading (ticks,): rad, without jumps of 2π; first, second: the filmed bodies
+    whose skins it wears; weight (ticks,): share of the second.
     """
 
     centre: Floats
@@ -77,9 +79,9 @@ class TankPoses:
 
 
 def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
-    """Return the film's backbones, head first, relative to the mass centre, y up.
+    """Return the film's bodies: backbones head first, about the mass centre, y up.
 
-    tracks: columns `USED`; features: head and heading of each of its rows.
+    tracks: columns `USED`; features: head and heading_deg of each of its rows.
     """
     line = lists_to_points(tracks, "backbone").astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)
@@ -92,9 +94,10 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
 def poses(
     edit: pd.DataFrame, film: FilmBodies, sprites: pd.DataFrame, bodies: Bodies | None = None
 ) -> TankPoses:
-    """Return the fish at every tick of an edit list (schema EDIT).
+    """Return backbone, half widths, heading and skins of a fish at every tick of its edit list.
 
-    sprites: schema SPRITES, may be empty if the list has none; bodies: None if it has no poses.
+    edit: schema EDIT, of one fish; sprites: schema SPRITES, may be empty if the list has none;
+    bodies: None if it has no poses.
     """
     first = _cast(edit, "", "source", film, sprites)
     weight = edit["weight"].to_numpy(float)
@@ -184,7 +187,8 @@ def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
 def heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
     """Return how high above the floor a fish swims, px; invented, as the film does not show it.
 
-    It changes slowly. fish: its number; each is `_AHEAD_S` ahead of the one before.
+    It changes slowly. time_s (ticks,): s; depth: of the water, px; fish: its number; each is
+    `_AHEAD_S` ahead of the one before.
     """
     moment = time_s + _AHEAD_S * fish
     slow, slower = (np.sin(2 * np.pi * moment / period) for period in (7.3, 17.0))
