@@ -30,7 +30,7 @@ class Tank:
     """Where animals can be (`arena`, (h, w)), and where their centre can be (`legal`, (h, w)).
 
     At a legal centre no part of the fish leaves the arena. `nearest` (2, h, w): row and column of
-    the legal pixel nearest to each.
+    the legal pixel nearest to each pixel.
     """
 
     arena: Mask
@@ -39,11 +39,11 @@ class Tank:
 
     @cached_property
     def depth_px(self) -> NDArray[np.float32]:
-        """Return how far (h, w) the middle of each pixel is from that of the next one outside."""
+        """Return how far (h, w), px, each pixel is from the nearest one outside the arena."""
         return _depth_px(self.arena)
 
     def into(self, x: float, y: float) -> tuple[float, float]:
-        """Return the point itself where it is legal, else the legal pixel nearest to it."""
+        """Return the point x, y px itself where it is legal, else the nearest legal pixel."""
         row, column = self._pixel(x, y)
         if self.legal[row, column]:
             return x, y
@@ -54,7 +54,11 @@ class Tank:
         return min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
 
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
-        """Return the target if it is in sight, else the farthest point in sight on the way."""
+        """Return the target if it is in sight, else the farthest point in sight on the way.
+
+        x, y, to_x, to_y: px of the fish and of the target. The way is the shortest one over legal
+        pixels.
+        """
         if self.sees(x, y, to_x, to_y):
             return to_x, to_y
         cell = max(1, -(-max(self.legal.shape) // _CELLS))
@@ -74,11 +78,11 @@ class Tank:
         return seen
 
     def sees(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Return whether a fish can swim straight from a point to another one; see `in_sight`."""
+        """Return whether a fish can swim straight from (x, y) px to (to_x, to_y) px."""
         return bool(in_sight(self.legal, self.arena, x, y, to_x, to_y))
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
-        """Draw a legal pixel, all equally likely."""
+        """Return a random legal pixel x, y; all are equally likely."""
         height, width = self.legal.shape
         while True:
             row, column = int(rng.integers(height)), int(rng.integers(width))
@@ -88,16 +92,17 @@ class Tank:
 
 @leaf_kernel
 def inside(legal: Mask, x: float, y: float) -> bool:
-    """Return whether the pixel of a point is in the picture and legal."""
+    """Return whether the pixel of a point x, y px is in the picture and legal; legal (h, w)."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
 
 
 @leaf_kernel
 def in_sight(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
-    """Return whether every point between two is legal.
+    """Return whether every point of the line between two points, px, is legal.
 
-    The way may begin beside a wall: up to the first legal point it need only be in the arena.
+    legal, arena (h, w). The line may begin beside a wall: up to the first legal point it need only
+    be in the arena.
     """
     far = np.hypot(to_x - x, to_y - y)
     steps, begun = int(far / _LOOK_PX) + 1, False
@@ -112,9 +117,10 @@ def in_sight(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: fl
 
 
 def tank(arena: Mask, reach_px: float) -> Tank:
-    """Return the tank of a fish no part of which is farther than `reach_px` from its centre.
+    """Return the tank of a fish that reaches up to `reach_px` from its centre.
 
-    FinloopError if such a fish does not fit in.
+    arena (h, w): true where animals can be. Of separate pools the largest is taken. FinloopError if
+    such a fish does not fit in.
     """
     parts, pools = scipy.ndimage.label(_free(arena, reach_px))
     if pools == 0:
@@ -141,7 +147,7 @@ def _depth_px(arena: Mask) -> NDArray[np.float32]:
 def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
     """Return the part (h, w) of an arena where animals were filmed: the hull of their outlines.
 
-    outline_px (n, k, 2): x, y of all.
+    outline_px (n, k, 2): x, y as filmed of all outlines.
     """
     hull = np.zeros(arena.shape, np.uint8)
     cv2.fillConvexPoly(hull, _hull(outline_px), 1)
@@ -149,9 +155,9 @@ def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
 
 
 def is_area_complete(outline_px: Reals) -> bool:
-    """Return whether half of the outlines (n, k, 2) fills nearly as much as all of them do.
+    """Return whether the outlines (n, k, 2) of half of the film fill nearly as much area as all.
 
-    The mean of the first half and the last one counts. If not, the animals have not been everywhere
+    The mean of the first and the last half counts. If False, the animals have not been everywhere
     that they can be: a longer film would show more.
     """
     half = len(outline_px) // 2
@@ -163,10 +169,11 @@ def is_area_complete(outline_px: Reals) -> bool:
 
 
 def goes_on(floor: Picture, filmed: Mask) -> bool:
-    """Return whether most of a picture outside where animals were `filmed` looks like the floor.
+    """Return whether the floor looks the same beyond the area where animals were filmed.
 
-    floor: (h, w) or (h, w, 3), without animals; filmed (h, w). It does if its grey there is within
-    the range (5-95 %) that it has where they were filmed, widened by that range on either side.
+    floor: (h, w) or (h, w, 3), without animals; filmed (h, w): where they were. It does if most of
+    its grey beyond is within the range (5-95 %) of the grey where they were, widened by that range
+    on either side.
     """
     if filmed.all():
         return False
@@ -206,12 +213,12 @@ def _ends(points: Reals, low: int, high: int) -> NDArray[np.int32]:
 
 
 def tank_area(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None = None) -> Mask:
-    """Return where fish may be: in `arena`, where animals were `filmed`, or by `auto` one of both.
+    """Return where (h, w) a fish may be: in `arena`, or in its part where animals were filmed.
 
-    `auto` takes the filmed area if the arena is the whole picture, so none was given, and the
-    animals filled at least a quarter of it: elsewhere there may be no floor. A fish that keeps to
-    less, as in a current, may swim anywhere. So may a fish whose film is too short to show the tank
-    (`is_area_complete`), if the `floor` goes on.
+    tank: "arena", "filmed", or "auto". `auto` takes the filmed area if the arena is the whole
+    picture, so none was given, and the animals filled at least a quarter of it: elsewhere there may
+    be no floor. A fish that keeps to less, as in a current, may swim anywhere. So may a fish whose
+    film is too short to show the tank (`is_area_complete`), if the `floor` goes on.
     """
     if tank == "arena" or (tank == "auto" and not arena.all()):
         return arena
@@ -228,24 +235,26 @@ def tank_area(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None =
 def where(
     arena: Mask, outline_px: Reals, reach_px: float, tank: str, floor: Picture | None = None
 ) -> Mask:
-    """Return where (h, w) a fish may be: `tank_area`, or by `auto` the arena if the fish needs it.
+    """Return where (h, w) a fish may be: `tank_area`, or with "auto" the arena if it needs that.
 
-    It needs the whole arena if it reaches too far from its centre to fit in the area.
+    reach_px: how far the fish reaches from its centre. It needs the whole arena if it does not fit
+    in the area.
     """
     area = tank_area(arena, outline_px, tank, floor)
     return arena if tank == "auto" and not fits(area, reach_px) else area
 
 
 def size_for(area: Mask, reach_px: float) -> float:
-    """Return the drawn size, as a share of the filmed one, of a fish that reaches `reach_px`.
+    """Return the size, as a share of the filmed one, at which a fish can turn in an area (h, w).
 
-    1, but less where an area (h, w) is so narrow that it could hardly turn in it.
+    reach_px: how far the fish as filmed reaches from its centre. 1, but less where the area is
+    narrow.
     """
     return min(1.0, _ROOM * float(_depth_px(area).max()) / reach_px)
 
 
 def fits(arena: Mask, reach_px: float) -> bool:
-    """Return whether an arena (h, w) has a place for a fish that reaches `reach_px`."""
+    """Return whether a fish that reaches `reach_px` from its centre fits in an arena (h, w)."""
     return bool(_free(arena, reach_px).any())
 
 
@@ -254,7 +263,7 @@ def _free(arena: Mask, reach_px: float) -> Mask:
 
 
 def goal_name(number: int) -> str:
-    """Return the name of a goal by its number: A, B … Z, A2, B2 … ."""
+    """Return the name of the goal with a number, counted from 0: A, B … Z, A2, B2 … ."""
     again, letter = divmod(number, 26)
     return chr(ord("A") + letter) + (str(again + 1) if again else "")
 
@@ -262,13 +271,13 @@ def goal_name(number: int) -> str:
 def place_goals(
     given: Sequence[Sequence[float]], unit: str, tank: Tank, touch_px: float
 ) -> list[Goal]:
-    """Return goals from the configuration, in pixels.
+    """Return the goals of the configuration, in pixels.
 
-    `given` [x, y] each; `unit` "px", or "tank": shares of its width and height, from the upper
-    left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that is
-    outside the tank, as in the corner of a round one, or that it cannot touch, is moved to the
-    nearest legal centre. FinloopError if there is none, one is no pair of numbers, or one cannot be
-    reached; all are named.
+    `given`: [x, y] each; `unit`: "px", or "tank": shares of its width and height, from the upper
+    left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that is outside
+    the tank, as in the corner of a round one, or that it cannot touch, is moved to the nearest
+    legal centre. FinloopError, which names all, if there are no goals, or one is not x, y or cannot
+    be reached.
     """
     rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
     left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]

@@ -17,9 +17,9 @@ from finloop.base.kernel import kernel
 class FrameHulls:
     """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
 
-    They are turned on access: those of a film of hours stay in their file. outline_px (n, k, 2): x,
-    y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each frame, the last drawn size
-    / filmed size.
+    They are computed on access: those of a film of hours stay in their file. outline_px (n, k, 2):
+    x, y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each frame; scale is drawn
+    size / filmed size.
     """
 
     outline_px: Reals
@@ -37,7 +37,7 @@ class FrameHulls:
 
     @property
     def reach_px(self) -> Floats:
-        """Return how far (n,) each outline reaches from the mass centre."""
+        """Return how far (n,), px as drawn, each outline reaches from the mass centre."""
         return _farthest(self.outline_px, self.centre_px) * self.scale
 
 
@@ -65,10 +65,10 @@ def _farthest(points, centre):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class Cast:
-    """What is drawn: the table of sprites (n rows), and the outlines of all pictures.
+    """What is drawn: the table of sprites (s rows), and the outlines of all pictures.
 
-    sprite_hulls: the outline of every sprite, (k, 2) px ahead of and to the left of the mass
-    centre, at the drawn size; frame_hulls: of every frame.
+    sprite_hulls: the outline (k, 2) of every sprite, px ahead of and to the left of the mass
+    centre, as drawn; frame_hulls: the same of every frame.
     """
 
     sprites: pd.DataFrame
@@ -77,10 +77,10 @@ class Cast:
 
     @cached_property
     def sprite_scale(self) -> Floats:
-        """Return drawn size / filmed size (n,) of every sprite."""
+        """Return the drawn size as a multiple of the filmed size (s,) of every sprite."""
         return self.sprites["scale"].to_numpy(float)
 
     @cached_property
     def discs(self) -> Discs:
-        """Return the discs that hold the body in every picture."""
+        """Return the discs that together hold the body, for every frame and sprite."""
         return discs_of(self.frame_hulls, self.sprite_hulls)

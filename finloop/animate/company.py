@@ -22,7 +22,7 @@ _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
 
 
 class Hulls(Protocol):
-    """Outlines (n, p, 2) that are read in lots: an array, or one that stays in a file."""
+    """Outlines (n, p, 2) that are read in slices: an array, or one that stays in a file."""
 
     def __len__(self) -> int: ...
     def __getitem__(self, rows: slice, /) -> Reals: ...
@@ -32,8 +32,8 @@ class Discs(NamedTuple):
     """The discs that hold the body in every picture.
 
     table (n + s, k, 3): of n frames of the film, then of s sprites: px ahead of the mass centre and
-    to its left, and the radius; frames: n; reach: px from the centre, none reaches farther. The
-    number of a picture is the row of the motion graph, or −1 − that of a sprite.
+    to its left, and the radius; frames: n; reach: px from the centre beyond which no disc reaches.
+    The number of a picture is its row of the motion graph, or −1 − the number of a sprite.
     """
 
     table: Floats
@@ -45,9 +45,9 @@ class Company(NamedTuple):
     """The m other fish of a tank, as a fish knows them when it decides.
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
-    heading in degrees and the number of the picture at every tick from then on, the last ones for
-    ever; until: the last tick at which a search considers them; near: it considers the first
-    `near`.
+    heading in degrees and the number of the picture at every tick from then on; the last ones count
+    for ever; until: the last tick at which a search considers them; near: a search considers the
+    first `near` fish.
     """
 
     start: int
@@ -62,7 +62,7 @@ ALONE = Company(0, np.zeros((1, 0, 4)), NO_DISCS)
 
 
 class Plans:
-    """What the fish of a tank have planned: the last way of each, from a tick on.
+    """What the fish of a tank have planned: the last way of each, and the tick at which it begins.
 
     Fish are numbered from 0; a fish that has not planned yet is not there.
     """
@@ -73,14 +73,20 @@ class Plans:
 
     @classmethod
     def from_paths(cls, ways: Sequence[Floats], start: int) -> "Plans":
-        """Make the plans of paths (n, 4), as in `Company`, that all begin at tick `start`."""
+        """Return the plans of fish whose ways (n, 4) all begin at tick `start`.
+
+        ways: one a fish; x, y px, heading and picture at every tick, as in `Company`.
+        """
         plans = cls(len(ways))
         for number, way in enumerate(ways):
             plans.put(number, start, way)
         return plans
 
     def put(self, number: int, begins: int, way: Floats) -> None:
-        """Store the way (n, 4) of a fish, as in `Company`, that begins at a tick; n ≥ 1."""
+        """Store the way of a fish that begins at tick `begins`, in place of its last one.
+
+        way (n, 4), n ≥ 1: x, y px, heading and picture at every tick, as in `Company`.
+        """
         more = len(way) - self._ways.shape[1]
         if more > 0:
             self._ways = np.pad(self._ways, [(0, 0), (0, more), (0, 0)])
@@ -88,28 +94,32 @@ class Plans:
         self._begins[number], self._ticks[number] = begins, len(way)
 
     def others(self, number: int, tick: int) -> Floats:
-        """Return where the other fish are (n, m, 4), as in `Company`, from a tick on."""
+        """Return the ways of all fish but `number` from a tick on, side by side.
+
+        (n, m, 4): x, y px, heading and picture of m fish at n ticks, as in `Company`.
+        """
         return np.asarray(_places(self._ways, self._begins, self._ticks, number, tick))
 
     def number(self, own: int, other: int) -> int:
-        """Return the number of the `other`-th fish that has planned, without the fish `own`."""
+        """Return the number of the fish in column `other` of what fish `own` is shown."""
         there = np.flatnonzero(self._ticks > 0)
         return int(there[there != own][other])
 
     def has(self, number: int) -> bool:
-        """Return whether a fish has planned yet."""
+        """Return whether a fish has planned anything yet."""
         return bool(self._ticks[number])
 
     def place_at(self, number: int, tick: int) -> Floats:
-        """Return the place (4,) of a fish at a tick, as in `Company`."""
+        """Return x, y px, heading and picture (4,) of a fish at a tick."""
         row = min(max(tick - self._begins[number], 0), self._ticks[number] - 1)
         return np.asarray(self._ways[number, row])
 
 
 def company_of(others: Floats, start: int, discs: Discs, stays: int) -> Company:
-    """Return the company of other fish (n, m, 4), from `Plans.others`, from a tick on.
+    """Return the company that a fish knows at tick `start`.
 
-    stays: for how many ticks after these a search considers them.
+    others (n, m, 4): from `Plans.others`; stays: for how many ticks after their plans a search
+    considers them.
     """
     ticks, count = others.shape[:2]
     return Company(start, others, discs, start + ticks - 1 + stays, count)
@@ -135,10 +145,10 @@ def _places(ways, begins, ticks, own, tick):  # type: ignore[no-untyped-def]
 
 @kernel
 def near_first(company: Company, x: float, y: float, farthest: Floats) -> Company:
-    """Return the company of a fish at a place, first those that it can meet during a search.
+    """Return the company with those fish first that a fish at x, y px can meet during a search.
 
     farthest (t,): px that a fish moves in 0, 1, 2 … ticks at most; after these it goes on at their
-    mean speed.
+    mean speed. `near` is set to the number of those fish.
     """
     known = len(farthest) - 1
     pace = farthest[known] / known
@@ -166,7 +176,10 @@ def near_first(company: Company, x: float, y: float, farthest: Floats) -> Compan
 
 
 def discs_of(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
-    """Return the discs of outlines (n, p, 2), (p, 2), px ahead and left of the mass centre."""
+    """Return the discs that hold outlines, of frames (n, p, 2) and then of sprites, (p, 2) each.
+
+    Outlines are px ahead of and to the left of the mass centre.
+    """
     lots = (frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT))
     every = chain(lots, (np.asarray(hull)[None] for hull in sprite_hulls))
     table = np.concatenate([_discs(np.ascontiguousarray(lot, float)) for lot in every])
@@ -214,7 +227,10 @@ def _widen(wide, ahead, left):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def clear(company: Company, picture: int, x: float, y: float, heading: float, tick: int) -> bool:
-    """Return whether a picture shown at a place, at a tick, meets no other fish."""
+    """Return whether a picture at x, y px and a heading in degrees meets no other fish at a tick.
+
+    picture: its number as in `Discs`.
+    """
     return _clear(company, company.places.shape[1], picture, (x, y, heading), tick)
 
 
@@ -236,7 +252,11 @@ def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def
 
 @leaf_kernel
 def clear_ahead(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
-    """Return `clear` for a search: only fish that may come near, from `start` to `until`."""
+    """Return whether a picture at a place meets none of the fish that a search considers at a tick.
+
+    Only the first `near` fish count, and only from tick `start` to `until` of the company;
+    otherwise True.
+    """
     unknown = tick < company.start or tick > company.until
     return unknown or _clear(company, company.near, picture, (x, y, heading), tick)
 
@@ -265,9 +285,10 @@ def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def disc_orientation(discs, one):  # type: ignore[no-untyped-def]
-    """Return how the discs of a picture lie: their row, the side of its left, cosine, sine.
+    """Return how the discs of a picture lie: table row, side, cosine and sine of the heading.
 
-    one: number of the picture, and heading. The side is ±1.
+    one: number of the picture, and heading in degrees. The side is −1 for a mirror image, whose
+    left is right; else 1.
     """
     number, angle = one[0], np.radians(one[1])
     side = 1.0
@@ -280,9 +301,9 @@ def disc_orientation(discs, one):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
-    """Return how many ticks of a way (n, 3), begun at a tick, meet no other fish.
+    """Return how many ticks of a way (n, 3), begun at tick `tick`, meet no other fish.
 
-    numbers (n,): of its pictures.
+    numbers (n,): of its pictures, as in `Discs`; way: x, y px, heading.
     """
     for t in range(len(way)):
         if not clear(company, numbers[t], way[t, 0], way[t, 1], way[t, 2], tick + t):
@@ -292,7 +313,10 @@ def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
 
 @leaf_kernel
 def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type: ignore[no-untyped-def]
-    """Return whether a picture at a place (x, y, heading) is clear of all from a tick on."""
+    """Return whether a picture that stays at a place meets no other fish from tick `tick` on.
+
+    picture: its number as in `Discs`; place: x, y px, heading.
+    """
     last = max(company.start + company.places.shape[0] - 1, tick)
     while tick <= last and clear(company, picture, place[0], place[1], place[2], tick):
         tick += 1
@@ -301,7 +325,10 @@ def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type:
 
 @leaf_kernel
 def lasting_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
-    """Return how many ticks of a way (n, 3) a fish can swim clear of all, and then stay."""
+    """Return how many ticks of a way (n, 3) a fish can swim and then stay, clear of all others.
+
+    numbers (n,): of its pictures, as in `Discs`; tick: at which the way begins.
+    """
     n = clear_ticks(company, numbers, way, tick)
     while n > 0 and not can_stay(company, numbers[n - 1], way[n - 1], tick + n - 1):
         n -= 1

@@ -32,13 +32,20 @@ class PlacedPicture(NamedTuple):
 def place_outline(
     hull: Floats, x_px: float, y_px: float, heading_deg: float, mirrored: bool
 ) -> Floats:
-    """Return an outline (p, 2), px ahead and left of the mass centre, as x, y on screen."""
+    """Return an outline (p, 2) on screen, x, y px, from one about the mass centre.
+
+    hull (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
+    fish.
+    """
     turned = ahead_left(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))  # its inverse
     return np.asarray(turned + np.array([x_px, y_px]))
 
 
 def outline(player: AnyPlayer, row: Any) -> Floats:
-    """Return the outline (p, 2) on screen of a row of an edit list, or of a `PlacedPicture`."""
+    """Return the outline (p, 2) on screen, x, y px, of a row of an edit list.
+
+    row: one with the fields of `PlacedPicture`.
+    """
     mirrored = row.kind == FRAME and row.mirrored
     return place_outline(
         player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored
@@ -46,7 +53,7 @@ def outline(player: AnyPlayer, row: Any) -> Floats:
 
 
 def overlap(one: Floats, other: Floats) -> bool:
-    """Return whether two outlines on screen have a pixel in common, except for their edges."""
+    """Return whether two outlines (p, 2) on screen share a pixel, apart from their edges."""
     low, high = np.maximum(one.min(0), other.min(0)), np.minimum(one.max(0), other.max(0))
     if (low > high).any():
         return False
@@ -59,7 +66,7 @@ def overlap(one: Floats, other: Floats) -> bool:
 
 
 def places(edit: pd.DataFrame) -> Floats:
-    """Return where the fish of an edit list are, (fish, ticks, 2) px."""
+    """Return the places (fish, ticks, 2), x, y px, of the fish of an edit list."""
     return edit[["x_px", "y_px"]].to_numpy(float).reshape(edit["fish"].nunique(), -1, 2)
 
 
@@ -81,14 +88,17 @@ def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
 
 
 def nearest(where: Floats) -> Floats:
-    """Return how far (n,) each of n ≥ 2 places (n, 2) is from the one nearest to it."""
+    """Return the distance (n,) of each of n ≥ 2 places (n, 2) from its nearest neighbour."""
     far = np.hypot(*(where[:, None] - where[None]).transpose(2, 0, 1))
     np.fill_diagonal(far, np.inf)
     return np.asarray(far.min(axis=1))
 
 
 def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]:
-    """Return how near the fish of an edit list come to each other; empty for a single fish."""
+    """Return how near the fish of an edit list come to each other; empty for a single fish.
+
+    Keys: `overlapping_pairs_per_1000_ticks`, and those of `distance_quantiles`.
+    """
     where = places(edit)
     if len(where) < 2:
         return {}
@@ -100,13 +110,16 @@ def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]
 
 
 def measure_film_clearance(features: pd.DataFrame) -> dict[str, float]:
-    """Return how near the animals of a film come to each other; empty if it shows one at a time."""
+    """Return quantiles of how near a film's animals come to each other; empty for one at a time."""
     near = film_nearest(features)
     return distance_quantiles(near) if len(near) else {}
 
 
 def film_nearest(features: pd.DataFrame) -> Floats:
-    """Return how far, in body lengths, each animal of a film is from the nearest other one."""
+    """Return how far, in body lengths, each animal of a film is from its nearest neighbour.
+
+    (k,): one for each row of the feature table whose frame shows several animals.
+    """
     length = typical_length(features).to_numpy(float)
     where = features[["x_px", "y_px"]].to_numpy(float)
     together = [rows for rows in features.groupby("frame").indices.values() if len(rows) > 1]
@@ -116,7 +129,10 @@ def film_nearest(features: pd.DataFrame) -> Floats:
 
 
 def distance_quantiles(near: Floats) -> dict[str, float]:
-    """Return quantiles of the distances to the nearest neighbour, in body lengths."""
+    """Return the quantiles 1 %, 5 % and 50 % of distances (k,) to the nearest neighbour, by name.
+
+    near and results are in body lengths.
+    """
     at = np.quantile(near, [0.01, 0.05, 0.5])
     names = ("nearest_1pct", "nearest_5pct", "nearest_median")
     return {f"{name}_body_lengths": float(q) for name, q in zip(names, at, strict=True)}

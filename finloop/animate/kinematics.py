@@ -13,10 +13,10 @@ from finloop.base.kernel import kernel, leaf_kernel
 
 
 class Target(NamedTuple):
-    """A place to touch, px: the centre or the head, `head_px` ahead, comes within `touch_px`.
+    """A place x, y px to touch: the fish's centre or head comes within `touch_px` of it.
 
-    free: whether the fish only wanders: by sprites it swims there, in the film it goes where the
-    film does.
+    head_px: distance of the head from the centre. free: whether the fish only wanders: by sprites
+    it swims to the place, in the film it goes where the film goes.
     """
 
     x: float
@@ -27,9 +27,10 @@ class Target(NamedTuple):
 
 
 def aim_in(tank: Tank, place: tuple[float, float], goal: Target, near_px: float) -> Target:
-    """Return the point to head for: the legal place nearest to a goal, or one on the way there.
+    """Return the point to head for: the legal place nearest to a goal, or a waypoint on the way.
 
-    place: of the fish, x, y px. The goal itself where that place is less than `near_px` away.
+    place: x, y px of the fish. It is the goal itself where that legal place is less than `near_px`
+    away.
     """
     legal = tank.into(goal.x, goal.y)
     if np.hypot(legal[0] - place[0], legal[1] - place[1]) < near_px:
@@ -41,8 +42,8 @@ def aim_in(tank: Tank, place: tuple[float, float], goal: Target, near_px: float)
 class Ahead(NamedTuple):
     """A swim straight ahead, tick by tick (n,).
 
-    forward: px per tick; drift: of the heading since the start, degrees; brake: px that the fish
-    needs to stop.
+    forward: px per tick; drift: degrees of heading since the start; brake: px that the fish needs
+    to stop.
     """
 
     forward: Floats
@@ -53,8 +54,8 @@ class Ahead(NamedTuple):
 class Turning(NamedTuple):
     """A turn, tick by tick (n,).
 
-    share: of the turn that is done, rising to 1; forward, sideways: px per tick, along the heading
-    and towards the inside of the turn.
+    share: part of the turn that is done, rising to 1; forward, sideways: px per tick, along the
+    heading and towards the inside of the turn.
     """
 
     share: Floats
@@ -64,7 +65,7 @@ class Turning(NamedTuple):
 
 @leaf_kernel
 def rotate(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
-    """Return a displacement on the screen (y down), turned anticlockwise as seen."""
+    """Return a displacement dx, dy on screen (y down), turned anticlockwise by `rot` degrees."""
     angle = np.radians(rot)
     cos, sin = np.cos(angle), np.sin(angle)
     return dx * cos + dy * sin, dy * cos - dx * sin
@@ -72,21 +73,22 @@ def rotate(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def wrap(angle: float) -> float:
-    """Return the same angle in (−180, 180]."""
+    """Return the same angle, degrees, in (−180, 180]."""
     return 180.0 - (180.0 - angle) % 360.0
 
 
 @leaf_kernel
 def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
-    """Return the direction of one point seen from another."""
+    """Return the direction, degrees, in which (to_x, to_y) px lies as seen from (x, y) px."""
     return np.degrees(np.arctan2(y - to_y, to_x - x))
 
 
 @leaf_kernel
 def towards_by(own: float, error: float, most: float) -> float:
-    """Return the steering turn of a fish whose pictures turn by `own`; `error`: of its heading.
+    """Return the turn, degrees, of this tick by which a fish heads for its aim.
 
-    Beside its own turn it turns by `most` at most, and by both not faster than by either.
+    own: degrees by which its pictures turn; error: bearing of the aim minus heading; most: largest
+    correction. The whole turn is not faster than the larger of `own` and `most`.
     """
     rest = wrap(error - own)
     both = own + min(max(rest, -most), most)
@@ -96,7 +98,7 @@ def towards_by(own: float, error: float, most: float) -> float:
 
 @leaf_kernel
 def offset_point(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
-    """Return the point `forward` along the heading and `sideways` to its left."""
+    """Return the point x, y px, `forward` px along a heading and `sideways` px to its left."""
     angle = np.radians(heading)
     cos, sin = np.cos(angle), np.sin(angle)
     return x + forward * cos - sideways * sin, y - forward * sin - sideways * cos
@@ -104,7 +106,7 @@ def offset_point(x: float, y: float, heading: float, forward: float, sideways: f
 
 @leaf_kernel
 def touches(x: float, y: float, heading: float, spot: Target) -> bool:
-    """Return whether a fish touches a target."""
+    """Return whether a fish at x, y px and a heading touches a target with its centre or head."""
     dx, dy = x - spot.x, y - spot.y
     reach = 1.001 * (spot.touch_px + spot.head_px)
     if dx * dx + dy * dy > reach * reach:
@@ -118,12 +120,11 @@ def touches(x: float, y: float, heading: float, spot: Target) -> bool:
 
 @kernel
 def straight(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ignore[no-untyped-def]
-    """Swim ahead from `start` (x, y, heading), tick by tick.
+    """Return the way of a swim ahead, how many first ticks are safe, and the tick of the touch.
 
-    Returns
-    -------
-    way (n, 3) : x, y, heading; ticks that stay legal, and could stop within the legal; the tick at
-    which the goal is touched, n where it is not.
+    start (3,): x, y px, heading. The way (n, 3) has the same columns. Ticks are safe that are
+    legal, and from which the fish could stop on legal ground. The tick at which the goal is touched
+    is n where it is not.
     """
     n = swim.forward.size
     way = np.empty((n, 3))
@@ -145,16 +146,13 @@ def straight(legal: Mask, start: Floats, swim: Ahead, goal: Target):  # type: ig
 def turn(  # type: ignore[no-untyped-def]
     legal: Mask, start: Floats, swim: Turning, goal: Target, aim: Target, fastest: float
 ):  # fmt: skip
-    """Turn from `start` (x, y, heading) towards the point `aim`, tick by tick.
+    """Return the way of a turn towards a point, whether it is possible, and the tick of the touch.
 
-    The error of the heading against the bearing of the aim, which changes as the fish moves, falls
-    as the share of the turn rises: strictly, to 0 where it is 1. No tick may turn by more than
-    `fastest` degrees, or back: the aim would be too near.
-
-    Returns
-    -------
-    way (n, 3) : x, y, heading, up to the touch; whether it is legal and no tick turns too fast or
-    back; the tick at which the goal is touched, n where it is not.
+    start (3,): x, y px, heading. The bearing of `aim` changes as the fish moves. The heading's
+    error against it falls strictly as the share of the turn rises, to 0 where that is 1. The way
+    (n, 3) is filled up to the touch. The turn is possible if it is legal and no tick turns by more
+    than `fastest` degrees, or back: the aim would be too near. The tick at which the goal is
+    touched is n where it is not.
     """
     n = swim.share.size
     way = np.empty((n, 3))

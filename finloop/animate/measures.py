@@ -36,7 +36,10 @@ _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 def measure_plan(
     edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film: tuple[Floats, Floats]
 ) -> dict[str, float]:
-    """Return all measures of one fish that need no picture. film: see `motion_of_film`."""
+    """Return, by name, all measures of one fish's edit list that need no picture.
+
+    film: speed and turn rate of the film, from `motion_of_film`.
+    """
     return {
         **(measure_goals(edit, goals, player.world) if goals else {}),
         **kinematic_distances(motion_of_edit(edit, player), film),
@@ -50,9 +53,10 @@ def measure_plan(
 def arrival_ticks(
     edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px: float
 ) -> Floats:
-    """Return the first tick at which head or centre is within `touch_px` of each goal in turn.
+    """Return the first tick (goals,) at which a fish touches each goal in turn; NaN for none.
 
-    NaN where it does not.
+    Head or centre comes within `touch_px` of the goal; head_px: distance of the head from the
+    centre.
     """
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
     angle = np.radians(edit["heading_deg"].to_numpy(float))
@@ -73,9 +77,11 @@ def arrival_ticks(
 
 
 def measure_goals(edit: pd.DataFrame, goals: Sequence[Goal], world: World) -> dict[str, float]:
-    """Return goals reached, time, path error against straight lines, straightness and heading.
+    """Return, by name, how well a fish reached its goals: share, time, path, heading.
 
-    arrival_heading_error_deg: mean difference of the heading at a goal from the straight way there.
+    `path_error_rms_body_lengths`: distance from the straight lines between goals; `straightness`:
+    straight distance / distance covered; `arrival_heading_error_deg`: mean difference of the
+    heading at a goal from the straight way there.
     """
     ticks, motion = arrival_ticks(edit, goals, world.touch_px, world.head_px), world.motion
     done = np.flatnonzero(~np.isnan(ticks))
@@ -112,7 +118,10 @@ def _off_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
-    """Return the table `KINEMATICS` from `motion_of_film` and `motion_of_edit` by name."""
+    """Return the table `KINEMATICS` of speeds and turn rates.
+
+    motions: by name of the mode, what `motion_of_film` or `motion_of_edit` returns.
+    """
     parts = [
         pd.DataFrame({"mode": mode, "speed": speed, "turn_rate": rate})
         for mode, (speed, rate) in motions.items()
@@ -121,9 +130,10 @@ def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
 
 
 def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Floats]:
-    """Return speed [body lengths/s] and turn rate [°/s] of a fish, both over Δ (Eq. 3).
+    """Return speed [body lengths/s] and turn rate [°/s], (ticks − Δ,) each, over Δ (Eq. 3).
 
-    The film's heading is that of the head, so the drawn head's is taken: sprites sway.
+    They are those of the one fish of an edit list. The film's heading is that of the head, so the
+    drawn head's is taken: sprites sway.
     """
     head = edit["heading_deg"].to_numpy(float, copy=True)
     sprite = (edit["kind"] != FRAME).to_numpy()
@@ -136,7 +146,7 @@ def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Float
 
 
 def motion_of_film(features: pd.DataFrame, motion: MotionStatistics) -> tuple[Floats, Floats]:
-    """Return speed and turn rate of all tracks of the film, as `motion_of_edit` does."""
+    """Return speed [body lengths/s] and turn rate [°/s], (k,) each, of all tracks, over Δ."""
     length = motion.body_length_px / motion.size
     parts = [
         _over_delta(through_water(track) / length, track["heading_deg"].to_numpy(float), motion)
@@ -159,7 +169,7 @@ def _over_delta(
 
 
 def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) -> float:
-    """Return the Wasserstein distance of two samples, in standard deviations of the film.
+    """Return the Wasserstein distance of samples (k,), (l,), in standard deviations of the film.
 
     whole: the sample whose standard deviation counts, by default `film`.
     """
@@ -170,7 +180,10 @@ def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) 
 def kinematic_distances(
     mine: tuple[Floats, Floats], film: tuple[Floats, Floats]
 ) -> dict[str, float]:
-    """Return the kinematic distances of speed and of turn rate."""
+    """Return the kinematic distances of speed and of turn rate, `<name>_kinematic_distance_sd`.
+
+    mine, film: speeds and turn rates, as `motion_of_edit` and `motion_of_film` return them.
+    """
     return {
         f"{name}_kinematic_distance_sd": kinematic_distance(*pair)
         for name, *pair in zip(("speed", "turn_rate"), mine, film, strict=True)
@@ -178,7 +191,7 @@ def kinematic_distances(
 
 
 def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
-    """Return at how many ticks any point of the drawn fish is outside the arena."""
+    """Return the number of ticks at which any point of the drawn fish is outside the arena."""
     count, tank = 0, player.world.tank
     height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
@@ -204,10 +217,11 @@ def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
 def measure_film(
     features: pd.DataFrame, own: tuple[Floats, Floats], steps: Floats, motion: MotionStatistics
 ) -> dict[str, float]:
-    """Return the film's own measures, with which an animation is compared.
+    """Return, by name, the film's own measures, with which an animation is compared.
 
-    A film has no goals and no jumps. Its kinematic distance is that between its two halves, about
-    that of another film of the same fish.
+    own: speed and turn rate, from `motion_of_film`; steps: distances (Eq. 5) between successive
+    frames. A film has no goals and no jumps. Its kinematic distance is that between its two halves,
+    about that of another film of the same fish.
     """
     half = features["frame"].median()
     early, late = (

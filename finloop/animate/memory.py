@@ -16,7 +16,10 @@ NEVER = -(10**9)
 
 @leaf_kernel
 def last_on_screen(recent: Ints, first: int, last: int) -> int:
-    """Return the tick at which any of the rows first … last was last on screen."""
+    """Return the last tick at which any of the rows first … last was on screen; NEVER for none.
+
+    recent (m, 3): the memory.
+    """
     low, high = 0, len(recent)
     while low < high:  # the first stretch that ends at `first` or later
         middle = (low + high) // 2
@@ -33,9 +36,9 @@ def last_on_screen(recent: Ints, first: int, last: int) -> int:
 
 @kernel
 def remember_rows(recent: Ints, first: int, last: int, tick: int, since: float) -> Ints:
-    """Add rows first … last, shown one after the other from `tick` on, to a memory.
+    """Return a memory with rows first … last added, shown one after the other from `tick` on.
 
-    What was shown at `since` or before is forgotten.
+    recent (m, 3): the memory so far. What was shown at tick `since` or before is forgotten.
     """
     kept = np.empty((len(recent) + 2, 3), np.int64)  # one stretch may be cut in two
     n, added = 0, False

@@ -29,9 +29,11 @@ _MOTION = ("heading_deg", "bend")
 
 @dataclass(frozen=True)
 class Turns:
-    """Turns (n,), all to the left; `forward`, `sideways` body lengths per tick, i from `start[i]`.
+    """The film's turns (n,), mirrored so that all are to the left.
 
-    included_angle_deg, displacement: over the Δ in which the heading changes most.
+    angle_deg, ticks: of each whole turn; included_angle_deg, displacement [body lengths]: over the
+    Δ in which the heading changes most. forward, sideways: body lengths per tick, flat; those of
+    turn i begin at `start[i]`.
     """
 
     angle_deg: Floats
@@ -47,8 +49,8 @@ class Turns:
 class MotionStatistics:
     """How the film's fish swim.
 
-    straight_ticks: durations of swimming between two turns; delta: Δ in ticks; body_length_px: as
-    drawn, `size` times as large as filmed.
+    straight_ticks (k,): durations of swimming between two turns; delta: Δ in ticks; body_length_px:
+    as drawn, `size` times as large as filmed.
     """
 
     turns: Turns
@@ -65,7 +67,11 @@ class MotionStatistics:
 
 @dataclass(frozen=True)
 class TrackKinematics:
-    """How one track swims: everything smoothed over Δ, so that noise does not count as motion."""
+    """How one track swims, frame by frame (n,); speed, growth and sway are measured over Δ.
+
+    So noise does not count as motion. speed: body lengths/s; heading_deg: without jumps of 360;
+    forward, sideways: body lengths per frame; kind: swimming type.
+    """
 
     speed: Floats
     heading_deg: Floats
@@ -81,7 +87,10 @@ Track = dict[str, NDArray[Any]]
 
 
 def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
-    """Return the kinematics of a track, frame by frame."""
+    """Return the kinematics of a track (n rows), frame by frame.
+
+    delta: Δ in frames; length_px: body length; rate_hz: frames per second.
+    """
     frames = np.arange(len(track["x_px"]))
     before = np.maximum(frames - delta // 2, 0)
     after = np.minimum(frames - delta // 2 + delta, frames[-1])
@@ -107,10 +116,10 @@ def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackK
 
 
 def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[TrackKinematics]:
-    """Return how the film's fish swim, track by track; delta: Δ in frames.
+    """Return the kinematics of the film's tracks; delta: Δ in frames.
 
-    From a film of hours tracks spread over it are taken. Where the film shows no straight swimming,
-    all of it counts as straight. FinloopError if nothing moves.
+    rate_hz: frames per second. From a film of hours tracks spread over it are taken. Where the film
+    shows no straight swimming, all of it counts as straight. FinloopError if nothing moves.
     """
     length = float(features["body_length_px"].median())
     every = [course(track, delta, length, rate_hz) for track in _tracks(features, 2 * delta)]
@@ -124,8 +133,8 @@ def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[TrackKin
 def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistics:
     """Return the motion statistics of a feature table; delta: Δ in frames.
 
-    Where the film shows no turn, each track is one. FinloopError if nothing moves, or no heading
-    changes.
+    rate_hz: frames per second. Where the film shows no turn, each track is one. FinloopError if
+    nothing moves, or no heading changes.
     """
     every = courses(features, rate_hz, delta)
     runs = [run for one in every for run in runs_of(one)]
@@ -139,7 +148,7 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistic
 
 
 def runs_of(one: TrackKinematics) -> "list[Run]":
-    """Return the runs of one swimming type: the track, the type, first, and one past the last."""
+    """Return the runs of one swimming type: the track, the type, first frame, one past the last."""
     return [(one, *run) for run in _runs(one.kind)]
 
 
@@ -159,7 +168,7 @@ def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
 
 
 def too_little(what: str) -> FinloopError:
-    """Return the error that the film shows too little of something to learn from."""
+    """Return the error that the film shows too little to learn from; what: the kind of swimming."""
     return FinloopError(
         f"the film shows no {what} to learn from",
         "tracks of some seconds in which a fish swims straight, and turns",

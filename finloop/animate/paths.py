@@ -25,17 +25,18 @@ _AHEAD = 0.5  # body lengths along the path within which a foot moves on in a ti
 
 
 class Path(NamedTuple):
-    """A path as it is steered (route), and as requested (asked), at the same px along it."""
+    """A path as the fish is steered (route), and as requested (asked), at the same px along it."""
 
     route: Route
     asked: Route
 
 
 def lay(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
-    """Lay a line out in the tank.
+    """Return the path in px of the clip that a given line makes in the tank.
 
-    Without times, one that ends where it began is closed. FinloopError if it leaves the arena, is
-    hardly longer than a point, or is in mm and the film's scale is not known.
+    mm_per_px: scale of the film, None if unknown. Without times, a line that ends where it began is
+    closed. FinloopError if it leaves the arena, is hardly longer than a point, or is in mm and the
+    scale is not known.
     """
     length = motion.body_length_px
     x, y = _in_px(line, tank, mm_per_px)

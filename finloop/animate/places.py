@@ -15,7 +15,7 @@ _TRIES = 8  # tries to draw a good place to wander to before any place will do
 
 
 def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goal]:
-    """Draw places in the tank that the head of a fish can touch, all equally likely."""
+    """Return random goals that the head of a fish can touch; all pixels are equally likely."""
     tank, touch_px = world.tank, world.touch_px + world.head_px
     goals: list[Goal] = []
     while len(goals) < count:
@@ -27,7 +27,10 @@ def random_goals(world: World, count: int, rng: np.random.Generator) -> list[Goa
 
 
 def somewhere(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
-    """Draw a place (2,) px to wander to, and its ticks; it is as far aside as the film's turns."""
+    """Return a random place (2,), px, to wander to, and after how many ticks to give it up.
+
+    It is as far to the side as the film's turns are, and in sight; else anywhere in the tank.
+    """
     motion, tank = world.motion, world.tank
     for _ in range(_TRIES):
         angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
@@ -41,5 +44,5 @@ def somewhere(world: World, fish: Fish, rng: np.random.Generator) -> tuple[Float
 
 
 def one_of(values: NDArray[Any], rng: np.random.Generator) -> Any:
-    """Draw one of some values, as `rng.choice`, which takes five times as long."""
+    """Return a random one of values (n,), like `rng.choice`, but five times as fast."""
     return values[rng.integers(len(values))]

@@ -19,15 +19,15 @@ from finloop.social.rule import Shoaling
 
 
 class AnyPlayer(Protocol):
-    """Moves a fish in a mode."""
+    """Moves a fish in a mode, stretch by stretch."""
 
     @property
     def world(self) -> World:
-        """Return what the fish swim in."""
+        """Return the tank, and what the film teaches of swimming."""
 
     @property
     def joins(self) -> Joins:
-        """Return how pictures follow others."""
+        """Return how pictures are joined to those before them."""
 
     @property
     def cast(self) -> Cast:
@@ -35,11 +35,11 @@ class AnyPlayer(Protocol):
 
     @property
     def sources(self) -> EditInputs:
-        """Return what the edit lists can show."""
+        """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
 
     @property
     def shoaling(self) -> Shoaling | None:
-        """Return how fish swim by zones, None if unknown."""
+        """Return how fish swim by zones; None if it is unknown."""
 
     @property
     def most_fish(self) -> int | None:
@@ -48,24 +48,33 @@ class AnyPlayer(Protocol):
     def begin(
         self, rng: np.random.Generator, route: Route | None = ..., company: Company = ...
     ) -> State:
-        """Return a fish at the beginning of a path, or somewhere in the tank."""
+        """Return the state of a fish at the beginning of a path (route), else at a random place."""
 
     def company(self, others: Floats, start: int) -> Company:
-        """Return the other fish (n, m, 4), known from a tick on."""
+        """Return the other fish as a fish that decides at tick `start` knows them.
+
+        others (n, m, 4): from `Plans.others`.
+        """
 
     def with_others(self, state: State, others: Floats) -> State:
-        """Return the state with the other fish (n, m, 4) that it can meet."""
+        """Return the state with the other fish added that the fish can meet.
+
+        others (n, m, 4): from `Plans.others`.
+        """
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
-        """Return whether a stretch from a state meets no other fish."""
+        """Return whether a stretch that begins in `state` meets no other fish."""
 
     def plan(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """Return the next stretch, and the state after it."""
+        """Return the next stretch to a goal, along a path or by a rule, and the state after it."""
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
-        """Return the first ticks of a stretch that began in a state, and the state then."""
+        """Return the first ticks of a stretch that began in `state`, and the state after them."""
 
     def hull(self, kind: str, source: int) -> Floats:
-        """Return the outline of a frame or sprite, px ahead and left of its centre."""
+        """Return the outline (p, 2) of a frame or sprite, px ahead and left of its mass centre.
+
+        kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
+        """

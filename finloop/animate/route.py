@@ -19,10 +19,10 @@ _BEHIND = 2.0  # times `Route.ahead`: how far behind a foot may be on a path wit
 class Route(NamedTuple):
     """Places x, y (n,) of a path, px, `step` px apart along it; kernels take it whole.
 
-    heading (n,): requested, degrees, without jumps of 360, or empty; closed: whether the first
-    place follows the last; when (ticks,): px along the path due at each tick, empty if the fish
-    swims at its own speed; begins: the tick of the first of `when`; ahead: places within which a
-    foot moves on in a tick.
+    heading (n,): requested, degrees, without jumps of 360, or empty; closed: whether the path
+    returns from the last place to the first; when (ticks,): px along the path due at each tick,
+    empty if the fish swims at its own speed; begins: the tick of the first of `when`; ahead: places
+    within which a foot moves on in a tick.
     """
 
     x: Floats
@@ -41,11 +41,14 @@ class Route(NamedTuple):
 
     @property
     def is_timed(self) -> bool:
-        """Return whether the route says when to be where."""
+        """Return whether the route says at which tick the fish should be where."""
         return len(self.when) > 0
 
     def done(self, along: float, tick: int) -> bool:
-        """Return whether a fish `along` px along the route is at its end, at a tick."""
+        """Return whether a fish `along` px along the route is at its end at a tick.
+
+        On a route with times only the time counts; a closed route without times has no end.
+        """
         return bool(done(self, along, tick))
 
 
@@ -55,7 +58,10 @@ NO_ROUTE = Route(_NONE, _NONE, _NONE, 1.0, False, _NONE, 0, 0)
 
 @finite_leaf
 def done(route: Route, along: float, tick: int) -> bool:
-    """Return whether a route is done, as `Route.done` does."""
+    """Return whether a fish `along` px along a route is at its end at a tick.
+
+    On a route with times only the time counts; a closed route without times has no end.
+    """
     if route.when.size:
         return tick >= route.begins + route.when.size - 1
     return not route.closed and along >= route.step * (route.x.size - 1 - 1e-6)
@@ -78,7 +84,7 @@ def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def place(route: Route, along: float):  # type: ignore[no-untyped-def]
-    """Return the place (x, y) `along` px along the path."""
+    """Return the point (x, y), px, that lies `along` px along a path."""
     a, b, share = _cells(route, along)
     x = route.x[a] + share * (route.x[b] - route.x[a])
     return x, route.y[a] + share * (route.y[b] - route.y[a])
@@ -86,22 +92,23 @@ def place(route: Route, along: float):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def heading_at(route: Route, along: float) -> float:
-    """Return the requested heading `along` px along the path, degrees."""
+    """Return the heading, degrees, requested at `along` px along a path that has headings."""
     a, b, share = _cells(route, along)
     return route.heading[a] + share * (route.heading[b] - route.heading[a])
 
 
 @finite_leaf
 def asked_at(route: Route, tick: int) -> float:
-    """Return the px along a path with times that are due at a tick."""
+    """Return how many px along a path with times are due at a tick."""
     return route.when[min(max(tick - route.begins, 0), route.when.size - 1)]
 
 
 @finite_leaf
 def least_along(route: Route, along: float, tick: int) -> float:
-    """Return from where on the path to search for a foot that was at `along` before.
+    """Return from how many px along a path to search for the foot of a fish at a tick.
 
-    On a path with times it is never far behind the place due: a late fish takes short cuts.
+    along: px of its foot before. On a path with times the result is never far behind the place due:
+    a late fish takes short cuts.
     """
     if route.when.size:
         return max(along, asked_at(route, tick) - _BEHIND * route.ahead * route.step)
@@ -110,10 +117,11 @@ def least_along(route: Route, along: float, tick: int) -> float:
 
 @finite_leaf
 def foot(route: Route, x: float, y: float, along: float):  # type: ignore[no-untyped-def]
-    """Return the place of the path nearest to a point, not before `along` and not far ahead.
+    """Return the foot of a point x, y px: the nearest place of the path, from `along` px on.
 
-    The farther the point is from the path, the farther ahead it may be, so that a fish that cannot
-    follow a hairpin goes on beyond it. Returns px along the path, and its x and y.
+    The foot is not far ahead of `along`. The farther the point is from the path, the farther ahead
+    it may be, so that a fish that cannot follow a hairpin goes on beyond it. Returns px along the
+    path, and x and y px of the foot.
     """
     n = route.x.size
     lap = int(max(along, 0.0) / route.step)

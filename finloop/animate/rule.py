@@ -10,7 +10,7 @@ BY_ZONES, FOLLOWING = "company", "leader"
 
 
 class Rule(NamedTuple):
-    """A rule between fish. leader: which of the others leads; None: by zones, all of them."""
+    """A rule of swimming with others. leader: column of the one to follow; None: all, by zones."""
 
     others: Others
     shoaling: Shoaling | None = None
@@ -18,15 +18,15 @@ class Rule(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the name of its goal in an edit list."""
+        """Return the name that an edit list gives to the goal of a fish with this rule."""
         return BY_ZONES if self.leader is None else FOLLOWING
 
     @classmethod
     def by_zones(cls, ways: Reals, shoaling: Shoaling) -> "Rule":
-        """Make the rule by zones, for other fish at x, y, heading (n, 3)."""
+        """Return the rule to swim by zones with other fish; ways (n, 3): their x, y px, heading."""
         return cls(Others(ways[:, :2], ways[:, 2]), shoaling)
 
     @classmethod
     def from_leader(cls, leader: Reals) -> "Rule":
-        """Make the rule to follow a leader at x, y, heading (3,)."""
+        """Return the rule to follow a leader; leader (3,): its x, y px, heading."""
         return cls(Others(leader[None, :2], leader[None, 2]), None, 0)

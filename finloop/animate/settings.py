@@ -12,7 +12,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 @dataclass(frozen=True)
 class AnimateSettings:
-    """Where the fish is sent, and how pictures are joined, in every mode."""
+    """Parameters of every mode: goals and tank, size and duration, and how pictures are joined."""
 
     goals: list[list[float]]
     goal_unit: Literal["tank", "px"]

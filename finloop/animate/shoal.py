@@ -28,8 +28,8 @@ from finloop.social.rule import rule_of
 class SwimTask(NamedTuple):
     """The task of a fish: a path, then goals one after the other, then a rule or wandering.
 
-    rng: for all its random choices; zones: whether its rule is zones; follows: the number of the
-    fish that it follows by rule.
+    rng: for all its random choices; zones: whether its rule is to swim by zones; follows: the
+    number, from 0, of the fish that it follows by rule.
     """
 
     goals: Sequence[Goal]
@@ -40,7 +40,10 @@ class SwimTask(NamedTuple):
 
 
 def deal(goals: Sequence[Goal], fish: int) -> list[list[Goal]]:
-    """Return the goals of each fish: goals are dealt in turn, the first to the first fish."""
+    """Return the goals of each fish: they are dealt in turn, the first goal to the first fish.
+
+    fish: number of fish.
+    """
     return [list(goals[number::fish]) for number in range(fish)]
 
 
@@ -71,9 +74,9 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
 def tasks(
     goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
 ) -> list[SwimTask]:
-    """Return the task of each fish: goals are dealt, and the first fish swims the path, if any.
+    """Return the task of each of `fish` fish: goals are dealt, the first also gets the path.
 
-    rng: of the first fish, from which those of the others are spawned.
+    rng: of the first fish, from which those of the others are spawned; route: the path, or None.
     """
     draws = [rng, *rng.spawn(fish - 1)]
     routes = [route, *[None] * (fish - 1)]
@@ -81,7 +84,7 @@ def tasks(
 
 
 class SchoolMember:
-    """A fish of a group, with its plan so far."""
+    """A fish of a group, with all that it has planned so far (swim)."""
 
     def __init__(self, player: AnyPlayer, task: SwimTask, number: int, plans: Plans) -> None:
         """Put a fish beside the others, with nothing planned yet. NoRoom where there is none.
@@ -113,7 +116,7 @@ class SchoolMember:
         return self._state.fish.tick
 
     def decide(self, plans: Plans) -> None:
-        """Plan the next stretch, among what all fish have planned, and add it to these."""
+        """Plan the fish's next stretch, clear of the others' plans, and add it to `plans`."""
         begins, others = self.tick, plans.others(self._number, self.tick)
         goal = self._goal() or self._rule(plans, others)
         state = self._player.with_others(self._state, others)
@@ -145,10 +148,11 @@ class SchoolMember:
 
 
 def settle(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
-    """Put fish into the tank, each with a first plan.
+    """Put a fish for each task into the tank, and return them, each with a first stretch planned.
 
     All that begin a path are there before any fish plans; the others come one after the other.
-    plans: for as many fish; theirs are added. NoRoom if there is none for all of them.
+    plans: empty, for as many fish; their plans are added. NoRoom if the tank lacks room for all of
+    them.
     """
     swim = [number for number, task in enumerate(todo) if task.route is not None]
     fish = {number: SchoolMember(player, todo[number], number, plans) for number in swim}
@@ -169,9 +173,9 @@ def settle(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[Sc
 
 
 def shoal(player: AnyPlayer, todo: Sequence[SwimTask], ticks: int) -> list[Swim]:
-    """Plan at least `ticks` ticks with as many fish as there are tasks.
+    """Return the animation of each of several fish, a fish a task, at least `ticks` ticks long.
 
-    NoRoom if there is none for all of them.
+    NoRoom if the tank lacks room for all of them.
     """
     plans = Plans(len(todo))
     fish = settle(player, todo, plans)
@@ -193,16 +197,16 @@ def swim(
     rng: np.random.Generator,
     route: Route | None = None,
 ) -> Swim:
-    """Plan at least `ticks` ticks with one fish: a path, goals one after the other, anywhere."""
+    """Return an animation of one fish, `ticks` ticks at least: a path, goals in turn, anywhere."""
     return shoal(player, [SwimTask(goals, rng, route)], ticks)[0]
 
 
 def play(
     player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Return an edit list of `ticks` ticks: to the goals one after the other, then anywhere."""
+    """Return the edit list of one fish for `ticks` ticks: to the goals in turn, then anywhere."""
     return edit_list(swim(player, goals, ticks, rng), ticks, player.sources)
 
 
 class NoRoom(FinloopError):
-    """No place in the tank is clear of the fish in it."""
+    """The error that the tank has no place for another fish that is clear of those in it."""

@@ -18,7 +18,8 @@ from finloop.sprites.pictures import outlines
 class Sized(NamedTuple):
     """A film at its drawn size.
 
-    hulls: of its frames; area (h, w): where its fish may be; reach_px, barred: see `reach`.
+    hulls: outlines of its frames; area (h, w): where its fish may be; reach_px: how far it reaches
+    from its centre; barred (n,): frames that reach farther and are not shown.
     """
 
     reel: Reel
@@ -31,9 +32,10 @@ class Sized(NamedTuple):
 def scale_film(
     reel: Reel, outline_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
 ) -> Sized:
-    """Return the film at the size `p.fish_scale`; `auto` fits it into where the fish may be.
+    """Return the film at the size `p.fish_scale`; with "auto" it fits into where the fish may be.
 
-    outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): where fish can be.
+    outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): true where fish can be;
+    floor: the empty tank as filmed, None if unknown.
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
     filmed = frame_hulls(outline_px, reel.features, scale)
@@ -49,8 +51,8 @@ def scale_film(
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
     """Return the outlines of the film's frames about their mass centre.
 
-    outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
-    drawn size / filmed size.
+    outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,): drawn
+    size / filmed size.
     """
     centre = places[["x_px", "y_px"]].to_numpy(float)
     heading = np.radians(places["heading_deg"].to_numpy(float))
@@ -58,9 +60,10 @@ def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> Frame
 
 
 def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) -> tuple[float, Mask]:
-    """Return how far from its centre a fish reaches [px], and which frames (n,) reach farther.
+    """Return how far a fish reaches from its centre, px, and which frames (n,) reach farther.
 
-    quantile: of the frames' reach; wider ones are mostly faults.
+    sprite_hulls: outlines (k, 2) of sprites, all of which fit; quantile: 0-1, of the frames' reach;
+    wider ones are mostly faults.
     """
     frames = hulls.reach_px
     sprites = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)
@@ -69,6 +72,9 @@ def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) ->
 
 
 def head_ahead_px(features: pd.DataFrame, size: float) -> float:
-    """Return the median of how far the head is ahead of the mass centre at a drawn size, px."""
+    """Return the median distance, px, of the head from the mass centre, at a drawn size.
+
+    size: the drawn size as a multiple of the filmed one.
+    """
     dx, dy = (features[f"head_{axis}_px"] - features[f"{axis}_px"] for axis in "xy")
     return float(np.hypot(dx, dy).median() * size)

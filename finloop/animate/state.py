@@ -44,17 +44,17 @@ class Fish:
 
     @property
     def is_bent(self) -> bool:
-        """Return whether the fish was stopped in a turn; at a turn's end a fish is straight."""
+        """Return whether the fish was stopped amid a turn; at a turn's end it is straight."""
         return self.row < 0 and self.state == TURN and self.area > 0
 
     @property
     def picture(self) -> int:
-        """Return the number of the picture that it shows, by which discs are looked up."""
+        """Return the number of the picture on screen, as in `Discs`: its row, or −1 − sprite."""
         return self.row if self.row >= 0 else -1 - self.sprite
 
 
 class Run(NamedTuple):
-    """A run of film to show: its first row, and its ticks."""
+    """A run of film to show: its first row, and how many ticks it lasts."""
 
     row: int
     ticks: int
@@ -63,8 +63,8 @@ class Run(NamedTuple):
 class Progress(NamedTuple):
     """How far a fish is along a path, px, and its plan beyond the last stretch.
 
-    task: what `runs` are planned for; motion: whether the fish moves as filmed or as predicted, of
-    `STATES`.
+    task: the path or target that `runs` are planned for; runs: of film to show next; motion: FILM
+    or FORECAST, whether the fish moves as filmed or as predicted.
     """
 
     along: float = 0.0

@@ -8,9 +8,10 @@ from finloop.animate.motion import MotionStatistics
 
 @dataclass(frozen=True)
 class World:
-    """The tank, the motion statistics, and sizes. At legal places pictures fit at any heading.
+    """The tank, the motion statistics of the film, and sizes.
 
-    touch_px: radius of a goal; head_px: distance of the head from the centre.
+    At legal places of the tank pictures fit at any heading. touch_px: radius of a goal; head_px:
+    distance of the head from the centre.
     """
 
     tank: Tank

@@ -13,14 +13,14 @@ from finloop.social.rule import Shoaling
 
 
 class PathTask(NamedTuple):
-    """A path to follow. begun: whether the fish has reached its beginning."""
+    """A path to follow (route). begun: whether the fish has reached the path's beginning."""
 
     route: Route
     begun: bool = False
 
 
 class RuleTask(NamedTuple):
-    """A rule to follow. shoaling: in a group, by these zones; leader: name of the one to follow."""
+    """A rule to follow: in a group, by zones (shoaling), or behind a fish (leader: its name)."""
 
     shoaling: Shoaling | None = None
     leader: str | None = None
@@ -29,7 +29,8 @@ class RuleTask(NamedTuple):
 class Request(NamedTuple):
     """What a fish is sent for at a tick.
 
-    Mode, path, rule, ticks after which its plan is cut (0: never).
+    mode: its name; path_task, order: a path or a rule to follow, or None; cut_after: ticks after
+    which the present stretch is cut, 0 for never.
     """
 
     mode: str
@@ -42,8 +43,8 @@ class Request(NamedTuple):
 class DecisionRecord:
     """A decision, and all that it was made from.
 
-    tick: the first one of the stretch; state, draws: of the fish and of the random generator at the
-    decision; goal: or path, or rule; None where the fish wandered.
+    tick: the first one of the stretch; state, draws: of the fish and of the random generator before
+    the decision; goal: a goal, path or rule, None where the fish wandered; stretch: the result.
     """
 
     tick: int
@@ -55,13 +56,13 @@ class DecisionRecord:
 
     @property
     def follows_plan(self) -> bool:
-        """Return whether the stretch goes on by a plan of an earlier decision."""
+        """Return whether the stretch carries on the plan of an earlier decision."""
         moves = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
         return bool(self.state.path.runs) and self.stretch.options is None and moves
 
     @property
     def name(self) -> str:
-        """Return the name of the goal, path or rule."""
+        """Return the name of the goal, path or rule; "" for a fish that wanders."""
         if isinstance(self.goal, Route):
             return PATH
         return self.goal.name if self.goal else ""

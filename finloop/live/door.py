@@ -30,9 +30,10 @@ _LARGEST = 64 * 1024  # bytes of a message; a larger one ends the connection
 
 @dataclass(frozen=True)
 class Door:
-    """Who may connect. port: of the server; token: required of all; None: on this machine alone.
+    """Decides who may connect to a server. port: of the server.
 
-    With a token, any name of its machine reaches the server.
+    token: required of all that connect; None: only this machine may connect. With a token, any name
+    of its machine reaches the server.
     """
 
     port: int
@@ -43,7 +44,7 @@ class Door:
         return [f"{name}:{self.port}" for name in (HOST, "localhost")]
 
     def knows(self, connection: HTTPConnection) -> bool:
-        """Return whether a request has the server's own address, and the token if required."""
+        """Return whether a request names the server's own address, and the token if required."""
         hosts = connection.headers.getlist("host")
         if self.token is None:
             return hosts in [[name] for name in self._names]
@@ -51,7 +52,11 @@ class Door:
         return len(hosts) == 1 and hmac.compare_digest(shown, self.token.encode())
 
     async def opens(self, connection: WebSocket, program: bool = False) -> bool:
-        """Accept a WebSocket of a page, or of a program, which has no `Origin`; or refuse it."""
+        """Accept or refuse a WebSocket, and return whether it was accepted.
+
+        It must come from a page of the server. program: whether a program, which sends no `Origin`,
+        may connect, too.
+        """
         origins = connection.headers.getlist("origin")
         names = [connection.headers.get("host", "")] if self.token else self._names
         own = origins in [[f"http://{name}"] for name in names]
@@ -62,7 +67,7 @@ class Door:
         return False
 
     def page(self, request: Request, text: str) -> Response:
-        """Return a page, or a refusal."""
+        """Return the response with a page, or a refusal (421); text: the HTML."""
         if not self.knows(request):
             return PlainTextResponse("not this host, or no token", 421)
         headers = {
@@ -91,9 +96,10 @@ def _policy(page: str, host: str) -> str:
 
 
 def bind_socket(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> socket.socket:
-    """Bind a socket, by default of this machine alone; port 0 takes any that is free.
+    """Return a socket bound to a port, by default for this machine alone; port 0 takes a free one.
 
-    FinloopError if the port is taken or not allowed, or this machine has no such address.
+    kind: SOCK_STREAM or SOCK_DGRAM. FinloopError if the port is taken or not allowed, or this
+    machine has no address `host`.
     """
     # Named so, asyncio sends small messages at once; else they wait 40 ms for the page's answer.
     protocol = socket.IPPROTO_TCP if kind == socket.SOCK_STREAM else socket.IPPROTO_UDP
@@ -118,7 +124,7 @@ def _is_ours(record: logging.LogRecord) -> bool:
 
 
 class AppServer(uvicorn.Server):
-    """Serves an application on a socket; started: called when it can be reached.
+    """Serves an application on a socket (listens); started: called once it can be reached.
 
     `fail` ends it: `serve_on` raises the error then.
     """
@@ -136,17 +142,17 @@ class AppServer(uvicorn.Server):
         logging.getLogger("uvicorn.error").addFilter(_is_ours)
 
     def serve_on(self) -> None:
-        """Serve until Ctrl-C (KeyboardInterrupt), `should_exit`, or an error of its own."""
+        """Serve until Ctrl-C (KeyboardInterrupt), `should_exit`, or `fail`; raise its error."""
         self.run([self._listens])
         if self._failure is not None:
             raise self._failure
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start, and report it."""
+        """Start the server, and call `started` if it can be reached."""
         await super().startup(sockets)
         if self.started:
             self._tell()
 
     def fail(self, error: BaseException | None) -> None:
-        """End the server, and let `serve_on` raise the error."""
+        """End the server, and let `serve_on` raise the error; None: end without an error."""
         self._failure, self.should_exit = error, True

@@ -34,10 +34,11 @@ _DRAG_S = 0.08  # the shortest stretch while a goal is dragged
 
 
 class Row(NamedTuple):
-    """What is kept of a tick: the drawn and shown part of an edit list's row, and the goal.
+    """What is kept of a tick: what is drawn and shown of an edit list's row, and the goal.
 
-    orientation: 0 for a frame; goal_x_px, goal_y_px: NaN where there is no goal; decided: the tick
-    of the decision in force.
+    orientation: 0 for a frame; goal_x_px, goal_y_px: NaN where there is no goal; reached: whether
+    the fish has reached its goal; decided: first tick of the stretch in force; pose: code of the
+    drawn pose, None for the picture's own.
     """
 
     kind: str
@@ -85,8 +86,9 @@ Others = Callable[["LiveFish", int], dict[str, Floats]]
 class LiveFish:
     """One fish of the live tank.
 
-    `born`: the tick of the tank that is its first; `name`: of its goals; `others`: the paths of the
-    other fish from a tick of the tank on, as `LiveFish.path_from` returns them.
+    `born`: the tick of the tank that is its first; `name`: of its goals; `others`: returns the
+    planned paths of the other fish, by name, from a tick of the tank on, each as by
+    `LiveFish.path_from`.
     """
 
     def __init__(
@@ -119,17 +121,20 @@ class LiveFish:
 
     @property
     def last_tick(self) -> int:
-        """Return the last tick played."""
+        """Return the last tick, as the tank counts, that this fish has played."""
         return self.born + self._state.fish.tick - len(self._plan) + self._played - 1
 
     def row_at(self, tick: int) -> Row | None:
-        """Return what was drawn at a tick; None where it is not known."""
+        """Return what was drawn at a tick of the tank; None where it is not known."""
         if not self._oldest <= tick <= self.last_tick:
             return None
         return Row._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
 
     def path_from(self, tick: int) -> Floats:
-        """Return the planned path (n, 4) from a tick on, n ≥ 1, as `Company` has it."""
+        """Return the planned path (n, 4), n ≥ 1, of the fish from a tick of the tank on.
+
+        Its columns are x, y px, heading and number of the picture, as in `Company`.
+        """
         last = self._choices[-1].stretch
         return last.rest(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
@@ -139,12 +144,15 @@ class LiveFish:
         return Plans.from_paths(ways, tick).others(-1, tick)
 
     def wish_at(self, tick: int) -> Request:
-        """Return what the fish was sent for at a known tick."""
+        """Return what the fish was sent for at a tick of the tank that is known."""
         wish: Request = self._wishes[tick % HISTORY]
         return wish
 
     def places(self, ticks: range) -> Floats:
-        """Return where the fish was, (n, 2) px, at the known ticks of a range, all up to now."""
+        """Return where the fish was, (n, 2) px, at those ticks of a range that are known.
+
+        ticks: of the tank, up to the present one; the ticks too long ago are left out.
+        """
         known = np.arange(ticks.start, ticks.stop, ticks.step)
         known = known[known >= self._oldest] % HISTORY
         return np.column_stack([self._ring["x_px"][known], self._ring["y_px"][known]])
@@ -154,19 +162,22 @@ class LiveFish:
         return max(self.born, self.last_tick - HISTORY + 1)
 
     def choice(self, tick: int) -> DecisionRecord | None:
-        """Return the decision in force at a tick."""
+        """Return the decision in force at a tick of the tank; None where it is not known."""
         row = self.row_at(tick)
         if row is None:
             return None
         return next((one for one in reversed(self._choices) if one.tick == row.decided), None)
 
     def plan_of(self, choice: DecisionRecord) -> DecisionRecord:
-        """Return the decision that made the plan of a decision: often the decision itself."""
+        """Return the decision that made the plan `choice` carries on: often `choice` itself."""
         earlier = (one for one in reversed(self._choices) if one.tick <= choice.tick)
         return next((one for one in earlier if not one.follows_plan), choice)
 
     def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
-        """Send the fish to a goal, or none, from the next tick on; a dragged goal waits briefly."""
+        """Send the fish to a goal (place: x, y px), or None to wander, from the next tick on.
+
+        drag: whether the goal is being dragged; then the present stretch may go on for a moment.
+        """
         self.goal = self._goal(*place) if place else None
         self.path_task, self.order, self.reached = None, None, False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
@@ -178,7 +189,7 @@ class LiveFish:
         self.path_task = PathTask(route)
 
     def obey(self, order: RuleTask) -> None:
-        """Let the fish swim by a rule from the next tick on."""
+        """Let the fish swim by a rule (order) from the next tick on."""
         if order != self.order:
             self.send(None)
             self.order = order
@@ -187,15 +198,15 @@ class LiveFish:
         return Goal(self.name, x, y, self._player.world.touch_px)
 
     def switch(self, mode: str) -> None:
-        """Change the mode from the next tick on."""
+        """Change the fish's mode from the next tick on."""
         if mode != self.mode:
             self.mode, self._cut_after = mode, 1
 
     def renew(self) -> None:
-        """Decide the last tick again, because the request has changed since then.
+        """Decide the last tick again, as the request has changed since then.
 
-        The tick before keeps its picture. Where no new way is clear of the other fish, the old one
-        stays.
+        The tick before keeps its picture. Where no new way is clear of the other fish, the old
+        decision stays.
         """
         self._was_ghost = self._ghost_before
         self._cut_after, self._played = 0, self._played - 1
@@ -262,7 +273,10 @@ class LiveFish:
                 self.goal, self.path_task = None, path_task._replace(begun=True)
 
     def back_to(self, tick: int) -> None:
-        """Swim on from a known tick: the same as then, unless it is sent elsewhere."""
+        """Set the fish back to a tick of the tank that is known, to swim on from there.
+
+        It swims the same as then, unless it is sent elsewhere.
+        """
         row, choice = self.row_at(tick), self.choice(tick)
         if row is None or choice is None:
             return

@@ -19,13 +19,16 @@ Which = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
 
 
 class Message(BaseModel):
-    """A message with exactly the named fields and types."""
+    """A message of a page, with exactly the named fields and types."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
 
 class SetGoal(Message):
-    """Swim to a place, px of the tank's picture. drag: whether the goal is being moved."""
+    """Send a fish to a place, px of the tank's picture; fish: its number, None for all.
+
+    drag: whether the user is dragging the goal.
+    """
 
     do: Literal["goal"]
     fish: Which
@@ -35,7 +38,10 @@ class SetGoal(Message):
 
 
 class SetPath(Message):
-    """Swim a path that was drawn: places, px of the tank's picture."""
+    """Send a fish along a drawn path; fish: its number, None for all.
+
+    places: x, y px of the tank's picture.
+    """
 
     do: Literal["path"]
     fish: Which
@@ -43,7 +49,10 @@ class SetPath(Message):
 
 
 class SetRule(Message):
-    """Swim by a rule: in a group with the others, or behind the fish `leader`."""
+    """Let a fish swim by a rule: in a group with the others, or behind the fish `leader`.
+
+    fish: its number, None for all.
+    """
 
     do: Literal["rule"]
     fish: Which
@@ -51,7 +60,7 @@ class SetRule(Message):
 
 
 class Weights(Message):
-    """How strongly other fish repel, align and attract; 1 = as strong as the own direction."""
+    """Set how strongly other fish repel, align and attract; 1 = as strong as the own direction."""
 
     do: Literal["weights"]
     repulsion: Weight
@@ -60,69 +69,69 @@ class Weights(Message):
 
 
 class Drop(Message):
-    """Forget the goal, the path, or the rule, and wander."""
+    """Let a fish forget its goal, path or rule, and wander; fish: its number, None for all."""
 
     do: Literal["drop"]
     fish: Which
 
 
 class SetMode(Message):
-    """Go on in another mode."""
+    """Let all fish swim on in another mode."""
 
     do: Literal["mode"]
     mode: Mode
 
 
 class Pause(Message):
-    """Stop, or swim on."""
+    """Stop the tank (on: true), or let it go on (false)."""
 
     do: Literal["pause"]
     on: bool
 
 
 class Step(Message):
-    """Advance one tick, and stay there."""
+    """Advance the tank by one tick, and pause it."""
 
     do: Literal["step"]
 
 
 class Speed(Message):
-    """Set the playback rate, relative to the film."""
+    """Set the playback rate; times: relative to the film."""
 
     do: Literal["speed"]
     times: Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
 
 
 class PastTick(Message):
-    """Show a past tick, and stay there; None: go back to the present."""
+    """Show a past tick, and pause there; None: return to the present."""
 
     do: Literal["look"]
     tick: Number | None
 
 
 class SwimOn(Message):
-    """Swim on from a past tick; what came after it is forgotten."""
+    """Let all fish swim on from a past tick; what came after it is forgotten."""
 
     do: Literal["swim_on"]
     tick: Number
 
 
 class Explain(Message):
-    """Show the decisions of this fish."""
+    """Show the decisions of one fish from now on."""
 
     do: Literal["explain"]
     fish: Annotated[int, Field(ge=0, lt=MOST_FISH)]
 
 
 class Count(Message):
-    """Set the number of fish."""
+    """Set the number of fish in the tank."""
 
     do: Literal["count"]
     fish: Annotated[int, Field(ge=1, le=MOST_FISH)]
 
 
 class Seen(Message):
-    """The page has drawn this frame."""
+    """Report that the page has drawn the frame with this number."""
 
     do: Literal["seen"]
     frame: Number
@@ -148,7 +157,7 @@ _WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="do")
 
 
 def parse_message(text: str | bytes | None) -> Wish | None:
-    """Return the parsed message; None where it is too long, no JSON, or not valid."""
+    """Return the message that a text is; None where it is too long, not JSON, or not valid."""
     if text is None or len(text) > LONGEST:
         return None
     try:

@@ -9,14 +9,14 @@ from finloop.edit.build import EditInputs
 
 
 class Modes(NamedTuple):
-    """The modes of a tank by name: the player of each, and what each can draw."""
+    """The modes of a tank: by name the player of each, and what its edit lists are built from."""
 
     players: Mapping[str, AnyPlayer]
     sources: Mapping[str, EditInputs]
 
     @classmethod
     def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
-        """Return the modes of these players; each can draw the sprites that another one leaves."""
+        """Return the modes of players by name; each can also draw the sprites of the others."""
         every = {mode: one.sources for mode, one in players.items()}
         widest = max(every.values(), key=lambda one: len(one.sprite_scale))
         return cls(players, {

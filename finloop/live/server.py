@@ -30,7 +30,7 @@ _OF_FISH = ("goal", "path", "rule", "drop")  # wishes of one fish, or of all
 
 
 class PageClient:
-    """A connected page. It holds one frame at most, the newest."""
+    """A connected page. At most one frame waits for it, the newest."""
 
     def __init__(self) -> None:
         self._newest: tuple[int, bytes] | None = None
@@ -38,19 +38,19 @@ class PageClient:
         self._changed = asyncio.Event()
 
     def offer(self, number: int, frame: bytes) -> bool:
-        """Store a new frame; return whether the page got the one before."""
+        """Store a new frame for the page; return whether the frame before was taken by then."""
         got, self._newest = self._newest is None, (number, frame)
         self._changed.set()
         return got
 
     def saw(self, number: int) -> None:
-        """Note that the page has drawn this frame, and any before; ignore one it was not sent."""
+        """Note that the page has drawn frame `number`, and any before; ignore one never sent."""
         while number in self._away:
             self._away.popleft()
             self._changed.set()
 
     async def next(self) -> bytes:
-        """Return the newest frame, when there is one and the page is not behind."""
+        """Return the newest frame, once there is a new one and the page is not behind."""
         while self._newest is None or len(self._away) >= BEHIND:
             self._changed.clear()
             await self._changed.wait()
@@ -60,7 +60,7 @@ class PageClient:
 
 
 class Host:
-    """Runs the tank while at least one page is connected."""
+    """Runs the tank tick by tick while a page is connected, and offers its frames to pages."""
 
     def __init__(self, view: View) -> None:
         self.view = view
@@ -71,7 +71,7 @@ class Host:
         self._changed = asyncio.Event()
 
     def hear(self, page: PageClient, text: str | bytes | None) -> None:
-        """Take a message of a page."""
+        """Keep the request in a page's message until the next frame; count a bad message."""
         wish = parse_message(text)
         if wish is None:
             self.view.counts.bad += 1
@@ -90,12 +90,12 @@ class Host:
         self._changed.set()
 
     def join(self, page: PageClient) -> None:
-        """Add a page."""
+        """Add a connected page, and wake the tank."""
         self.pages.add(page)
         self._changed.set()
 
     async def run(self) -> None:
-        """Run tick by tick, until cancelled."""
+        """Run the tank tick by tick, and offer each frame to all pages, until cancelled."""
         clock, due = time.perf_counter(), 0.0
         while True:
             if not self.pages or not (self.view.runs or self._changed.is_set()):
@@ -124,13 +124,17 @@ class Host:
                     await asyncio.wait_for(self._changed.wait(), max(left, 0.0))
 
     def take(self) -> tuple[list[Wish], int]:
-        """Return the requests since last time, and how many single ticks."""
+        """Return the requests since the last frame, and how many single ticks were requested."""
         wishes, self.wishes = list(self.wishes.values()), {}
         steps, self._steps = self._steps, 0
         return wishes, steps
 
     def frame(self, wishes: list[Wish], steps: int, ticks: int) -> bytes:
-        """Apply the requests, let the ticks pass, and draw."""
+        """Apply the requests, advance the tank, and return the next frame as bytes (`View.show`).
+
+        wishes: the requests; steps: single ticks, after which the tank is paused; ticks: to advance
+        by if it is not paused.
+        """
         start = time.perf_counter()
         for wish in wishes:
             self.view.grant(wish)
@@ -146,7 +150,11 @@ class Host:
 def app(
     view: View, page: str, port: int, ended: Callable[["asyncio.Task[None]"], None]
 ) -> Starlette:
-    """Return the application. page: the HTML; port: of the server; ended: called at the end."""
+    """Return the web application of the live tank: its page at `/`, its WebSocket at `/tank`.
+
+    page: the HTML; port: of the server; ended: called with the task that runs the tank when it
+    ends.
+    """
     door, host = Door(port), Host(view)
 
     async def show_page(request: Request) -> Response:
@@ -202,7 +210,10 @@ async def _send(connection: WebSocket, page: PageClient) -> None:
 
 
 class Server(AppServer):
-    """Serves the tank on a socket; started: called when it can be reached."""
+    """Serves a live tank on a socket (listens); page: the HTML.
+
+    started: called once the server can be reached.
+    """
 
     def __init__(
         self, view: View, page: str, listens: socket.socket, started: Callable[[], None]

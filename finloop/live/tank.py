@@ -20,7 +20,7 @@ from finloop.social.rule import rule_of
 
 
 def rehearse(player: AnyPlayer) -> None:
-    """Lay out and compile what a drawn path needs, so that the first one need not wait for it.
+    """Plan once along a path, so that the first drawn path need not wait for compilation.
 
     Does nothing where a fish has too little room: there every path counts as a goal.
     """
@@ -33,7 +33,7 @@ def rehearse(player: AnyPlayer) -> None:
 
 
 class LiveTank:
-    """All fish of a live tank. players: one a mode; `tick`: the last one played."""
+    """All fish of a live tank. players: by name of the mode; `tick`: the last one played."""
 
     def __init__(
         self, players: Mapping[str, AnyPlayer], mode: str, fish: int, seed: int,
@@ -54,12 +54,12 @@ class LiveTank:
 
     @property
     def world(self) -> World:
-        """Return what all fish swim in, in every mode."""
+        """Return the tank, and what the film teaches of swimming, as the present mode has them."""
         return self.players[self.mode].world
 
     @property
     def rate_hz(self) -> float:
-        """Return the ticks of a second of film."""
+        """Return the ticks per second of film."""
         return self.world.motion.rate_hz
 
     @property
@@ -74,20 +74,20 @@ class LiveTank:
             fish.advance()
 
     def renew(self, which: int) -> None:
-        """Let a fish decide the last tick again, if it was in the tank before."""
+        """Let fish number `which`, from 0, decide the last tick again, unless it is new."""
         fish = self.fish[which]
         if self.tick > fish.born + 1:
             fish.renew()
 
     @property
     def most_fish(self) -> int | None:
-        """Return how many fish the mode can move; None: any number."""
+        """Return the largest number of fish that the present mode can move; None: any number."""
         return self.players[self.mode].most_fish
 
     def count(self, fish: int) -> None:
-        """Set the number of fish, as far as there is room: new ones come, the last ones go.
+        """Set the number of fish, as far as there is room: new ones come, or the last ones go.
 
-        FinloopError where the mode moves fewer.
+        FinloopError where the mode moves fewer fish.
         """
         if self.most_fish is not None and fish > self.most_fish:
             raise self._paper_alone(f"{fish} fish", self.mode)
@@ -109,7 +109,10 @@ class LiveTank:
         return {other.name: other.path_from(tick) for other in self.fish if other is not fish}
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
-        """Send a fish, or all, to the place nearest to (x, y) px that a fish can touch."""
+        """Send fish number `which`, or None for all, to the place nearest to x, y px it can touch.
+
+        drag: whether the user is dragging the goal.
+        """
         near = self.world.tank.into(x, y)
         if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
             x, y = near
@@ -129,10 +132,11 @@ class LiveTank:
             raise self._paper_alone(what, self.mode)
 
     def follow(self, which: int | None, places: Sequence[tuple[float, float]]) -> None:
-        """Send a fish, or all, along a drawn path: places x, y px of the tank's picture.
+        """Send fish number `which`, or None for all, along a drawn path.
 
-        The path is moved to where a fish can be. If its end touches its beginning, it is closed and
-        repeats. If it is hardly longer than a point, it is a goal.
+        places: x, y px of the tank's picture. The path is moved to where a fish can be. If its end
+        touches its beginning, it is closed and repeats. If it is hardly longer than a point, it is
+        a goal. FinloopError in a mode of the paper.
         """
         self._refuse_in_paper("a path")
         world = self.world
@@ -148,19 +152,25 @@ class LiveTank:
             self.fish[number].follow(route)
 
     def drop(self, which: int | None) -> None:
-        """Let a fish, or all, wander."""
+        """Let fish number `which`, or None for all, forget its goal, path or rule, and wander."""
         for number in self._fish_numbers(which):
             self.fish[number].send(None)
 
     def shoal(self, which: int | None) -> None:
-        """Let a fish, or all, swim in a group. FinloopError where the film gives no rule for it."""
+        """Let fish number `which`, or None for all, swim in a group.
+
+        FinloopError where the film gives no rule for it, or in a mode of the paper.
+        """
         self._refuse_in_paper("company")
         rule = rule_of(self.shoaling)
         for number in self._fish_numbers(which):
             self.fish[number].obey(RuleTask(rule))
 
     def lead(self, which: int | None, leader: int) -> None:
-        """Let a fish, or all others, follow a leader. FinloopError if that is contradictory."""
+        """Let fish number `which`, or None for all others, follow fish number `leader`, from 0.
+
+        FinloopError if fish would follow each other, or in a mode of the paper.
+        """
         self._refuse_in_paper("a leader")
         if leader >= len(self.fish):
             return
@@ -177,7 +187,7 @@ class LiveTank:
 
     @property
     def leaders(self) -> dict[int, int]:
-        """Return the leader of each follower, numbered from 1."""
+        """Return the number of each follower's leader, by number of the follower, both from 1."""
         numbers = {fish.name: number for number, fish in enumerate(self.fish, 1)}
         return {
             number: numbers[fish.order.leader]
@@ -186,7 +196,7 @@ class LiveTank:
         }
 
     def weigh(self, weights: tuple[float, float, float]) -> None:
-        """Set the weights of repulsion, alignment and attraction, for all that swim in a group."""
+        """Set the weights of repulsion, alignment and attraction, for all fish in a group."""
         if self.shoaling is None:
             return
         names = ("repulsion_weight", "alignment_weight", "attraction_weight")
@@ -197,7 +207,7 @@ class LiveTank:
                 fish.order = RuleTask(self.shoaling)
 
     def lack(self, mode: str) -> str:
-        """Return why the tank cannot switch to a mode now; empty if it can."""
+        """Return why the tank cannot switch to a mode now, as a sentence; "" if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
         most = self.players[mode].most_fish
@@ -206,7 +216,11 @@ class LiveTank:
         return ""
 
     def switch(self, mode: str) -> None:
-        """Switch all fish to a mode. FinloopError if it is not available, or moves fewer fish."""
+        """Switch all fish to a mode; nothing happens where the film shows too little for it.
+
+        FinloopError if the mode moves fewer fish. In a mode of the paper, paths and rules are
+        dropped.
+        """
         if mode in self.players:
             most = self.players[mode].most_fish
             if self.lack(mode):
@@ -220,7 +234,7 @@ class LiveTank:
                 fish.switch(mode)
 
     def back_to(self, tick: int) -> None:
-        """Swim on from a past tick; what came after it is forgotten."""
+        """Set the tank back to a past tick, to swim on from there; forget what came after."""
         self.tick = min(max(tick, self.oldest), self.tick)
         self.fish = [fish for fish in self.fish if fish.row_at(self.tick) is not None]
         for fish in self.fish:

@@ -34,7 +34,7 @@ _QUALITY = 82  # JPEG
 
 @dataclass
 class EventCounts:
-    """Counts of bad messages, frames that a slow page did not get, and goals reached."""
+    """Counts of bad messages, of frames that a slow page did not get, and of goals reached."""
 
     bad: int = 0
     dropped: int = 0
@@ -45,8 +45,9 @@ class EventCounts:
 class View:
     """The live tank as it is shown; it carries out the page's requests.
 
-    looked: a past tick that is shown instead of the present one; explained: the fish whose
-    decisions are shown; frame: number of the last frame; refused: why the last request was refused.
+    speed: playback rate relative to the film; looked: a past tick that is shown instead of the
+    present one; explained: number of the fish whose decisions are shown; frame: number of the last
+    frame; refused: why the last request was refused, "" if it was not.
     """
 
     tank: LiveTank
@@ -62,18 +63,18 @@ class View:
 
     @property
     def tick(self) -> int:
-        """Return the tick on screen."""
+        """Return the tick on screen: the present one, or a past one that the page looks at."""
         if self.looked is None:
             return self.tank.tick
         return min(max(self.looked, self.tank.oldest), self.tank.tick)
 
     @property
     def runs(self) -> bool:
-        """Return whether time passes in the tank."""
+        """Return whether time passes in the tank: not while it is paused or shows a past tick."""
         return not self.paused and self.looked is None
 
     def grant(self, wish: message.Wish) -> None:
-        """Carry out a request; refuse what is impossible, ignore what makes no sense now."""
+        """Carry out a page's request; where it is impossible, note why in `refused`."""
         try:
             self._grant(wish)
             self.refused = ""
@@ -121,7 +122,7 @@ class View:
                 self.explained = min(self.explained, wish.fish - 1)
 
     def advance(self, ticks: int = 1) -> None:
-        """Advance the tank by some ticks."""
+        """Advance the tank by some ticks, and count the goals reached."""
         for _ in range(ticks):
             before = [fish.reached for fish in self.tank.fish]
             self.tank.advance()
@@ -129,7 +130,10 @@ class View:
             self.counts.reached += sum(b and not a for a, b in zip(before, now, strict=True))
 
     def show(self, took_ms: float = 0.0) -> bytes:
-        """Return the next frame. took_ms: how long the one before took."""
+        """Return the next frame: a JSON text with its length before it, then a JPEG of the tank.
+
+        took_ms: milliseconds that the frame before took.
+        """
         self.frame += 1
         tick, painter = self.tick, self.painter
         rows = [row for fish in self.tank.fish if (row := fish.row_at(tick)) is not None]
@@ -142,7 +146,10 @@ class View:
         return len(text).to_bytes(4, "little") + text + coded
 
     def state(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
-        """Return all but the picture of a tick."""
+        """Return all that the page shows of a tick besides the picture, as an object for JSON.
+
+        took_ms: milliseconds that the frame before took.
+        """
         tank, rate = self.tank, self.tank.rate_hz
         height, width = self.painter.canvas.shape[:2]
         choice = None

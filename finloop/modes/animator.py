@@ -35,11 +35,12 @@ from finloop.sprites.pictures import outlines
 
 
 class FilmData(NamedTuple):
-    """What every mode takes from a film of n rows.
+    """What the paper's modes take from a film of n rows.
 
-    arena (h, w): where the fish can be; floor: the empty tank as filmed, None if unknown; reel: its
-    pictures, with sprites for a mode that shows them; outline_px (n, k, 2): x, y as filmed; poses:
-    of the rows; map_facts, steps: of the distance map, columns of `STEPS`.
+    rate_hz: frames per second; arena (h, w): true where fish can be; floor: the empty tank as
+    filmed, None if unknown; reel: the film's pictures, with sprites for a mode that shows them;
+    outline_px (n, k, 2): x, y as filmed of each animal's outline; poses: of the rows; map_facts: of
+    the distance map; steps: distances between successive pictures, columns of `STEPS`.
     """
 
     rate_hz: float
@@ -53,46 +54,53 @@ class FilmData(NamedTuple):
 
 
 class Animator(Protocol):
-    """Plans animations of one film in one mode."""
+    """Plans animations of one film in one mode, as edit lists (columns of `EDIT`)."""
 
     @property
     def pictures(self) -> Pictures:
-        """Return the pictures of its edit lists."""
+        """Return the pictures that the edit lists of this animator show."""
 
     @property
     def step(self) -> float:
-        """Return the film's natural step."""
+        """Return the natural step: median distance (Eq. 5) between successive frames."""
 
     @property
     def player(self) -> AnyPlayer:
-        """Return the player of the mode."""
+        """Return the player of the mode, which moves the fish stretch by stretch."""
 
     @property
     def fish(self) -> int:
-        """Return how many fish swim together."""
+        """Return the number of fish that swim together in an animation."""
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
-        """Return the edit list of an animation with another seed, to random goals."""
+        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
 
     def goals(self) -> list[Goal]:
-        """Return the goals of the parameters."""
+        """Return the goals that the parameters name, in px of the tank."""
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the goals of each fish."""
+        """Return, for each fish, those of `goals` that it swims to, in their order."""
 
     def check_room(self, goals: Sequence[Goal]) -> None:
-        """Raise NoRoom if the tank has no room for all fish."""
+        """Raise NoRoom if the tank has no room for all fish; goals: the goals of the animation."""
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return an animation, fish by fish, and its edit list."""
+        """Return an animation to `goals`: the stretches of each fish, and the edit list of all."""
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """Return the edit list of another animation, to random goals, and the goals."""
+        """Return the edit list of a random animation, and the goals of each fish in it.
+
+        number: of the trial; each number gives other random goals.
+        """
 
 
 @dataclass(frozen=True)
 class PaperAnimator:
-    """Plans animations in a mode of the paper. step: the film's natural step, both headed right."""
+    """Plans animations of one fish in a mode of the paper.
+
+    step: the film's natural step, the median distance between successive pictures, both turned to
+    head right; p: the group `animate` of the parameters.
+    """
 
     player: PaperPlayer
     pictures: Pictures
@@ -102,34 +110,40 @@ class PaperAnimator:
     fish = 1
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
-        """Return the edit list of an animation with another seed, to random goals."""
+        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
         other = replace(self, p=replace(self.p, seed=seed, seconds=seconds))
         goals = random_goals(self.player.world, self.p.trial_goals, np.random.default_rng(seed))
         return other.plan(goals)[1]
 
     def goals(self) -> list[Goal]:
-        """Return the goals of the parameters. FinloopError if one is out of reach."""
+        """Return the parameters' goals, px; FinloopError if the fish cannot reach one."""
         world = self.player.world
         touch_px = world.touch_px + world.head_px
         placed = place_goals(self.p.goals, self.p.goal_unit, world.tank, touch_px)
         return [goal._replace(radius_px=world.touch_px) for goal in placed]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the goals of each fish; there is one fish."""
+        """Return the goals of each fish: a list with `goals` alone, as there is one fish."""
         return [goals]
 
     def check_room(self, goals: Sequence[Goal]) -> None:
         """Do nothing: every tank has room for one fish."""
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return an animation to the goals, and its edit list (columns of `EDIT`)."""
+        """Return an animation to `goals`: the fish's stretches, and its edit list (`EDIT`).
+
+        In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
+        """
         found, edit = self._animate(goals, np.random.default_rng(self.p.seed))
         if self.player.joins.kind == FADE:
             edit = without_ghosts(edit, self.pictures, self.p.fade_steps * self.step)
         return [found], edit
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """Return the edit list of another animation, to random goals, and the goals."""
+        """Return the edit list of a random animation, and its goals as a list for the one fish.
+
+        number: of the trial; each number gives other random goals.
+        """
         rng = np.random.default_rng([self.p.seed, number])
         goals = random_goals(self.player.world, self.p.trial_goals, rng)
         return self._animate(goals, rng)[1], [goals]
@@ -143,7 +157,7 @@ class PaperAnimator:
 
 
 class ModeAssets(NamedTuple):
-    """What the paper's modes share."""
+    """What the paper's modes share: film at its drawn size, tank, pictures, outlines."""
 
     sized: Sized
     world: World
@@ -152,7 +166,10 @@ class ModeAssets(NamedTuple):
 
 
 def basis_of(made: FilmData, p: AnimateSettings) -> ModeAssets:
-    """Return the tank, the film at its drawn size and what it teaches, for a mode of the paper."""
+    """Return what the paper's modes share: film at its drawn size, tank, pictures, outlines.
+
+    made: data of the film; p: the group `animate` of the parameters.
+    """
     at_size = scale_film(made.reel, made.outline_px, made.arena, p, made.floor)
     reel = at_size.reel
     motion = learn(reel.features, made.rate_hz, delta_of(reel.features)).scale_to(reel.size)
@@ -169,7 +186,10 @@ NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b
 
 
 def loop_film(made: FilmData, basis: ModeAssets, loops: pd.DataFrame) -> MotionGraph:
-    """Return the film whose only jumps are those of its loops."""
+    """Return the motion graph of the film, whose only jumps are those of its video loops.
+
+    made: data of the film; basis: what the modes share; loops: rows a, b and distance of each loop.
+    """
     features = basis.sized.reel.features
     n, track = len(features), features["track_id"].to_numpy()
     none = np.zeros(0, np.int32)
@@ -185,7 +205,11 @@ def make_animator(
     made: FilmData, basis: ModeAssets, mode: PaperMode, way: MotionGraph, sprites: Sprites | None,
     p: AnimateSettings, join: str,
 ) -> PaperAnimator:  # fmt: skip
-    """Return the animator of a mode. way: the film; join: how pictures are joined."""
+    """Return the animator of a mode of the paper.
+
+    mode: its flow chart; way: the motion graph of the film; sprites: None in a mode without
+    sprites; p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
+    """
     how = joins(p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.helps)
     player = PaperPlayer(mode, basis.world, way, sprites, basis.cast, how)
     return PaperAnimator(player, basis.pictures, float(made.steps["headed"].median()), p)

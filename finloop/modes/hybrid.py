@@ -33,10 +33,11 @@ _SHOWN = 0.4  # of a frame; from there one tick leads to the next sprite at any 
 
 
 class Gateways:
-    """The gateways of a film. table: columns of `GATEWAYS`; step: the film's natural step.
+    """The gateways between sprites and film (Fig. 14). table: columns of `GATEWAYS`.
 
-    into: the rows that a sprite in an orientation (0: any) leads to; out_of: the sprites that a row
-    leads to, the nearest first.
+    step: the film's natural step, the unit of seams. into: by (sprite, orientation), orientation 0
+    for any, the rows that it leads to, their turns in degrees and seams, (k,) each; out_of: by row,
+    a list of (sprite, turn in degrees, seam), the nearest first.
     """
 
     def __init__(self, table: pd.DataFrame, step: float, loops: Loops) -> None:
@@ -60,7 +61,7 @@ class Gateways:
 
 
 class Hybrid:
-    """Plays mode `hybrid`, the flow chart of Fig. 19."""
+    """Plays mode `hybrid` (Fig. 19): loops where they lead to the goal, else sprites."""
 
     def __init__(self, network: Network, loops: Loops, gateways: Gateways) -> None:
         self.network, self.loops, self.gateways = network, loops, gateways
@@ -77,13 +78,14 @@ class Hybrid:
         self._ends = loops.ends & leaves
 
     def begin(self, rng: np.random.Generator) -> Fish:
-        """Return a fish somewhere in the tank, in network mode."""
+        """Return a fish at a random place of the tank, shown by a sprite (network mode)."""
         return self.network.begin(rng)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a copy of a fish of another mode as one of this mode.
+        """Return a fish of another mode as a fish of this mode, unchanged where it can go on.
 
-        The fish leaves the film if it cannot go on in it.
+        A fish that a frame shows goes on in the film, if the film can play on or a gateway leads
+        out. Otherwise it is shown by a sprite.
         """
         filmed = self.loops.film.filmed
         if fish.row < 0 or self.loops.shows(fish) or (fish.row < filmed and self._leaves[fish.row]):
@@ -91,13 +93,16 @@ class Hybrid:
         return self.network.take_over(fish)
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch towards a goal (Fig. 19)."""
+        """Return the next stretch: by loop mode in the film, else network mode (Fig. 19)."""
         if fish.row < 0:
             return self.play_network(fish, goal, rng)
         return self.play_loops(fish, goal, rng)
 
     def play_network(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Play network mode until a gateway fits; after the film at least one tick."""
+        """Return sprites up to a gateway that fits, or film where one fits now.
+
+        Right after the film a fish is shown by sprites for at least one tick.
+        """
         if fish.since != _LEFT and (entered := self.enter(fish, goal)) is not None:
             return entered
         stretch = self.network.play(fish, goal, rng)
@@ -108,7 +113,11 @@ class Hybrid:
         return stretch
 
     def enter(self, fish: Fish, goal: Target) -> Stretch | None:
-        """Enter the film from the sprite on screen; None where no way is legal."""
+        """Return film entered by a gateway from the sprite on screen; None without any.
+
+        Of the gateways from which a way is legal, the one whose way ends nearest to the goal is
+        taken.
+        """
         starts = self.gates(fish)
         if starts is None:
             return None
@@ -130,7 +139,11 @@ class Hybrid:
         return Starts(rows, np.asarray(wrap_deg(fish.heading + turns), float), seams)
 
     def play_loops(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Play loop mode: the next legal loop, else leave the film by a gateway."""
+        """Return the next stretch in loop mode: a legal way, else a gateway out of the film.
+
+        Where no way is legal and the row shown has no gateway, the film plays on to a row that has
+        one.
+        """
         starts = self.loops.starts(fish)
         ways = self.loops.follow_starts(fish, starts, goal, self._ends)
         taken = self.loops.choose(starts, ways, rng)
@@ -141,7 +154,10 @@ class Hybrid:
         return self.play_to_gateway(fish, starts, ways, goal, rng)
 
     def leave_film(self, fish: Fish, ways: Ways, goal: Target) -> Stretch:
-        """Leave the film for a tick, by the gateway whose sprite looks most like the row shown."""
+        """Return a stretch of one tick that leaves the film by a gateway to a straight sprite.
+
+        ways: those that were weighed, for the counts of the decision.
+        """
         sprite, turn, seam = next(
             way for way in self.gateways.out_of[fish.row] if way[0] in self._cycle
         )
@@ -160,7 +176,11 @@ class Hybrid:
     def play_to_gateway(
         self, fish: Fish, starts: Starts, ways: Ways, goal: Target, rng: np.random.Generator
     ) -> Stretch:
-        """Play the shortest film to a row with a gateway; on the spot where none is in the tank."""
+        """Return the shortest stretch of film to a row with a gateway out of the film.
+
+        starts, ways: the rows that can be shown next, and the ways from them. Where none reaches a
+        gateway inside the tank, the fish swims on the spot.
+        """
         place, legal = self.loops.next_place(fish), self.loops.world.tank.legal
         ticks = first_end(self.loops.film, legal, self._leaves, starts, place)
         some = np.flatnonzero(ticks)
@@ -171,7 +191,7 @@ class Hybrid:
         return replace(self.loops.stretch(fish, starts, waits, taken, goal), waits=True)
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
-        """Return the fish at the end of a stretch."""
+        """Return the fish as it is at the end of a stretch that began with `fish`."""
         if stretch.rot is not None:
             return self.loops.end_state(fish, stretch)
         return self.network.end_state(fish, stretch)
@@ -181,7 +201,11 @@ def hybrid_animator(
     made: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
     p: CommonSettings, q: tuple[NetworkSettings, LoopsSettings, HybridSettings],
 ) -> PaperAnimator:  # fmt: skip
-    """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, network mode."""
+    """Return the animator of mode `hybrid` (Fig. 19); without loops or gateways, of `network`.
+
+    made: data of the film; model: the trained network; loops, gateways: tables of both, the latter
+    with columns of `GATEWAYS`; p: the group `animate`; q: the groups of the three modes.
+    """
     basis = basis_of(made, p)
     network, sprites = make_network(made, basis, model, q[0])
     play = make_loop_player(made, basis, loops, q[1])

@@ -6,6 +6,6 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class HybridSettings:
-    """How the hybrid mode changes over."""
+    """Parameters of mode `hybrid`. join: how the pictures of network and film are joined."""
 
     join: Literal["fade", "inertial", "cut"]

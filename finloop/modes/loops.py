@@ -42,9 +42,10 @@ _TANK, _QUADRANT, _HEADING = map(VERDICTS.index, ("tank", "quadrant", "heading")
 
 
 class Starts(NamedTuple):
-    """Rows (k,) that can be shown next, how far each is turned, and its discontinuity.
+    """Rows (k,) of the film that can be shown next.
 
-    The discontinuity (seam) is in natural steps, 0 for the film's own next frame.
+    rots: degrees by which each would be turned; seams: its discontinuity in natural steps, 0 for
+    the film's own next frame.
     """
 
     rows: Ints
@@ -53,12 +54,13 @@ class Starts(NamedTuple):
 
 
 class Ways(NamedTuple):
-    """Where playing on from starts (k,) leads, each to the loop end nearest to the goal.
+    """Where playing on from each start (k,) leads: to the loop end nearest to the goal.
 
-    ticks: rows to show, 0 where no loop end passes the tests; far: px from there to the goal;
-    touched: whether the goal is touched on the way, which then ends at the next loop end; quadrant:
-    the one that the way leads to; verdict: index in `VERDICTS` of the test that the start fails;
-    inside: rows to show where only the first test counts, 0 where that fails, too.
+    ticks: rows to show, 0 where no loop end passes the tests; far: px from that loop end to the
+    goal; touched: whether the fish touches the goal on the way, which then ends at the next loop
+    end; quadrant: where that loop end is, seen from the beginning of the way; verdict: index in
+    `VERDICTS` of the test that the start fails; inside: rows to show inside the tank where quadrant
+    and heading do not count, 0 where the way leaves the tank.
     """
 
     ticks: Ints
@@ -70,7 +72,11 @@ class Ways(NamedTuple):
 
 
 class Loops:
-    """Plays the film's loops. film: with the jumps of its loops alone."""
+    """Plays the film's video loops (Figs. 10-13). film: motion graph with loop jumps alone.
+
+    stay: fewest rows shown between two jumps; ends (n,): whether a row is a loop end; can_play:
+    whether the film can go on for ever.
+    """
 
     def __init__(self, world: World, film: MotionGraph, p: LoopsSettings) -> None:
         self.world, self.film, self.p = world, film, p
@@ -79,7 +85,7 @@ class Loops:
         self.can_play = bool((film.recurrent & film.has_next).any())
 
     def begin(self, rng: np.random.Generator) -> Fish:
-        """Return a fish somewhere in the tank, at a row from which the film goes on for ever."""
+        """Return a fish at a random place, at a row from which the film goes on for ever."""
         film = self.film
         x, y = self.world.tank.random_point(rng)
         row = int(rng.choice(np.flatnonzero(film.has_next[:-1] & film.recurrent[1:])))
@@ -88,10 +94,10 @@ class Loops:
         return Fish(x, y, heading, 0.0, FILM, -1, row=row, rot=rot, since=self.stay)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a copy of a fish of another mode as one of this mode.
+        """Return a fish of another mode as a fish of this mode, in the film.
 
-        Its frame is the one whose heading and speed are nearest to the fish's. A frame from which
-        the film goes on stays.
+        A frame from which the film goes on stays. Otherwise the fish shows the frame whose heading
+        and speed are nearest to its own.
         """
         film = self.film
         if self.shows(fish):
@@ -122,7 +128,7 @@ class Loops:
         return int(rows[np.argmin(unlike)])
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the film up to the next loop end, on a legal way where there is one."""
+        """Return film up to a loop end: a legal way, else any in the tank, else in place."""
         starts = self.starts(fish)
         ways = self.follow_starts(fish, starts, goal)
         taken = self.choose(starts, ways, rng)
@@ -134,9 +140,9 @@ class Loops:
         return self.swim_on_spot(fish, starts, ways, goal, rng)
 
     def starts(self, fish: Fish) -> Starts:
-        """Return what can be shown next: the film's next row, and those it can jump to.
+        """Return the rows that can be shown next: the film's next row, and the rows it can jump to.
 
-        For a while after a jump there are no jumps, unless the film ends.
+        For `stay` rows after a jump there are no jumps, unless the film ends.
         """
         film, row = self.film, fish.row + 1
         own = film.has_next[row] and film.recurrent[row + 1]
@@ -152,20 +158,30 @@ class Loops:
     def follow_starts(
         self, fish: Fish, starts: Starts, goal: Target, ends: Mask | None = None
     ) -> Ways:
-        """Follow each start to one of the rows `ends` (n,), by default the loop ends."""
+        """Return where each start leads if the fish shows it next.
+
+        ends (n,): the rows at which a way may end, by default the loop ends.
+        """
         return self.follow_starts_from(self.next_place(fish), starts, goal, ends)
 
     def follow_starts_from(
         self, place: tuple[float, float], starts: Starts, goal: Target, ends: Mask | None = None
     ) -> Ways:
-        """Follow each start, shown at a place (x, y) px, to the legal end nearest to the goal."""
+        """Return where each start leads if the fish shows it next at `place`, x, y px.
+
+        ends (n,): the rows at which a way may end, by default the loop ends.
+        """
         ends = self.ends if ends is None else ends
         legal = self.world.tank.legal
         most = self.stay, self.p.improper_angle_deg
         return Ways(*_follow_starts(self.film, legal, ends, (starts, place), goal, most))
 
     def choose(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
-        """Return the legal start that `loop_end_choice` prefers (Fig. 10b); None without any."""
+        """Return the index of the start that `loop_end_choice` prefers; None if none is legal.
+
+        Of several preferred starts (Fig. 10b) the one that ends nearest to the goal is taken, or
+        with "any" a random one.
+        """
         legal = np.flatnonzero(ways.ticks)
         if not legal.size:
             return None
@@ -179,7 +195,10 @@ class Loops:
     def stretch(
         self, fish: Fish, starts: Starts, ways: Ways, taken: int, goal: Target, reason: str = ""
     ) -> Stretch:
-        """Return the film from a start on, as far as its way leads."""
+        """Return the film that begins with start number `taken` and goes as far as its way.
+
+        reason: code of the decision, by default that the film plays on or jumps.
+        """
         film, row, rot = self.film, int(starts.rows[taken]), float(starts.rots[taken])
         legal = ways.ticks[taken] > 0
         n = int(ways.ticks[taken] if legal else ways.inside[taken])
@@ -202,7 +221,10 @@ class Loops:
         return Stretch(FILM, way, rows, not plays, goal, touched, decision, FRAME, np.full(n, rot))
 
     def next_place(self, fish: Fish) -> tuple[float, float]:
-        """Return where the fish is at the next tick: by the film, or at its speed by sprites."""
+        """Return where the fish is at the next tick, x, y px.
+
+        A fish in the film moves as the film does; a fish that a sprite shows goes straight on.
+        """
         if fish.row < 0:
             far = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
             angle = np.radians(fish.heading)
@@ -213,7 +235,10 @@ class Loops:
     def swim_on_spot(
         self, fish: Fish, starts: Starts, ways: Ways, goal: Target, rng: np.random.Generator
     ) -> Stretch:
-        """Play the film in place to a loop end after `stay` rows: no way is in the tank (§4.2)."""
+        """Return film of a random start, played in place, as no way stays in the tank (§4.2).
+
+        It ends at the first loop end after `stay` rows, or at an earlier one if the film ends.
+        """
         film, taken = self.film, int(rng.integers(len(starts.rows)))
         row, rot = int(starts.rows[taken]), float(starts.rots[taken])
         ahead = slice(row, row + 4 * self.stay)
@@ -226,7 +251,7 @@ class Loops:
         return Stretch(FILM, way, rows, new, goal, False, decision, FRAME, np.full(n, rot))
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
-        """Return the fish at the end of a stretch of film."""
+        """Return the fish as it is at the end of a stretch of film that began with `fish`."""
         ticks, number = len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         assert stretch.rot is not None
@@ -239,7 +264,7 @@ class Loops:
 
 
 def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
-    """Return a decision with the number of starts, and of those that fail each test."""
+    """Return the decision with the number of ways, and of those that fail each test."""
     counts = np.bincount(ways.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
         ways=len(ways.verdict), ways_tank=counts[_TANK], ways_quadrant=counts[_QUADRANT],
@@ -248,7 +273,7 @@ def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
 
 
 def loop_ends(film: MotionGraph) -> Mask:
-    """Return the rows (n,) after which the film can jump, or play on for ever."""
+    """Return which rows (n,) are loop ends: those with a next row that can jump instead."""
     rows = np.arange(len(film.rows) - 1)
     end = film.jump_slot[rows + 1]
     jumps = (end >= 0) & (film.start[end + 1] > film.start[end])
@@ -302,7 +327,11 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
 
 @kernel
 def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
-    """Return the rows (k,) to show from each start to the first end (n,) in the tank; 0: none."""
+    """Return how many rows (k,) to show from each start to the first row of `ends`; 0 for none.
+
+    legal (h, w): where the fish's centre may be; ends (n,): rows; place: x, y px of the first row
+    shown. A way that leaves the tank or the film's end before counts as none.
+    """
     ticks = np.zeros(starts.rows.size, np.int64)
     for way in range(ticks.size):
         row, rot = starts.rows[way], starts.rots[way]
@@ -322,7 +351,10 @@ def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
 def loops_animator(
     made: FilmData, loops: pd.DataFrame, p: CommonSettings, q: LoopsSettings
 ) -> PaperAnimator:
-    """Return the animator of mode `loops` (Figs. 10-13). NothingToUse if the film has no loops."""
+    """Return the animator of mode `loops` (Figs. 10-13); NothingToUse if the film has no loops.
+
+    made: data of the film; loops: rows a, b and distance of each loop; p: the group `animate`.
+    """
     basis = basis_of(made, p)
     mode = make_loop_player(made, basis, loops, q)
     if not mode.can_play:
@@ -331,7 +363,7 @@ def loops_animator(
 
 
 def no_loops_error(mode: str) -> NothingToUse:
-    """Return the error that the film has no loops for a mode."""
+    """Return the error that the film has no loops for a mode; mode: its name."""
     return NothingToUse(
         f"mode {mode}: the film has no loops by which it could go on for ever",
         "a film in which similar frames return, with a loop at least every few seconds",
@@ -343,5 +375,5 @@ def no_loops_error(mode: str) -> NothingToUse:
 def make_loop_player(
     made: FilmData, basis: ModeAssets, loops: pd.DataFrame, q: LoopsSettings
 ) -> Loops:
-    """Return the player of a film's loops."""
+    """Return the flow chart of mode `loops`; loops: rows a, b and distance of each."""
     return Loops(basis.world, loop_film(made, basis, loops), q)

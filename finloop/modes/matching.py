@@ -52,11 +52,12 @@ NO_SPRITES: Ints = np.zeros(0, np.intp)
 class MatchingData(NamedTuple):
     """What mode `matching` takes from a film of n rows; None where something is unknown.
 
-    arena (h, w): where the fish can be; reel: its pictures; outline_px (n, k, 2): x, y as filmed;
-    map_facts, steps: of the distance map, columns of `STEPS`; jumps: columns of `JUMPS`; poses: of
-    the rows; forecast: None where the film shows too little for one; lines: the path of each of the
-    first fish in place of goals, or None; shoaling: how fish swim by zones; floor: the empty tank
-    as filmed; sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
+    arena (h, w): true where fish can be; reel: the film's pictures; outline_px (n, k, 2): x, y as
+    filmed; map_facts: of the distance map; steps: distances between successive pictures, columns of
+    `STEPS`; jumps: columns of `JUMPS`; poses: of the rows; forecast: None where the film shows too
+    little for one; lines: the path of each of the first fish, None for a fish without one;
+    shoaling: how fish swim by zones; floor: the empty tank as filmed; sprite_rows (s,): the film's
+    row behind each sprite, from which a fish of another mode goes on.
     """
 
     rate_hz: float
@@ -77,10 +78,10 @@ class MatchingData(NamedTuple):
 
 @dataclass(frozen=True)
 class MatchingAnimator:
-    """Plans animations in mode `matching`. step: the film's natural step, the unit of every seam.
+    """Plans animations of one or more fish in mode `matching`.
 
-    reach_px: how far the fish reaches from its centre; paths: of the first fish, None for a fish
-    without one.
+    step: the film's natural step, the unit of seams; reach_px: how far the fish reaches from its
+    centre; paths: of the first fish, None for a fish without one.
     """
 
     player: Planner
@@ -91,16 +92,16 @@ class MatchingAnimator:
 
     @property
     def world(self) -> FilmWorld:
-        """Return what the fish swim in."""
+        """Return the tank, the film, and what the film teaches."""
         return self.player.world
 
     @property
     def fish(self) -> int:
-        """Return how many fish swim together."""
+        """Return the number of fish that swim together in an animation."""
         return self.world.settings.fish
 
     def sample(self, seed: int, seconds: float) -> pd.DataFrame:
-        """Return the edit list of an animation with another seed, to random goals."""
+        """Return the edit list of an animation of `seconds` s, to random goals of a seed."""
         p = replace(self.world.settings, seed=seed, seconds=seconds)
         player = replace(self.player, world=replace(self.world, settings=p))
         count = p.trial_goals * p.fish
@@ -109,10 +110,10 @@ class MatchingAnimator:
         return replace(self, player=player).plan(near)[1]
 
     def goals(self) -> list[Goal]:
-        """Return the goals of the parameters, none where all fish follow paths or a rule.
+        """Return the parameters' goals, px; none where all fish follow paths or a rule.
 
-        FinloopError if a goal is out of reach, two fish are sent to one place, or fish are to swim
-        by zones and no rule for it is known.
+        FinloopError if a goal is out of reach, two fish are sent to one place at the same time, or
+        fish are to swim by zones and no rule for it is known.
         """
         p = self.world.settings
         if p.rule == "zones" and p.fish > 1:
@@ -129,23 +130,26 @@ class MatchingAnimator:
 
     @property
     def fish_without_rule(self) -> list[int]:
-        """Return the fish that swim by no rule; FinloopError if the rules contradict each other."""
+        """Return the numbers, from 0, of the fish that swim by no rule.
+
+        FinloopError if the rules contradict each other.
+        """
         p = self.world.settings
         every = by_rule(tasks([], p.fish, np.random.default_rng()), p)
         return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
 
     @property
     def seekers(self) -> list[int]:
-        """Return the fish that swim to goals, neither by a rule nor along a path."""
+        """Return the numbers, from 0, of the fish that swim to goals: no rule, no path."""
         on_path = [fish for fish, path in enumerate(self.paths) if path is not None]
         return [fish for fish in self.fish_without_rule if fish not in on_path]
 
     def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
-        """Return the goals of each fish."""
+        """Return, for each fish, its share of `goals`; none for a fish with another task."""
         return [task.goals for task in self.tasks(goals)]
 
     def tasks(self, goals: Sequence[Goal]) -> list[SwimTask]:
-        """Return the task of each fish: its path, goals, or a rule."""
+        """Return the task of each fish: its path, its share of `goals`, or its rule."""
         rng = np.random.default_rng(self.world.settings.seed)
         todo = self._tasks(goals, self.seekers, rng)
         for fish, path in enumerate(self.paths):
@@ -165,7 +169,10 @@ class MatchingAnimator:
         return todo
 
     def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
-        """Return the edit list of another animation, to random goals, and each fish's goals."""
+        """Return the edit list of a random animation without paths, and each fish's goals.
+
+        number: of the trial; each number gives other random goals.
+        """
         todo, ticks = self._trial(number), self.world.duration
         goals = [task.goals for task in todo]
         return edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
@@ -177,7 +184,10 @@ class MatchingAnimator:
         return self._tasks(goals, self.fish_without_rule, rng)
 
     def check_room(self, goals: Sequence[Goal]) -> None:
-        """Raise NoRoom if the tank has no room for all fish, before anything is planned."""
+        """Raise NoRoom if the tank lacks room for all fish, in the animation or a trial.
+
+        goals: of the animation. Nothing more than the first stretch of each fish is planned.
+        """
         p = self.world.settings
         if p.fish > 1:
             settle(self.player, self.tasks(goals), Plans(p.fish))
@@ -185,7 +195,10 @@ class MatchingAnimator:
                 settle(self.player, self._trial(number), Plans(p.fish))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """Return an animation, fish by fish, and its edit list (columns of `EDIT`)."""
+        """Return an animation to `goals`: each fish's stretches, and the edit list (`EDIT`).
+
+        In an animation joined by cross-fades, pictures too unlike to be mixed are not mixed.
+        """
         player, p = self.player, self.world.settings
         ticks = self.world.duration
         found = shoal(player, self.tasks(goals), ticks)
@@ -196,9 +209,10 @@ class MatchingAnimator:
 
 
 def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
-    """Return the animator of mode `matching`.
+    """Return the animator of mode `matching` for a film.
 
-    FinloopError where the film shows too little for what `matching.uses` names.
+    made: data of the film; p: the groups `animate` and `matching`. NothingToUse where the film
+    shows too little for what `matching.uses` names.
     """
     reel, hulls, area, reach_px, barred = scale_film(
         made.reel, made.outline_px, made.arena, p, made.floor
@@ -248,13 +262,14 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
 
 
 class NothingToUse(FinloopError):
-    """The film shows too little for a mode."""
+    """The error that the film shows too little for a mode."""
 
 
 def by_rule(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
-    """Return the tasks with the rules of the parameters, whose fish are numbered from 1.
+    """Return the tasks with each fish's rule of the parameters filled in: a leader, or zones.
 
-    FinloopError if the rules contradict each other.
+    todo: of all fish; the parameters number fish from 1. FinloopError if the rules contradict each
+    other.
     """
     led = leaders(p.follow_pairs, len(todo))
     return [

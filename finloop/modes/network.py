@@ -38,10 +38,11 @@ from finloop.modes.sprites import Sprites, TurnPlan, make_sprites, plan_turn, st
 
 
 class GoalApproach(NamedTuple):
-    """A fish, its goal, and the point that it heads for now.
+    """A fish, its goal, and the point (aim) that it heads for now.
 
-    start: x, y, heading; error: of the heading against the aim, degrees, + = the aim is to the
-    left; distance: px to the aim; far: whether the aim is too far away to steer into it yet.
+    start (3,): x, y px and heading, degrees, of the fish; error: bearing of the aim minus the
+    heading, degrees, + = the aim is to the left; distance: px to the aim; far: whether the aim is
+    so far away that the fish need not head exactly for it yet.
     """
 
     fish: Fish
@@ -54,7 +55,10 @@ class GoalApproach(NamedTuple):
 
 
 class Network:
-    """Moves sprites by the flow chart of Fig. 18. sprites: in sequences; phases: of the film."""
+    """Moves sprites by the flow chart of Fig. 18.
+
+    sprites: in cycles and turns; phases: straight swimming of the film; model: the trained network.
+    """
 
     def __init__(
         self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: NetworkSettings
@@ -75,14 +79,14 @@ class Network:
         self.nearest_turn = lru_cache(10_000)(self._nearest_turn)
 
     def begin(self, rng: np.random.Generator) -> Fish:
-        """Return a fish somewhere in the tank, gliding."""
+        """Return a fish at a random place and heading of the tank, sliding with a still tail."""
         x, y = self.world.tank.random_point(rng)
         speed = float(np.median(self.phases.first_speed))
         sprite = int(self.sprites.cycles[SLIDE][0])
         return Fish(x, y, float(rng.uniform(-180, 180)), speed, SLIDE, sprite)
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a copy of a fish of another mode as one of this mode, which glides on."""
+        """Return a fish of another mode as a fish of this mode: a sprite that slides on."""
         if fish.row < 0:
             return fish
         sprite = int(self.sprites.cycles[SLIDE][0])
@@ -90,7 +94,7 @@ class Network:
         return Fish(fish.x, fish.y, fish.heading, speed, SLIDE, sprite, tick=fish.tick)
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch towards a goal (Fig. 18)."""
+        """Return the next stretch of sprites (Fig. 18): a turn, straight swimming, or braking."""
         course = self._course(fish, goal)
         if self.will_turn(course):
             return self.turn(course, rng)
@@ -121,9 +125,10 @@ class Network:
         return abs(error) > self._least_turn or (misses and not course.far)
 
     def ideal_motion_area(self, fish: Fish, displacement: float, included_deg: float) -> float:
-        """Return the relative motion area that the trained network gives for a turn (Eq. 4).
+        """Return the relative motion area, 0-1, that the trained network gives for a turn (Eq. 4).
 
-        displacement: body lengths in Δ; included_deg: angle by which the head turns in Δ, + = left.
+        fish: at the beginning of the turn; displacement: body lengths in Δ; included_deg: degrees
+        by which the head turns in Δ, + = left.
         """
         inputs = np.array([[fish.area, 0.0, displacement, included_deg]])
         return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
@@ -133,10 +138,10 @@ class Network:
         return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
 
     def swim_straight(self, course: GoalApproach, rng: np.random.Generator) -> Stretch | None:
-        """Slide, accelerate, decelerate or swim straight like a phase of the film.
+        """Return a slide, an acceleration, a deceleration or plain straight; None at a wall.
 
-        Drift towards the aim, and beyond it while it is far, as a fish does. None where a wall is
-        ahead.
+        It has duration, speeds and drift of a random phase of the film that begins at about the
+        fish's speed. The heading drifts towards the aim, and beyond it while the aim is far.
         """
         motion, phases, fish = self.world.motion, self.phases, course.fish
         place = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
@@ -182,7 +187,11 @@ class Network:
         return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, new
 
     def turn(self, course: GoalApproach, rng: np.random.Generator) -> Stretch:
-        """Turn by sprites: in, hold, out; less far where there is no room, else on the spot."""
+        """Return a turn of sprites towards the aim: into a bend, held, and out of it.
+
+        Where there is no room, the displacement is smaller, down to a turn on the spot. course: the
+        fish and its aim.
+        """
         fish, sprites, turns = course.fish, self.sprites, self.world.motion.turns
         side, angle = (LEFT if course.error > 0 else RIGHT), abs(course.error)
         place = int(np.searchsorted(self._angles, angle))
@@ -235,7 +244,7 @@ class Network:
         return way, touched, share
 
     def brake(self, course: GoalApproach) -> Stretch:
-        """Slow down before a wall; stay where there is no room at all."""
+        """Return a stretch of up to Δ that slows down before a wall, or stays in place."""
         motion, phases, fish = self.world.motion, self.phases, course.fish
         ticks = motion.delta
         slower = self.p.brake_speed_ratio ** (np.arange(1, ticks + 1) / ticks)
@@ -253,7 +262,7 @@ class Network:
         )
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
-        """Return the fish at the end of a stretch of sprites."""
+        """Return the fish as it is at the end of a stretch of sprites that began with `fish`."""
         ticks, number = len(stretch.way), int(stretch.number[-1])
         x, y, heading = map(float, stretch.way[-1])
         before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
@@ -280,7 +289,10 @@ class Network:
 def network_animator(
     made: FilmData, model: MotionModel, p: CommonSettings, q: NetworkSettings
 ) -> PaperAnimator:
-    """Return the animator of mode `network` (Fig. 18)."""
+    """Return the animator of mode `network` (Fig. 18).
+
+    made: data of the film; model: the trained network; p, q: the groups `animate` and `network`.
+    """
     basis = basis_of(made, p)
     mode, sprites = make_network(made, basis, model, q)
     return make_animator(made, basis, mode, loop_film(made, basis, NO_LOOPS), sprites, p, q.join)
@@ -289,7 +301,10 @@ def network_animator(
 def make_network(
     made: FilmData, basis: ModeAssets, model: MotionModel, q: NetworkSettings
 ) -> tuple[Network, Sprites]:
-    """Return the player of mode `network`, and its sprites."""
+    """Return the flow chart of mode `network` for a film, and its sprites.
+
+    made: data of the film; basis: what the modes share; model: the trained network.
+    """
     pictures, motion = basis.pictures, basis.world.motion
     near = distance(pictures.sprite_successors, pictures.right_facing_sprites)
     sprites = make_sprites(basis.cast.sprites, near, motion.rate_hz)

@@ -14,7 +14,7 @@ Join = Literal["fade", "inertial", "cut"]
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """How the film's swimming is learnt, and how sprites swim."""
+    """Parameters of mode `network`: what counts as a phase of the film, and how sprites swim."""
 
     join: Join
     still_tail_ratio: Share

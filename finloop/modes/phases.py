@@ -21,10 +21,12 @@ from finloop.modes.network_settings import NetworkSettings
 
 @dataclass(frozen=True)
 class Phases:
-    """Phases (n,), their ticks one after the other in the flat arrays, phase i from `start[i]`.
+    """Phases (n,) of straight swimming, and their ticks one after the other in flat arrays.
 
-    before: state of the phase before, −1 where the film does not show it; speed_change, drift_deg:
-    of speed and heading since the tick before the phase; low, high: range of the film's speeds.
+    state, ticks: of each; the ticks of phase i begin at `start[i]` of speed_change and drift_deg;
+    before: state of the phase before, −1 where the film does not show it; first_speed: at the tick
+    before the phase, body lengths/s; speed_change, drift_deg: of speed and heading since that tick;
+    low, high: range of the film's speeds.
     """
 
     state: NDArray[np.int8]
@@ -39,7 +41,10 @@ class Phases:
 
 
 def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkSettings) -> Phases:
-    """Return the phases of a feature table; delta: Δ in frames. FinloopError if it shows none."""
+    """Return the phases of straight swimming of a feature table; FinloopError if it shows none.
+
+    rate_hz: frames per second; delta: Δ in frames; p: what counts as sliding, steady and fast.
+    """
     every = courses(features, rate_hz, delta)
     beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in every])
     still = p.still_tail_ratio * float(np.quantile(beating, 0.9))
@@ -102,7 +107,7 @@ def _labels(
 
 
 def state_shares(features: pd.DataFrame, phases: Phases) -> dict[str, float]:
-    """Return the percentage of time that the film's fish spend in each state, `<state>_pct`."""
+    """Return the percentage of time that the fish spend in each state, `<state>_pct`."""
     straight = np.bincount(phases.state, weights=phases.ticks, minlength=TURN)[:TURN]
     turning = float((features["swimming_type"] != 0).mean())
     share = np.append(straight / straight.sum() * (1 - turning), turning)

@@ -25,26 +25,27 @@ from finloop.plan.graph import MotionGraph
 
 
 class PaperMode(Protocol):
-    """The flow chart of a mode of the paper."""
+    """The flow chart of a mode of the paper: returns the next stretch of a fish."""
 
     def begin(self, rng: np.random.Generator) -> Fish:
-        """Return a fish somewhere in the tank."""
+        """Return a fish at a random place of the tank."""
 
     def take_over(self, fish: Fish) -> Fish:
-        """Return a copy of a fish of another mode as one of this mode."""
+        """Return a fish of another mode as a fish of this mode, at the same place."""
 
     def play(self, fish: Fish, goal: Target, rng: np.random.Generator) -> Stretch:
-        """Return the next stretch towards a goal."""
+        """Return the next stretch of a fish towards a goal."""
 
     def end_state(self, fish: Fish, stretch: Stretch) -> Fish:
-        """Return the fish at the end of a stretch."""
+        """Return the fish as it is at the end of a stretch that began with `fish`."""
 
 
 @dataclass(frozen=True)
 class PaperPlayer:
-    """Plays a mode of the paper with one fish, which has goals or wanders.
+    """Plays a mode of the paper with one fish, which swims to goals or wanders.
 
-    film: its rows; sprites: in sequences, None in a mode without; cast: outlines.
+    film: motion graph of its rows; sprites: in cycles and turns, None in a mode without; cast:
+    outlines of frames and sprites.
     """
 
     mode: PaperMode
@@ -59,7 +60,7 @@ class PaperPlayer:
 
     @cached_property
     def sources(self) -> EditInputs:
-        """Return what the edit lists can show."""
+        """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion, sprites = self.film, self.world.motion, self.sprites
         own = slice(0, film.filmed)
         scale, after, count = np.ones(1), np.zeros(1, np.int64), 1
@@ -74,7 +75,7 @@ class PaperPlayer:
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
     ) -> State:
-        """Return a fish somewhere in the tank. FinloopError for a path."""
+        """Return the state of a fish at a random place; FinloopError if given a route."""
         if route is not None:
             raise FinloopError(
                 "a path, in a mode of the paper",
@@ -84,7 +85,7 @@ class PaperPlayer:
         return State(self.mode.begin(rng), np.zeros(2))
 
     def company(self, others: Floats, start: int) -> Company:
-        """Return the empty company: the fish is alone."""
+        """Return that no other fish are there: in the paper's modes a fish is alone."""
         return ALONE
 
     def with_others(self, state: State, others: Floats) -> State:
@@ -92,15 +93,15 @@ class PaperPlayer:
         return state
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
-        """Return True: there is no other fish to meet."""
+        """Return True: in the paper's modes there is no other fish to meet."""
         return True
 
     def plan(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """Return the next stretch to a goal, or anywhere, and the state then.
+        """Return the next stretch to a goal, or to a random place, and the state after it.
 
-        A fish that another mode moved before is taken over.
+        A fish that another mode moved before goes on in this one.
         """
         world, place, left = self.world, state.place, state.left
         fish = self.mode.take_over(state.fish)
@@ -121,13 +122,16 @@ class PaperPlayer:
         return stretch, State(self.mode.end_state(fish, stretch), place, left)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
-        """Return a stretch that began in a state, stopped after some ticks, and the state then."""
+        """Return the first ticks of a stretch that began in `state`, and the state after."""
         short = stretch.cut(ticks)
         # A plan that `matching` had made began at the fish's place at that time.
         return short, State(self.mode.end_state(state.fish, short), state.place, state.left)
 
     def hull(self, kind: str, source: int) -> Floats:
-        """Return the outline of a frame or sprite, px ahead of and to the left of its centre."""
+        """Return the outline (p, 2) of a frame or sprite, px ahead and left of its centre.
+
+        kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
+        """
         if kind == FRAME:
             return self.cast.frame_hulls[source : source + 1][0].astype(float)
         return self.cast.sprite_hulls[source]

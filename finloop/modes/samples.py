@@ -16,10 +16,11 @@ _SEEDS = 100  # seeds tried for one animation: in a nearly full tank few have ro
 
 
 def sample_animations(animator: Animator, seconds: float, p: AnimateSettings) -> pd.DataFrame:
-    """Return animations of `seconds` seconds in all, as one edit list with fish numbered on.
+    """Return random animations that last `seconds` s in all, as one edit list, fish numbered on.
 
-    Each lasts `animate.seconds` at most: first to random goals, then the fish wanders. Seeds whose
-    places leave no room for all fish are skipped; NoRoom after `_SEEDS` of them in a row.
+    The seconds of all fish are summed. Each animation lasts `animate.seconds` at most. Its fish
+    swim to random goals, then wander. Seeds whose places leave no room for all fish are skipped;
+    NoRoom after `_SEEDS` of them in a row.
     """
     seeds, parts, fish = count(p.seed + 1), list[pd.DataFrame](), 0
     together = animator.fish

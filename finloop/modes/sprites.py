@@ -14,10 +14,10 @@ from finloop.modes.network_settings import NetworkSettings
 
 @dataclass(frozen=True)
 class TurnFrames:
-    """The sprites (n,) of one turn, which bend more and more up to number `peak`.
+    """The sprites (n,) of one turn, in order; they bend more and more up to place `peak`.
 
-    area: relative motion areas; degrees: change of heading to the next frame, towards the turn;
-    hold_deg: the same while the strongest bends are held.
+    number: of each sprite; area: relative motion area; degrees: change of heading to the next
+    sprite, + = towards the turn; hold_deg: mean change of heading a tick while a bend is held.
     """
 
     number: Ints
@@ -27,20 +27,26 @@ class TurnFrames:
     hold_deg: float
 
     def back(self, depth: int) -> int:
-        """Return the frame after the peak with which a turn of frames up to `depth` continues."""
+        """Return the first place after the peak whose bend is at most that at `depth`.
+
+        depth: a place up to the peak. The turn goes on there after its deepest bend; the last place
+        if all bend more.
+        """
         shallow = np.flatnonzero(self.area <= self.area[depth])
         after = shallow[shallow > self.peak]
         return int(after[0]) if after.size else len(self.number) - 1
 
     def undone(self, sprite: int) -> Ints:
-        """Return the sprites that straighten a fish which `sprite` of the turn shows bent."""
+        """Return the numbers (k,) of the sprites that undo the bend that `sprite` shows."""
         place = int(np.flatnonzero(self.number == sprite)[0])
         return self.number[place + 1 if place > self.peak else self.back(place) :]
 
     def steps(self, depth: int, held: int) -> tuple[Ints, Floats]:
-        """Return the frames of a turn, and the filmed change of heading up to each.
+        """Return numbers (k,) of a turn's sprites, and the change of heading up to each.
 
-        The change is that from the frame before; the first is entered from straight swimming.
+        depth: place of the deepest sprite; held: ticks for which it is held. The changes (k,),
+        degrees ≥ 0 as filmed, are from the sprite before; the first is 0, as straight swimming
+        comes before it.
         """
         back, degrees = self.back(depth), self.degrees
         frames = np.r_[0 : depth + 1, np.full(held, depth), back : len(self.number)]
@@ -52,12 +58,13 @@ class TurnFrames:
 
 @dataclass(frozen=True)
 class Sprites:
-    """All sequences of sprites, by row numbers of the table of sprites.
+    """All sequences of sprites, by row numbers of the table of sprites (n rows).
 
-    cycles: frames of the cycle of each straight state; entry: by cycle and sprite, where to enter
-    the cycle after it; following: the next sprite of each one's sequence, itself at the end of a
-    turn; area: relative motion areas; cycle_speed: of the straight cycle in the film, body
-    lengths/s; orientations: number that every sprite has.
+    cycles: by straight state, the sprites of its cycle; entry: by state, for each sprite (n,) the
+    place of the cycle at which to go on after it; following (n,): the next sprite of each one's
+    sequence, itself at the end of a turn; area (n,): relative motion areas; turns: by side, LEFT or
+    RIGHT; cycle_speed: of the straight cycle as filmed, body lengths/s; orientations: number of
+    orientations that every sprite has.
     """
 
     cycles: dict[int, Ints]
@@ -71,10 +78,11 @@ class Sprites:
 
 @dataclass(frozen=True)
 class TurnPlan:
-    """A planned turn. frames (n,); share (n,): done after each tick, rising strictly to 1.
+    """A planned turn. frames (n,): numbers of its sprites, one a tick.
 
-    area: of the strongest frame; film_deg: by how much the film turns over these frames; floor:
-    the smallest share of the turn that a tick turns.
+    share (n,): part of the turn that is done after each tick, rising strictly to 1; area: relative
+    motion area of the strongest sprite; film_deg: degrees by which the film turns over these
+    sprites; floor: the smallest share of the turn that a tick turns.
     """
 
     frames: Ints
@@ -87,10 +95,11 @@ class TurnPlan:
 def plan_turn(
     frames: TurnFrames, angle_deg: float, area: float, most: int, settings: NetworkSettings
 ) -> TurnPlan:
-    """Return the turn by `angle_deg` > 0 whose strongest frame has the relative motion area `area`.
+    """Return a turn by `angle_deg` > 0 that bends about to the relative motion area `area`.
 
-    The nearest area counts. The strongest bend is held for at most `most` ticks. Where the film's
-    frames turn by far less or more than is wanted, a deeper or shallower bend is taken.
+    frames: sprites of the turn's side. The strongest bend is held for at most `most` ticks. Where
+    the film's sprites turn by far less or more than `angle_deg`, a deeper or shallower bend is
+    taken.
     """
     depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
     depth = min(depth, frames.peak)
@@ -114,10 +123,10 @@ def plan_turn(
 def start_from_bend(
     plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int
 ) -> TurnPlan:
-    """Return a turn to `side` that starts from the bend that a sprite of some turn shows already.
+    """Return the turn changed so that it starts from the bend that `sprite` shows already.
 
-    A bend to the same side continues. A bend that is too deep is first undone; so is a bend to the
-    other side, twice as fast as filmed.
+    side: of the planned turn; turns: by side. A bend to the same side continues. A bend that is too
+    deep is first undone; so is a bend to the other side, twice as fast as filmed.
     """
     bent = next((s for s, t in turns.items() if sprite in t.number), 0)
     if not bent:
@@ -139,10 +148,10 @@ def start_from_bend(
 
 
 def make_sprites(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
-    """Split a table of sprites into cycles and turns, and find where each enters a cycle.
+    """Return the sprites of a table, split into cycles and turns, with the places to enter a cycle.
 
-    pose (n, n): distance between what the film shows after sprite i, and sprite j of the same
-    orientation.
+    pose (n, n): distance between the film's frame after sprite i, and sprite j, both turned to head
+    right; rate_hz: frames per second.
     """
     parts = {
         name: table[table["sequence"] == name] for name in ("straight", "slide", "left", "right")

@@ -20,15 +20,16 @@ _ONWARD = 0.1  # body lengths; the least distance at which a place ahead is stee
 
 @finite_leaf
 def most_turn(speed: float, steering: Steering) -> float:
-    """Return the largest steering turn of a tick, degrees, at a speed in body lengths/s."""
+    """Return the largest steering correction of a tick, degrees, at a speed in body lengths/s."""
     return steering.turn * min(speed / steering.brisk, 1.0)
 
 
 @finite_leaf
 def turn_to(route: Route, at, leads, ticks: int, most: float, steering: Steering) -> float:  # type: ignore[no-untyped-def]
-    """Return the steering turn of this tick, degrees, + = left; at most `most`.
+    """Return the steering turn of this tick, degrees, + = left, between −`most` and `most`.
 
-    at: x, y, along; leads: px on the screen (dx, dy) to where the fish will be in `ticks` ticks.
+    at: x, y px and px along the path; leads (dx, dy): px on the screen to where the film leads the
+    fish in `ticks` ticks. The fish turns towards the place of the path equally far ahead.
     """
     dx, dy = leads
     far = np.sqrt(dx * dx + dy * dy)
@@ -47,9 +48,9 @@ def turn_to(route: Route, at, leads, ticks: int, most: float, steering: Steering
 def shift_to_path(route: Route, at, speed: float, when, steering: Steering):  # type: ignore[no-untyped-def]
     """Shift a fish towards the path, and along it where it is too early or too late.
 
-    at: x, y, along; speed: body lengths/s that the film's fish swims; when: the tick of that place,
-    and ticks since the last shift. Returns its x, y, along, the x and y of its foot, and px of the
-    shift.
+    at: x, y px and px along the path; speed: of the film's fish, body lengths/s; when: the tick of
+    that place, and the ticks since the last shift. Returns its new x, y px; px along the path, x
+    and y of its foot, the place of the path nearest to it before the shift; and px of the shift.
     """
     (x, y, along), (tick, ticks) = at, when
     along, fx, fy = foot(route, x, y, least_along(route, along, tick))
@@ -67,18 +68,17 @@ def shift_to_path(route: Route, at, speed: float, when, steering: Steering):  # 
 
 @kernel
 def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # type: ignore[no-untyped-def]
-    """Move along a planned way: steer to the path, and stop at the goal, its end or a wall.
+    """Move along a planned way: steer to the path, and stop at the goal, the path's end or a wall.
 
-    Without a path it ends when it touches the goal, or the waypoint that the fish heads for.
-
-    way (m + 1, 3): x, y, heading, the fish's own place first, of which t ≤ m ticks count; speed
+    Without a path the way ends when it touches the goal, or the waypoint that the fish heads for.
+    way (m + 1, 3): x, y px, heading, the fish's own place first, of which t ≤ m ticks count; speed
     (m,): body lengths/s; numbers (t,): of the pictures; begins: px along the path, and the tick;
-    towards: objective, goal; by: `Bounds`, and (t,) whether it can go on from each picture.
+    towards: the `Objective`, and the goal; by: `Bounds`, and (t,) whether the film can go on from
+    each picture.
 
-    Returns
-    -------
-    The final way (n, 3), up to where it is done, or leaves the tank; its corrections (n, 2):
-    degrees, px; px along the path at its end; whether the last place touches the goal.
+    Returns the final way (n, 3), up to where it is done or leaves the tank; its steering
+    corrections (n, 2): degrees, px; px along the path at its end; whether the last place touches
+    the goal.
     """
     objective, goal = towards
     ticks, route, steering = numbers.size, objective.route, objective.steering
@@ -151,10 +151,11 @@ def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-un
 
 @leaf_kernel
 def swim_leg(graph, way, most, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Swim to the first loop end after a stride, at most `most` ticks.
+    """Swim a leg: to the first row that can jump after a stride, at most `most` ticks.
 
-    `way` is changed in place, and its rarity and lag added. Returns whether it leads on (not where
-    a wall or a fish is in the way, or the film ends), and whether the objective is done.
+    `way` (dtype `WAY`) is changed in place: place, row, ticks, and the terms rarity, lag and path.
+    start: `SearchStart`. Returns whether it leads on (not where a wall or a fish is in the way, or
+    the film ends), and whether the objective is done.
     """
     rows, begun, left, ends = graph.film.rows, way.row, min(graph.leg[way.row], most), False
     if left == 0:
@@ -173,7 +174,10 @@ def swim_leg(graph, way, most, start, objective, weights):  # type: ignore[no-un
 
 @kernel
 def extend_by_film(graph: SearchGraph, begins: Floats, row: int, rot: float, ticks: int) -> Floats:
-    """Append the film's next places, `ticks` at most, to a way (k, 3) that ends with `row`."""
+    """Return a way that ends with `row`, extended by up to `ticks` next places of the film.
+
+    begins (k, 3): x, y px, heading; rot: degrees by which the row is turned.
+    """
     k, more = len(begins), min(ticks, graph.run[row])
     way = np.empty((k + more, 3))
     for i in range(k):  # `way[:k] = begins` takes six seconds to compile
@@ -189,15 +193,18 @@ def extend_by_film(graph: SearchGraph, begins: Floats, row: int, rot: float, tic
 
 @leaf_kernel
 def arrival(film: MotionGraph, x: float, y: float, row: int, rot: float) -> tuple[float, float]:
-    """Return where a fish at x, y that shows a row is at the next tick."""
+    """Return where, x, y px, a fish at x, y that shows a row is at the next tick.
+
+    rot: degrees by which the row is turned.
+    """
     dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
     return x + dx, y + dy
 
 
 class Pace(NamedTuple):
-    """How far a state moves a fish.
+    """How far a predicted state moves a fish in a tick.
 
-    px: per tick at one body length/s; turn_deg: per tick at one rad/s.
+    px: at a speed of one body length/s; turn_deg: degrees at a turn rate of one rad/s.
     """
 
     px: float
@@ -206,14 +213,21 @@ class Pace(NamedTuple):
 
 @leaf_kernel
 def integrate_state(place, state, pace):  # type: ignore[no-untyped-def]
-    """Return the next place (x, y, heading) of a fish whose next state this is."""
+    """Return the next place (x, y px, heading) of a fish that moves as `state` (d,) says.
+
+    The last three numbers of the state are the speeds ahead and to the left, body lengths/s, and
+    the turn rate, rad/s.
+    """
     x, y = offset_point(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
     return x, y, place[2] + state[-1] * pace.turn_deg
 
 
 @kernel
 def predicted_way(states, start, pace):  # type: ignore[no-untyped-def]
-    """Return the way (n + 1, 3) of states (n, d) from a place x, y, heading, its first one."""
+    """Return the way (n + 1, 3), x, y px, heading, along which predicted states move a fish.
+
+    states (n, d): tick by tick; start (3,): x, y px, heading, the first place of the way.
+    """
     way = np.empty((len(states) + 1, 3))
     place = start[0], start[1], start[2]
     way[0, 0], way[0, 1], way[0, 2] = place

@@ -19,11 +19,12 @@ SEAM, REPEAT, RARITY, LAG, PATH, TIME, TO_COME, CHANCE = range(len(TERMS))
 
 
 class CostWeights(NamedTuple):
-    """Settings of the search, and weights of its costs; times in ticks.
+    """Settings of the search, and weights of its costs; times and costs in ticks.
 
-    pace [px/tick], turning [°/tick]: of a brisk fish; stride: ticks between two checks of a way, at
-    which it may jump; beam: ways followed at once; seam: cost of a jump of one median step; repeat:
-    cost of a row just seen; memory: until a row is forgotten.
+    pace [px/tick]: of a fish at typical high speed; turning [°/tick]: of the film's turns, median;
+    stride: ticks between two checks of a way, at which it may jump; beam: branches followed at
+    once; seam: cost of a jump of one natural step; repeat: cost of a row just seen; memory: until a
+    row is forgotten.
     """
 
     pace: float
@@ -37,9 +38,9 @@ class CostWeights(NamedTuple):
 
 @for_kernels
 def repeat_cost(ago, weights):  # type: ignore[no-untyped-def]
-    """Return the ticks that it costs to show what was on screen `ago` ticks before.
+    """Return the cost, in ticks, of showing again a row that was on screen `ago` ticks before.
 
-    Numbers or arrays. The cost falls to 0 until the end of the memory.
+    ago: a number or an array. The cost falls from `weights.repeat` to 0 at `weights.memory` ticks.
     """
     return weights.repeat * np.maximum(0.0, 1.0 - ago / weights.memory)
 
@@ -49,11 +50,11 @@ _SOON = 3  # ticks in which an offset dies away fastest
 
 @dataclass(frozen=True)
 class Rarity:
-    """The cost of the steps to the film's rows (n,).
+    """The cost of the steps to the film's rows (n,): rare steps cost more.
 
-    A step that the film shows once in n frames costs share × n ticks. steps (n,): from the row
-    before, 0 where there is none; known (k,): these, rising; pull: the largest step that an offset
-    of 1 in the codes makes in a tick while it dies away.
+    A step that the film shows once in n frames costs share × n ticks. steps (n,): distance (Eq. 5)
+    from the row before, 0 where there is none; known (k,): those that are known, rising; pull: the
+    largest step that an offset of 1 in the pose codes makes in a tick while it dies away.
     """
 
     steps: Floats
@@ -66,11 +67,11 @@ class Rarity:
         cls, moved: Movement, codes: Floats, goes_on: Mask, seen: Floats, spring: Floats,
         share: float,
     ) -> "Rarity":  # fmt: skip
-        """Build the rarity of a film (n rows).
+        """Return the rarity of a film (n rows), from its steps and the movements of its fish.
 
-        codes (n, c): of its postures; goes_on (n,): whether the next row is the next frame; seen
-        (n,): Eq. 5 from a row to the next, NaN where unknown: the body's movement replaces it
-        there. spring (t,): what is left of an offset of 1 after 0, 1 … ticks.
+        codes (n, c): pose codes; goes_on (n,): whether the next row is the next frame; seen (n,):
+        distance (Eq. 5) from a row to the next, NaN where unknown: the body's movement replaces it
+        there; spring (t,): what is left of an offset of 1 after 0, 1 … ticks; share: weight.
         """
         here = goes_on[:-1]
         moves, bends = (one[here] for one in moved)
@@ -84,13 +85,13 @@ class Rarity:
         return cls(steps, np.sort(steps[1:][here]), share, pull)
 
     def price(self, steps: Floats) -> Floats:
-        """Return the cost (…) of steps, in ticks."""
+        """Return the cost, in ticks, of each of some steps (…), distances as in Eq. 5."""
         smaller = np.searchsorted(self.known, steps)
         return self.share * len(self.known) / np.maximum(len(self.known) - smaller, 1)
 
     @property
     def cumulative(self) -> Floats:
-        """Return the ticks (n,) that showing all rows up to each costs, beyond their mean."""
+        """Return the running sum (n,) of the rows' costs, each less their mean, in ticks."""
         return (self._each - self._each.mean()).cumsum()
 
     @cached_property
@@ -98,10 +99,10 @@ class Rarity:
         return self.price(self.steps)
 
     def transition_costs(self, rows: Ints, far: Floats) -> Floats:
-        """Return the extra ticks (k,) that it costs to go on at rows (k,).
+        """Return the extra ticks (k,) that going on at each of rows (k,) costs at first.
 
-        far (k,): how far they are, in codes, from what is on screen. Rows n, n + 1 … are mirror
-        images.
+        The first three steps count. far (k,): distance of each row's pose code from the one on
+        screen. Rows n, n + 1 … are mirror images.
         """
         soon = (rows[:, None] + np.arange(1, 1 + _SOON)) % len(self.steps)
         steps = self.steps[soon] + self.pull * far[:, None]
@@ -113,10 +114,10 @@ _BASE = 0.25  # of the price at the usual lag, along a path for a fish that does
 
 
 class Tempo(NamedTuple):
-    """How fast the film's fish swim.
+    """How fast the film's fish swim, and how much they usually lag.
 
-    step_px: their mean way in a tick; keeps: share of a lag that is left after a tick; usual: root
-    mean square of their lags, ticks.
+    step_px: mean px that they swim in a tick; keeps: share of a lag that is left after a tick;
+    usual: root mean square of their lags, ticks.
     """
 
     step_px: float
@@ -125,9 +126,9 @@ class Tempo(NamedTuple):
 
     @classmethod
     def from_film(cls, film: MotionGraph, memory: float, least: float) -> "Tempo":
-        """Build the tempo of a film.
+        """Return the tempo of a film.
 
-        memory: ticks after which 1/e of a lag is left; least: ticks, the smallest usual lag.
+        memory: ticks after which 1/e of a lag is left; least: smallest `usual` lag, ticks.
         """
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory))
         tracks = np.split(lags(rows), np.flatnonzero(~rows["has_next"]) + 1)
@@ -136,18 +137,26 @@ class Tempo(NamedTuple):
         return cls(mean_step_px(rows), keeps, max(usual, least))
 
     def lag_after(self, lag: float, way: Floats, begin: tuple[float, float]) -> float:
-        """Return the lag at the end of a path (n, 3) of x, y px, heading that begins at x, y."""
+        """Return the lag, in ticks, after a way that begins at `begin`, x, y px, with `lag`.
+
+        way (n, 3): x, y px, heading.
+        """
         return float(_lag_after(self.step_px, self.keeps, lag, way, begin))
 
     def rest_price(self, lag: float, share: float) -> float:
-        """Return what a tick on the spot costs, in ticks, at a lag; < 0 where it is a gain.
+        """Return what a tick on the spot costs, in ticks, at a lag; < 0 for a fish that is ahead.
 
-        share: the price at the usual lag.
+        lag: ticks; share: the cost at the usual lag, ticks. Beyond 3 usual lags the cost does not
+        grow.
         """
         return share * min(max(lag / self.usual, -_MOST), _MOST)
 
     def rest_price_on_path(self, lag: float, share: float) -> float:
-        """Return the price of a tick on the spot along a path, where slow fish stay closer; ≥ 0."""
+        """Return what a tick on the spot costs along a path, in ticks ≥ 0, at a lag in ticks.
+
+        share: the cost per usual lag; a quarter of it is added, as slow fish stay closer to the
+        path.
+        """
         return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)
 
 
@@ -161,12 +170,12 @@ def _lag_after(step_px, keeps, lag, way, begin):  # type: ignore[no-untyped-def]
 
 
 class Steering(NamedTuple):
-    """How a fish is steered, and what leaving the path costs.
+    """How far a fish may be steered onto its path, and what leaving the path costs.
 
     turn [°/tick, of a brisk fish], shift [px/tick at a body length/s]: the largest corrections,
-    smaller for a slower fish, none for a resting one; brisk: speed of a brisk fish, body lengths/s;
-    reach: ticks of film to look ahead; length_px: a body length. In ticks per tick: across, late: a
-    body length beside the path, and from the place due now; heading: at right angles to the
+    smaller for a slower fish, none for a resting one; brisk: typical high speed, body lengths/s;
+    reach: ticks of film to look ahead; length_px: a body length. Costs, in ticks per tick: across,
+    late: a body length beside the path, and from the place due now; heading: at right angles to the
     requested heading; effort: the largest correction.
     """
 
@@ -186,10 +195,10 @@ NO_STEERING = Steering(0.0, 0.0, 1.0, 0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 @finite_leaf
 def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
-    """Return the cost of a tick: its distance from the path, its delay, heading and corrections.
+    """Return the cost, in ticks, of a tick on a path: offset, delay, heading, corrections.
 
-    at: x, y, heading; foot_at: along, x, y; used: corrections as shares of the largest: of the turn
-    of a brisk fish, of the shift at its own speed.
+    at: x, y px, heading; foot_at: px along the path, x and y px of the foot; used: turn and shift
+    as shares of the largest: the turn of a brisk fish, the shift at its own speed.
     """
     square = steering.length_px * steering.length_px
     x, y, heading = at
@@ -205,6 +214,9 @@ def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) ->
 
 @finite_leaf
 def huber(far2: float, unit2: float) -> float:
-    """Return the square of a distance in units, which beyond one unit grows linearly."""
+    """Return the square of a distance in units; beyond one unit it grows linearly.
+
+    far2: square of the distance, px²; unit2: square of the unit, px².
+    """
     share = far2 / unit2
     return share if share < 1.0 else 2.0 * np.sqrt(share) - 1.0

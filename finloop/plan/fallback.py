@@ -34,7 +34,7 @@ class Fallback:
         self._drift_px = _DRIFT * world.motion.body_length_px / world.motion.delta  # in a tick
 
     def stay(self, fish: Fish, aim: Target, turns: bool = True) -> Stretch:
-        """Return a stride on the spot while the film goes on. turns: whether towards the aim."""
+        """Return a stride in place while film goes on; turns: whether to turn to the aim."""
         film, most_deg = self._world.film, self._world.brisk.turn_deg
         last, begin, rot = len(film.has_next) - 1, fish.row, fish.rot
         if film.has_next[fish.row] and len(rows := film_candidates(film, fish.row + 1, rot).rows):
@@ -61,10 +61,11 @@ class Fallback:
         )  # fmt: skip
 
     def keep_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
-        """Cut a stretch to the ticks inside the tank and clear of others; else stay, or make way.
+        """Return a stretch cut to its free ticks; without any, stay in place or make way.
 
-        At a wall the fish stays. A fish that another blocks, or that turns on the spot beside it,
-        makes way. Where nothing is free, the last resort is one tick in place.
+        Free is inside the tank and clear of other fish. At a wall the fish stays. A fish that
+        another blocks, or that turns on the spot beside it, makes way. Where nothing is free, the
+        last resort is one tick in place.
         """
         stretch = self._inside(stretch) or self._at_wall(fish, Target(*stretch.aim))
         company, others = fish.company, fish.company.places[0]
@@ -83,7 +84,7 @@ class Fallback:
         return way.cut(1)
 
     def ticks(self, fish: Fish, stretch: Stretch) -> int:
-        """Return how many ticks of a stretch are clear of all, so that the fish can stay then."""
+        """Return for how many ticks a stretch is clear of others, even if the fish then stays."""
         return lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
 
     def _inside(self, stretch: Stretch) -> Stretch | None:

@@ -39,12 +39,12 @@ on from the row for ever."""
 
 
 class MotionGraph(NamedTuple):
-    """The rows of the feature table (n,), of dtype `ROW`, and the loops; kernels take it whole.
+    """The rows of the film (n,), of dtype `ROW`, and the jumps between them; kernels take it whole.
 
     start, to, seam: instead of the row of jump slot k, rows `to[start[k]:start[k + 1]]` can be
-    shown, after which the film can play for ever; seam: their distances in median steps of the
-    film. body: whether jumps keep the heading, else the rotation. filmed: how many rows are the
-    film's own; row filmed + i is the mirror image of row i.
+    shown, after which the film can play for ever; seam: their discontinuity in natural steps. body:
+    whether a jump keeps the heading, else the rotation. filmed: how many rows are the film's own;
+    row filmed + i is the mirror image of row i.
     """
 
     rows: NDArray[np.void]
@@ -61,22 +61,23 @@ class MotionGraph(NamedTuple):
         raise AttributeError(name)
 
     def plays(self, rows: NDArray[np.integer]) -> Mask:
-        """Return whether rows (k,) can be shown and the film can play on from them for ever."""
+        """Return whether (k,) the film can play on for ever after showing each row (k,)."""
         goes_on: Mask = self.has_next[rows].copy()
         goes_on[goes_on] = self.recurrent[rows[goes_on] + 1]
         return goes_on
 
     def with_jumps(self, allowed: Mask) -> "MotionGraph":
-        """Return the film with those of its jumps (e,) that are allowed."""
+        """Return the motion graph with only those of its jumps (e,) that `allowed` (e,) marks."""
         before = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
         return self._replace(start=before[self.start], to=self.to[allowed], seam=self.seam[allowed])
 
 
 class Jumps(NamedTuple):
-    """Where the film can go on: over its rows (m,), or over these and their mirror images (2 n).
+    """The jumps between m rows: those of the film, or of the film and its mirror images.
 
-    jump_slot (m,): see `ROW`; instead of the row of slot k rows `to[start[k]:start[k + 1]]` can be
-    shown, `seam` natural steps away.
+    jump_slot (m,): number of a row among those that jumps can replace, −1 if none can; instead of
+    the row of slot k rows `to[start[k]:start[k + 1]]` can be shown; seam: their discontinuity in
+    natural steps.
     """
 
     jump_slot: NDArray[np.int32]
@@ -86,7 +87,10 @@ class Jumps(NamedTuple):
 
 
 def loop_jumps(graph: LoopGraph, rows: int, step: float) -> Jumps:
-    """Return the jumps of the paper's loops (Fig. 10); step: the film's natural step."""
+    """Return the jumps of the paper's video loops (Fig. 10).
+
+    rows: number of rows of the film; step: the film's natural step, to scale distances.
+    """
     jump_slot = np.full(rows, -1, np.int32)
     jump_slot[graph.ends] = np.arange(len(graph.ends))
     return Jumps(jump_slot, graph.start, graph.ends[graph.to], graph.distance.astype(float) / step)
@@ -95,7 +99,8 @@ def loop_jumps(graph: LoopGraph, rows: int, step: float) -> Jumps:
 def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
     """Return the jumps of a table with the columns of `JUMPS`, sorted by row.
 
-    If some lead to mirror images, those of the mirror images, rows n … 2 n, are included.
+    rows: number n of rows of the film. If some jumps lead to mirror images, those of the mirror
+    images, rows n … 2 n, are included.
     """
     source, to, across, seam = (
         jumps[name].to_numpy() for name in ("row", "to", "mirrored", "seam")
@@ -118,9 +123,9 @@ def motion_graph(
 ) -> MotionGraph:  # fmt: skip
     """Return the motion graph of a feature table (n rows) and its jumps.
 
-    barred (n,): rows that must not be shown; rarity_sum (n,): see `ROW`. Where `jumps` has mirror
-    images, row n + i is that of row i: the film upside down. Jumps to barred rows are left out, and
-    those after which the film would have to stop.
+    pose: BODY or FILM, what a jump keeps; barred (n,): rows that must not be shown; rarity_sum
+    (n,): see `ROW`. Where `jumps` has mirror images, row n + i is that of row i: the film upside
+    down. Jumps to barred rows are left out, and those after which the film would have to stop.
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)
@@ -152,13 +157,13 @@ def motion_graph(
 
 
 def mean_step_px(rows: NDArray[np.void]) -> float:
-    """Return the mean way of a tick, px, of rows (n,) of dtype `ROW`; 1 where none goes on."""
+    """Return the mean distance, px, that a tick of rows (n,), dtype `ROW`, moves; 1 if none."""
     steps = np.hypot(rows["dx"], rows["dy"])[rows["has_next"]]
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
 def farthest(film: MotionGraph, most: int) -> Floats:
-    """Return how far (t,), px, the film's fish come in 0, 1 … `most` ticks, at most.
+    """Return the largest distance (most + 1,), px, that the fish cover in 0, 1 … `most` ticks.
 
     Between two powers of two it is the value of the next one.
     """
@@ -173,7 +178,10 @@ def farthest(film: MotionGraph, most: int) -> Floats:
 
 
 def lags(rows: NDArray[np.void]) -> Floats:
-    """Return by how many ticks (n,) playing on from each row falls behind the film's mean speed."""
+    """Return by how many ticks (n,) playing each row's step falls behind the film's mean speed.
+
+    rows (n,): of dtype `ROW`. 0 where no row is next; < 0 where the fish is faster than the mean.
+    """
     slower = 1 - np.hypot(rows["dx"], rows["dy"]) / mean_step_px(rows)
     return np.asarray(np.where(rows["has_next"], slower, 0.0))
 
@@ -186,9 +194,9 @@ def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
 
 
 def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
-    """Return the film with jumps to the rows that the forecast finds similar, not to its own.
+    """Return the film with jumps to rows that the forecast finds similar, not its own jumps.
 
-    Its rows are the sampler's; these jumps have no seam.
+    Its rows are those of the sampler; these jumps have no seam.
     """
     n = min(len(film.rows), len(sampler.usable))
     rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
@@ -202,7 +210,7 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
 
 
 def runs(more: Mask) -> NDArray[np.int64]:
-    """Return for how many ticks (n,) the film goes on from each row."""
+    """Return how many ticks (n,) the film goes on from each row; more (n,): if a row is next."""
     stops = np.append(np.flatnonzero(~more[:-1]), len(more) - 1)
     here = np.arange(len(more))
     return np.asarray(stops[np.searchsorted(stops, here)] - here)
@@ -218,7 +226,7 @@ def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:
 
 
 def without_dead_ends(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
-    """Restrict a sampler to the rows from which a fish can swim for ever.
+    """Return a sampler restricted to the rows from which a fish can swim for ever.
 
     They are the largest strongly connected part of the graph, and all rows that lead there; not
     those that only lead to an end of the film, or to a cycle of few frames. more (m,): which rows
@@ -238,7 +246,11 @@ def without_dead_ends(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
 
 
 def filter_edges(leads: Mask, usable: Mask, start: Ints, to: Similar) -> tuple[Ints, Similar]:
-    """Return the edges that lead from rows of `leads` to usable rows, as start and to."""
+    """Return the edges from rows marked in `leads` to usable rows, as start (m + 1,) and to.
+
+    leads (m + 1,), usable (m,): marks of rows; start, to: the edges of row k are
+    `to[start[k]:start[k + 1]]`.
+    """
     count = np.zeros(len(start), np.int64)
     _filter_edges(leads, usable, (start, to), count[1:], to[:0])
     count = np.cumsum(count)
@@ -275,9 +287,11 @@ def _next(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
 
 @kernel
 def parts(shown, start, to):  # type: ignore[no-untyped-def]
-    """Return the number of the strongly connected part (m,) of every row (Tarjan 1972).
+    """Return the number (m,) of the strongly connected part that each row is in (Tarjan 1972).
 
-    A part has a higher number than those that it leads to.
+    shown (m + 1,): rows that may be used; start, to: the similar rows of each, as in `Sampler`. A
+    row leads to the next one, and to those after its similar rows. A part has a higher number than
+    those that it leads to.
     """
     m = len(start) - 1
     order, low, part = np.full(m, -1), np.zeros(m, np.int64), np.full(m, -1)
@@ -315,9 +329,10 @@ def parts(shown, start, to):  # type: ignore[no-untyped-def]
 
 @kernel
 def leading(shown, start, to, numbered):  # type: ignore[no-untyped-def]
-    """Return which rows (m,) lead to the largest part, its own rows included.
+    """Return which rows (m,) lead to the largest strongly connected part, its own rows included.
 
-    numbered: the part of each row, and the rows in the order of their parts.
+    shown, start, to: as in `parts`; numbered: the part of each row (m,), and the rows (m,) in the
+    order of their parts.
     """
     part, order = numbered
     m = len(part)

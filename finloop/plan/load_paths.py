@@ -12,10 +12,10 @@ from finloop.plan.matching_settings import MatchingSettings
 
 
 def load_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]:
-    """Load the line of each fish from `matching.path`, None where it has none.
+    """Return the line of each entry of `matching.path`, None for an entry without a path.
 
-    Times are left out where fish swim at their own speed. FinloopError if there are more lines than
-    fish, or if a line cannot be read.
+    features: the film's feature table. Times are left out where fish swim at their own speed.
+    FinloopError if there are more lines than fish, or if a line cannot be read.
     """
     paths = p.path if isinstance(p.path, list) else [p.path]
     if len(paths) > p.fish:
@@ -31,9 +31,10 @@ def load_lines(p: MatchingSettings, features: pd.DataFrame) -> list[Line | None]
 
 
 def line_of(path: str, unit: str, features: pd.DataFrame) -> Line:
-    """Return the line that a text names: a track of the film (track:8), or a file.
+    """Return the line that `path` names: a track of the film (`track:8`), or a file.
 
-    Places in a file are in `unit` unless its columns say more. FinloopError if there is none.
+    unit: of places in a file, unless its columns say more; features: the film's feature table.
+    FinloopError if there is no such track or file.
     """
     if path.startswith(TRACK):
         return track_line(features, path)

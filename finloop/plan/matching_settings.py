@@ -13,7 +13,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 @dataclass(frozen=True)
 class MatchingSettings:
-    """What the planner of `matching` may use, and what it weighs."""
+    """Parameters of mode `matching`: what may be shown, several fish, the search, and paths."""
 
     uses: Annotated[tuple[Literal["film", "forecast"], ...], Field(min_length=1)]
     join: Literal["inertial", "fade", "cut"]
@@ -82,11 +82,11 @@ class MatchingSettings:
 
 @dataclass(frozen=True)
 class AllSettings(MatchingSettings, CommonSettings):
-    """The groups `animate` and `matching` in one."""
+    """The parameter groups `animate` and `matching` as one object."""
 
 
 def merge_settings(common: CommonSettings, own: MatchingSettings) -> AllSettings:
-    """Return the parameters of both groups in one."""
+    """Return the parameters of the groups `animate` (common) and `matching` (own) as one object."""
     both = (common, own)
     return AllSettings(
         **{field.name: getattr(one, field.name) for one in both for field in fields(one)}

@@ -16,7 +16,7 @@ from finloop.social.rule import Self, shoaling_place
 
 
 class Objective(NamedTuple):
-    """What a fish is sent for: a place to touch (aim), or a path to follow, if it has places."""
+    """What a fish swims for: a place to touch (aim), or, if route has places, a path."""
 
     aim: Target
     route: Route
@@ -28,12 +28,12 @@ ANYWHERE = Target(0.0, 0.0, 0.0, 0.0, free=True)
 
 
 def to_goal(aim: Target) -> Objective:
-    """Return the objective to touch a place."""
+    """Return the objective to touch a place (aim)."""
     return Objective(aim, NO_ROUTE, NO_STEERING)
 
 
 def along_path(route: Route, steering: Steering) -> Objective:
-    """Return the objective to follow a path."""
+    """Return the objective to follow a path (route), corrected by the steering."""
     return Objective(ANYWHERE, route, steering)
 
 
@@ -42,7 +42,10 @@ def along_path(route: Route, steering: Steering) -> Objective:
 
 @leaf_kernel
 def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
-    """Return whether a way has reached its aim, and can go on from there, or a path's end."""
+    """Return whether a way has reached its aim and can go on from there, or its path's end.
+
+    graph: `SearchGraph`; way: of dtype `WAY`; objective: `Objective`.
+    """
     if objective.route.x.size:
         return at_path_end(objective.route, way.along)
     rows = graph.film.rows
@@ -54,9 +57,10 @@ def is_done(graph, way, objective):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def estimate_cost_to_come(lead, way, turned, objective, by):  # type: ignore[no-untyped-def]
-    """Estimate the cost to come, in ticks, of playing on a row from where a way is.
+    """Estimate the cost to come, in ticks, of a way (dtype `WAY`) that plays on a row of the film.
 
-    lead: of the row; turned: cosine and sine of the heading; by: weights; timed targets.
+    lead (dtype `LEAD`): where the film leads from the row; turned: cosine and sine of the heading;
+    by: `CostWeights`, and the output of `timed_targets`.
     """
     if objective.route.x.size:
         soon = by[1], objective.steering
@@ -68,7 +72,10 @@ def estimate_cost_to_come(lead, way, turned, objective, by):  # type: ignore[no-
 
 @leaf_kernel
 def estimate_ticks_to(x, y, turned, aim, weights):  # type: ignore[no-untyped-def]
-    """Estimate the ticks to a point: way / pace + turn / turning."""
+    """Estimate the ticks from x, y px to a target: distance / pace + turn / turning.
+
+    turned: cosine and sine of the heading; weights: `CostWeights`.
+    """
     dx, dy = aim.x - x, y - aim.y
     far = np.hypot(dx, dy)
     ahead = (dx * turned[0] + dy * turned[1]) / max(far, 1e-9)
@@ -78,10 +85,10 @@ def estimate_ticks_to(x, y, turned, aim, weights):  # type: ignore[no-untyped-de
 
 @leaf_kernel
 def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Return what the ticks of a way cost.
+    """Return the cost, in ticks, of the time that a way (dtype `WAY`) takes.
 
-    To a goal each costs one. On a path without times each costs as much as the fish lags, less its
-    progress; on one with times the delay has a price of its own.
+    To a goal each tick costs one. On a path without times each tick that brings no progress costs
+    `start.lag`; on a path with times 0, as the delay has a cost of its own.
     """
     if not objective.route.x.size:
         return float(way.ticks)
@@ -92,10 +99,7 @@ def cost_of_time(way, start, objective, weights):  # type: ignore[no-untyped-def
 
 @finite_leaf
 def at_path_end(route, along):  # type: ignore[no-untyped-def]
-    """Return whether a way that is `along` px along a path is at its end.
-
-    Closed paths have none; those with times end with these.
-    """
+    """Return whether `along` px along a path is its end; False on a closed or timed path."""
     if route.closed or route.when.size:
         return False
     return along >= route.step * (route.x.size - 1)
@@ -103,7 +107,7 @@ def at_path_end(route, along):  # type: ignore[no-untyped-def]
 
 @kernel_part
 def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
-    """Return the targets x, y (ticks + 1, 2) px of a path with times, from a tick on.
+    """Return the places due on a path with times, x, y px (ticks + 1, 2), from a tick on.
 
     (0, 2) for a path without times.
     """
@@ -116,17 +120,18 @@ def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def direction(at, way):  # type: ignore[no-untyped-def]
-    """Return the cosine and sine of the heading of a way that shows a row."""
+    """Return cosine and sine of the heading of a way (dtype `WAY`) that shows row `at`."""
     angle = np.radians(at.heading + way.rot)
     return np.cos(angle), np.sin(angle)
 
 
 @finite_leaf
 def estimate_path_cost(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
-    """Estimate the cost, in ticks, of the next ticks on a path if a way plays on a row.
+    """Estimate the cost, in ticks, of the next ticks on a path if a way plays on a row of the film.
 
-    By Simpson's rule over the places that it leads to, less what can be corrected on the way there.
-    turned: cosine and sine of the heading there; by: timed targets, steering.
+    By Simpson's rule over the places that the film leads to (lead), less what steering can correct
+    on the way there. turned: cosine and sine of the heading there; by: output of `timed_targets`,
+    `Steering`.
     """
     half, steering = lead.ticks // 2, by[1]
     middle = _path_deviation(
@@ -156,10 +161,10 @@ def _path_deviation(way, lead, turned, route, by):  # type: ignore[no-untyped-de
 def rule_target(
     rule: Rule, fish: Fish, world: FilmWorld, rng: np.random.Generator
 ) -> tuple[Floats, int] | None:
-    """Return the place (2,), px, that a rule sends a fish to, and for how many ticks.
+    """Return the place (2,), px, that a rule sends a fish to, and for how many ticks it holds.
 
-    Behind a leader it is a body length behind it, for this decision alone. None where the rule
-    requests nothing.
+    Behind a leader it is a body length behind the leader, for this decision alone (0 ticks). None
+    where the rule requests nothing.
     """
     length = world.motion.body_length_px
     if rule.leader is not None:

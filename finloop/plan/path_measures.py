@@ -50,7 +50,10 @@ _AT_WALL = 0.1  # body lengths between a path and where the centre may be
 
 
 def path_table(mode: str, swim: Swim, path: Path, ticks: int, world: FilmWorld) -> pd.DataFrame:
-    """Return how a fish followed a path in the first `ticks` ticks, columns of `PATH_ROWS`."""
+    """Return how a fish followed a path, a row for each of the first `ticks` ticks (`PATH_ROWS`).
+
+    mode: its name, for the table; swim: the animation of the fish; path: as steered and requested.
+    """
     ticks = min(ticks, len(path.asked.when)) if path.asked.is_timed else ticks
     stretches = [one for one, name in zip(swim.stretches, swim.names, strict=True) if name == PATH]
     none = np.zeros((0, 3))
@@ -81,10 +84,11 @@ def path_table(mode: str, swim: Swim, path: Path, ticks: int, world: FilmWorld) 
 def path_metrics(
     followed: pd.DataFrame, left: pd.DataFrame, path: Path, world: FilmWorld
 ) -> dict[str, float]:
-    """Return the measures of a followed path: errors in body lengths, corrections in per cent.
+    """Return measures of a followed path by name: errors in body lengths, corrections in per cent.
 
-    `path_turn_corrected_pct`: spread of the turn corrections, of that of the film's turns over Δ;
-    `path_way_corrected_pct`: px by which the fish was shifted, of all px that it swam.
+    followed: columns of `PATH_ROWS`; left: columns of `LEFT`. `path_turn_corrected_pct`: RMS of the
+    turn corrections over Δ, of the spread of the film's turns; `path_way_corrected_pct`: px by
+    which the fish was shifted, of all px that it covered.
     """
     motion, across = world.motion, followed["across"].to_numpy()
     if not len(followed):
@@ -121,23 +125,24 @@ def rms(values: Floats) -> float:
 
 
 class Limits(NamedTuple):
-    """What no fish of the film exceeds: bends, radians per body length; speed, body lengths/s."""
+    """What the film's fish hardly exceed: bends, radians per body length; speed, body lengths/s."""
 
     bend: float
     speed: float
 
 
 def limits(film: MotionGraph, world: FilmWorld) -> Limits:
-    """Return the limits of a film."""
+    """Return the sharpest bend (a high quantile) and the highest speed of the film's fish."""
     motion = world.motion
     bend = film_turning(film, motion.delta, motion.body_length_px, _BEND)
     return Limits(bend, world.brisk.fastest)
 
 
 def where_left(followed: pd.DataFrame, path: Path, world: FilmWorld, most: Limits) -> pd.DataFrame:
-    """Return where a fish left its path by more than `path_left`, columns of `LEFT`.
+    """Return where a fish left its path by more than `path_max_offset_bl`, columns of `LEFT`.
 
-    On a path with times also where the fish was that far from the place due at that time.
+    followed: columns of `PATH_ROWS`; most: what the film's fish can swim. On a path with times also
+    where the fish was that far from the place due at that time.
     """
     rate = world.motion.rate_hz
     far = followed["across"].to_numpy()
@@ -189,7 +194,10 @@ def _sharp(at: Floats, route: Route, length: float, bend: float) -> Mask:
 
 
 def film_turning(film: MotionGraph, delta: int, length_px: float, quantile: float) -> float:
-    """Return how sharply the film's fish turn over Δ: a quantile, radians per body length."""
+    """Return how sharply the film's fish turn over Δ: a quantile, radians per body length.
+
+    delta: Δ in ticks; length_px: body length; quantile: 0-1. 0 where the film is too short.
+    """
     rows = film.rows[: film.filmed]
     first = np.flatnonzero(runs(rows["has_next"]) >= 2 * delta)
     if not len(first):

@@ -19,9 +19,9 @@ from finloop.plan.search import Candidates, Outcomes
 class CandidateVerdicts:
     """Rows (k,) that could be shown next, and the verdict on each.
 
-    rots: by how much each would be turned; seams: distances in median steps; terms (k, t): seconds
-    that the best way from each costs, by `TERMS`, nothing where there is none; value: their sum
-    without the random part, infinite where there is none; ticks: how long it stays in the tank;
+    rots: degrees by which each would be turned; seams: discontinuities in natural steps; terms (k,
+    t): seconds that the best way from each costs, by `TERMS`, 0 where there is none; value: their
+    sum without the random part, infinite where there is none; ticks: how long it stays in the tank;
     verdict: index in `VERDICTS`; taken: the chosen one, −1 for none.
     """
 
@@ -35,10 +35,10 @@ class CandidateVerdicts:
     taken: int = -1
 
     def add_to(self, decision: Decision) -> Decision:
-        """Return a decision with what was weighed.
+        """Return a decision with costs and counts of the ways that were weighed added.
 
-        Adds the costs of the chosen way and of the cheapest other one, how many ways there were,
-        and how many fail each test.
+        They are the costs of the chosen way and of the cheapest other one, how many ways there
+        were, and how many fail each test.
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
@@ -56,9 +56,10 @@ class CandidateVerdicts:
 
 
 class Plan(NamedTuple):
-    """The way that is taken of (k,) candidates of one motion source (state).
+    """The way that is taken of the (k,) candidates of one motion source.
 
-    taken: number of its candidate; rows, ticks (l,): first rows and lengths of its legs.
+    state: of the source, FILM or FORECAST; found: what becomes of each candidate; taken: number of
+    the candidate; rows, ticks (l,): first row and length of each leg.
     """
 
     state: int
@@ -70,11 +71,11 @@ class Plan(NamedTuple):
 
     @property
     def value(self) -> float:
-        """Return its cost in ticks, without the random part; infinite where it ends."""
+        """Return the plan's cost in ticks, without chance; infinite where it leads nowhere."""
         return float(self.found.value[self.taken] - self.found.terms[self.taken, CHANCE])
 
     def options(self, rate_hz: float) -> CandidateVerdicts:
-        """Return what was weighed."""
+        """Return the candidates that were weighed, their costs in seconds and verdicts."""
         made, found = self.candidates, self.found
         value = (found.value - found.terms[:, CHANCE]) / rate_hz
         return CandidateVerdicts(
@@ -83,9 +84,9 @@ class Plan(NamedTuple):
         )  # fmt: skip
 
     def runs(self, most: int) -> tuple[Run, ...]:
-        """Return the runs of its first ticks, about `most`; where it ends those of its first leg.
+        """Return the runs of film of the plan's first ticks: about `most`, at least a leg.
 
-        Legs that go on by the film are one run.
+        Legs that play the film on are one run. A plan that leads nowhere has only its first leg.
         """
         runs: list[Run] = []
         left = most if np.isfinite(self.value) else 0
@@ -101,9 +102,10 @@ class Plan(NamedTuple):
 
 
 def option_table(found: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
-    """Return what was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
+    """Return the candidates that were weighed in the first `ticks` ticks, columns of `CONSIDERED`.
 
-    filmed: rows of the film, after which its mirror images are counted; fish: its number.
+    found: the animation of the fish; filmed: number of rows of the film, after which its mirror
+    images are counted; fish: its number.
     """
     begins = np.cumsum([0] + [len(s.way) for s in found.stretches])
     parts = [_option_rows(tick, o, filmed) for tick, o in zip(

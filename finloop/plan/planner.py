@@ -58,8 +58,9 @@ _STARTS = 300  # rows from which the first one of a path is drawn
 class Planner:
     """Moves fish in mode `matching`. film, prediction: motion sources, at least one of them.
 
-    joins: how pictures follow others; shoaling: how fish swim by zones, None where the film shows
-    none; sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
+    cast: outlines of all pictures; joins: how pictures are joined; shoaling: how fish swim by
+    zones, None where the film shows none; sprite_rows (s,): the film's row behind each sprite, from
+    which a fish of another mode goes on.
     """
 
     world: FilmWorld
@@ -74,7 +75,7 @@ class Planner:
 
     @cached_property
     def sources(self) -> EditInputs:
-        """Return what the edit lists can show."""
+        """Return what an edit list is built from: pictures' rate, headings, sizes, joins."""
         film, motion = self.world.film, self.world.motion
         own = slice(0, film.filmed)
         return EditInputs(
@@ -88,10 +89,10 @@ class Planner:
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
     ) -> State:
-        """Return a fish somewhere in the tank, clear of the walls and of the others.
+        """Return the state of a fish at a random place, clear of the walls and of the other fish.
 
-        With a path it is at its beginning, whatever fish is there. NoRoom where, of many places
-        drawn, none is clear.
+        With a path (route) the fish is at its beginning, even if another fish is there. NoRoom
+        where, of many places drawn, none is clear.
         """
         if route is not None:
             return State(self._begin_path(route, rng), np.zeros(2))
@@ -148,14 +149,20 @@ class Planner:
         return source
 
     def company(self, others: Floats, start: int) -> Company:
-        """Return the others (n, m, 4) as a fish that decides at a tick knows them."""
+        """Return the other fish as a fish that decides at tick `start` knows them.
+
+        others (n, m, 4): from `Plans.others`. No fish where they may overlap.
+        """
         p = self.world.settings
         if p.overlap or not others.shape[1]:
             return ALONE
         return company_of(others, start, self.cast.discs, self.world.ticks(p.give_way))
 
     def with_others(self, state: State, others: Floats) -> State:
-        """Return the state with the other fish (n, m, 4), of `Plans.others`, that it can meet."""
+        """Return the state with the other fish added, first those that the fish can meet.
+
+        others (n, m, 4): from `Plans.others`, from the fish's present tick on.
+        """
         fish = state.fish
         company = self.company(others, fish.tick)
         if company.near:
@@ -167,9 +174,10 @@ class Planner:
     def plan(
         self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """Return the next stretch to a goal, along a path, by a rule or anywhere, and the state.
+        """Return the next stretch: to a goal, by a path, a rule or anywhere; and the state after.
 
-        The same state, goal and generator state give the same stretch. Nothing else is changed.
+        The same state, goal and generator state give the same result. Only the generator is
+        changed.
         """
         fish = state.fish if state.fish.row >= 0 else self._from_sprite(state.fish)
         state = state._replace(fish=fish)
@@ -426,18 +434,21 @@ class Planner:
     # --- questions about stretches and pictures
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
-        """Return whether a stretch from a state meets no other fish, now or where it ends."""
+        """Return whether a stretch is clear of other fish, even if the fish stays after it."""
         return self._fallback.ticks(state.fish, stretch) == len(stretch.way)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
-        """Return a stretch that began in a state, stopped after some ticks, and the state then."""
+        """Return the first ticks of a stretch that began in `state`, and the state after them."""
         short = stretch.cut(ticks)
         # The next step finds from where it was how far along a path it is then.
         path = Progress(state.path.along)
         return short, state._replace(fish=self._fish_after(state.fish, short), path=path)
 
     def hull(self, kind: str, source: int) -> Floats:
-        """Return the outline of a frame or sprite."""
+        """Return the outline (p, 2) of a frame or sprite, px ahead and left of its mass centre.
+
+        kind: FRAME or SPRITE; source: row of the film, or number of the sprite.
+        """
         if kind == FRAME:
             return self.cast.frame_hulls[source : source + 1][0].astype(float)
         return self.cast.sprite_hulls[source]

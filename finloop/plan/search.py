@@ -61,10 +61,11 @@ _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 
 
 class SearchStart(NamedTuple):
-    """Where and when a candidate would be shown, and what of the fish matters.
+    """Where and when a candidate would be shown, and what of the fish's past and company counts.
 
-    recent (m, 3): what was on screen, as `Fish` keeps it; company: the other fish; lag: ticks that
-    every tick on the spot costs (`Tempo`); along: px along its path.
+    x, y: px; recent (m, 3): stretches of film that were on screen, see `finloop.animate.memory`;
+    company: the other fish; lag: ticks that every tick on the spot costs (`Tempo`); along: px along
+    its path.
     """
 
     x: float
@@ -77,10 +78,11 @@ class SearchStart(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Rows (k,) that could be shown now, by how much each would be turned, and its seam.
+    """Rows (k,) that could be shown now.
 
-    seams: in median steps; jumps: whether it is one, and not the film's own next row; terms (k, t):
-    ticks that showing each costs at once, by `TERMS`.
+    rots: degrees by which each would be turned; seams: discontinuities in natural steps; jumps:
+    whether it is a jump, not the film's own next row; terms (k, t): ticks that showing each costs
+    at once, by `TERMS`.
     """
 
     rows: Ints
@@ -91,11 +93,11 @@ class Candidates(NamedTuple):
 
 
 class Outcomes(NamedTuple):
-    """What becomes of each candidate (k,).
+    """What becomes of each candidate (k,) in the search.
 
-    value: cost of the best way, in ticks, infinite where all leave the tank or end; terms (k, t):
-    the same term by term; ticks: its duration, or its time in the tank; over: whether better ones
-    displaced it.
+    value: cost of the best way from it, in ticks, infinite where all leave the tank or end; terms
+    (k, t): the same term by term; ticks: duration of the best way, or its time in the tank; over:
+    whether better ways displaced its ways before any reached the end.
     """
 
     value: Floats
@@ -105,16 +107,17 @@ class Outcomes(NamedTuple):
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
-        """Return the index in `VERDICTS` of each: good, passed over, or out of the tank."""
+        """Return indices in `VERDICTS` (k,): good, passed over, or out of the tank."""
         lost = np.where(np.isinf(self.value), _TANK, 0)
         return np.where(self.over, _OVER, lost).astype(np.int8)
 
 
 class Branch(NamedTuple):
-    """A way that goes on: the candidate that it began with (first), and its number (way).
+    """One continuation of a way after a leg.
 
-    total: its cost so far and to come; jump: number of the jump that it takes, −1 for none; repeat:
-    ticks that this costs for what was on screen.
+    total: cost of the way so far and to come, ticks; first: the candidate that it began with; way:
+    number of the way; jump: number of the jump that it takes, −1 for none; repeat: ticks that
+    repeating rows costs.
     """
 
     total: float
@@ -125,11 +128,12 @@ class Branch(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """The ways that are followed, of dtype `WAY`, and how they came there.
+    """The ways that the search follows, of dtype `WAY`, and how they came there.
 
-    ways, spare (w,): now, and room for those after the next leg; branches (b,): the best after it,
-    of dtype `BRANCH`, their totals rising; runs: of all ways, of dtype `RUN`; rows, parents
-    (legs + 1, w): with which row each way began each leg, and the number of the way before it.
+    ways, spare (w,): the present ones, and room for those after the next leg; branches (b,): the
+    best after it, of dtype `BRANCH`, their totals rising; runs: of all ways, of dtype `RUN`; rows,
+    parents (legs + 1, w): the row with which each way began each leg, and the number of the way
+    before it.
     """
 
     ways: NDArray[np.void]
@@ -141,7 +145,7 @@ class Beam(NamedTuple):
 
 
 class Best(NamedTuple):
-    """The best way so far that has reached its end: its value, legs, and number among the ways."""
+    """The best way so far that reached its end: cost in ticks, count of legs, its number."""
 
     value: float
     legs: int
@@ -150,9 +154,9 @@ class Best(NamedTuple):
 
 @kernel
 def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
-    """Return the rows that can be shown next and go on for ever: the next one, and its jumps.
+    """Return the rows that can be shown next and go on for ever: `row` itself, and its jumps.
 
-    row: the next one, which would be turned by `rot`. Costs are not added yet.
+    row: the film's next row; rot: degrees by which it would be turned. Their terms are 0.
     """
     at = film.rows[row]
     own = np.int64(at.has_next and film.rows[row + 1].recurrent)
@@ -176,10 +180,10 @@ def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
 def add_costs(
     film: MotionGraph, made: Candidates, start: SearchStart, weights: CostWeights
 ) -> None:
-    """Add to the terms of each candidate the costs of its jump and of its repetition.
+    """Add to the terms of each candidate the costs of its jump and of its repetition, in ticks.
 
-    Playing on costs nothing but its repetition: it, or what follows within a stride, was on screen
-    just now.
+    made: the candidates, changed in place. A row counts as repeated if it, or a row within a stride
+    after it, was on screen just now.
     """
     for k in range(made.rows.size):
         row = made.rows[k]
@@ -194,12 +198,11 @@ def search(
     graph: SearchGraph, candidates: Candidates, start: SearchStart, objective: Objective,
     weights: CostWeights, horizon: int,
 ) -> tuple[Outcomes, Ints]:  # fmt: skip
-    """Follow every candidate (k,) through the film and its jumps, for `horizon` ticks.
+    """Return what becomes of every candidate (k,), and the rows of the best way, by beam search.
 
-    Returns
-    -------
-    found : what becomes of each candidate; rows (l,) : the first rows of the best way's legs.
-    Where no way leads on, they are those of the cheapest of the ways that came farthest.
+    Ways go through the film and its jumps for `horizon` ticks. The rows (l,) are the first of each
+    leg of the best way. Where no way leads on, they are those of the cheapest of the ways that came
+    farthest.
     """
     route, most = objective.route, horizon
     asked = timed_targets(route, start.tick, horizon + objective.steering.reach)
@@ -354,9 +357,10 @@ def _repeat_of(beam, way, row, start, weights):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
-    """Return the last tick at which a way by these runs showed a row; NEVER if it did not.
+    """Return the last tick at which a way showed a row; NEVER if it did not.
 
-    run: the way's last one; tick: to which it has come.
+    runs: of all ways, dtype `RUN`; run: number of the way's last one; tick: to which the way has
+    come.
     """
     while run >= 0:
         one = runs[run]
@@ -368,7 +372,7 @@ def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
 
 @kernel_part
 def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
-    """Return the number of the first jump from a row, and one past the last."""
+    """Return the number of the first jump that can replace `row`, and one past the last."""
     end = film.rows[row].jump_slot
     if end >= 0:
         return np.int64(film.start[end]), np.int64(film.start[end + 1])
@@ -377,10 +381,10 @@ def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
-    """Insert a branch where it is among the best; return how many there are then.
+    """Insert a branch if it is among the best; return how many branches there are then.
 
-    branches: changed in place, n of them filled, their totals rising; over (candidates,): whether
-    better branches displaced one of a candidate.
+    branches: changed in place, n of them filled, their totals rising; over (candidates,): set where
+    a better branch displaces one of a candidate.
     """
     most = branches.size
     k = n
@@ -422,7 +426,7 @@ def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # t
 
 @kernel_part
 def backtrack_rows(beam: Beam, best: Best) -> Ints:
-    """Return the rows (l,) with which a way began its legs, from the last leg back to the first."""
+    """Return the rows (l,) with which a way began its legs, in the order of the legs."""
     rows, way = np.empty(best.legs, np.int64), best.way
     for leg in range(best.legs - 1, -1, -1):
         rows[leg] = beam.rows[leg, way]

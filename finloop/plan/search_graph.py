@@ -25,11 +25,12 @@ to the left, px as the crow flies; and in half as many ticks."""
 
 
 class SearchGraph(NamedTuple):
-    """The film that is searched, and what keeps a fish inside the tank.
+    """The motion graph that is searched, and what keeps a fish inside the tank.
 
-    jumps (e,): those of the film, of dtype `JUMP`, at each loop end the cheapest first; run (n,):
-    ticks that the film goes on from each row; leg (n,): ticks to the first loop end after a stride,
-    or to where the film ends; leads (n,): of dtype `LEAD`.
+    jumps (e,): of dtype `JUMP`, those that replace one row together, the cheapest first; run (n,):
+    ticks that the film goes on from each row; leg (n,): ticks to the first row with jumps after a
+    stride, or to where the film ends; leads (n,): where the film leads from each row, of dtype
+    `LEAD`.
     """
 
     film: MotionGraph
@@ -43,7 +44,7 @@ class SearchGraph(NamedTuple):
 def search_graph(
     film: MotionGraph, bounds: Bounds, weights: CostWeights, reach: int
 ) -> SearchGraph:
-    """Return the graph of a search; reach: ticks that the leads of the rows span."""
+    """Return the graph of a search through `film`; reach: ticks that the leads of the rows span."""
     jumps = np.zeros(len(film.to), JUMP)
     _cheapest_first(film, weights, jumps)
     rows = film.rows

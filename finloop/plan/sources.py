@@ -26,10 +26,10 @@ from finloop.plan.world import FilmWorld
 class Passage(NamedTuple):
     """How a run moves a fish, before steering.
 
-    way (m + 1, 3): x, y, heading, the fish's own place first, beyond the run as far as steering
-    looks ahead; speed (m,): body lengths/s; numbers (n,): rows that are shown; seam: natural steps
-    to the first of them; jumps: whether it does not follow what is shown; past: the states of a
-    fish that swims as predicted, the first ones before the run.
+    way (m + 1, 3): x, y px, heading, the fish's own place first, beyond the run as far as steering
+    looks ahead; speed (m,): body lengths/s; numbers (n,): rows that are shown; seam: discontinuity
+    of the first of them, natural steps; jumps: whether the first does not follow the row on screen;
+    past: states of a fish that swims as predicted, the oldest first, those of the run last.
     """
 
     way: Floats
@@ -41,13 +41,13 @@ class Passage(NamedTuple):
 
 
 class MotionSource(Protocol):
-    """Lists rows to show next, and moves a fish by them. state: of `STATES`."""
+    """Lists rows to show next, and moves a fish by them. state: FILM or FORECAST."""
 
     state: int
 
     @property
     def graph(self) -> SearchGraph:
-        """Return the graph to search."""
+        """Return the graph that the search follows."""
 
     def candidates(
         self, fish: Fish, lag: float, along: float
@@ -58,11 +58,11 @@ class MotionSource(Protocol):
         """
 
     def passage(self, fish: Fish, run: Run) -> Passage:
-        """Return how a run moves a fish."""
+        """Return how a run of film, begun at the fish's next tick, moves it."""
 
 
 class FilmSource:
-    """Moves a fish as the film does, played on or joined where it is alike."""
+    """Moves a fish as the film's fish moves, by playing the film on or jumping to a similar row."""
 
     state = FILM
 
@@ -71,14 +71,17 @@ class FilmSource:
 
     @cached_property
     def graph(self) -> SearchGraph:
-        """Return the film's own rows, their mirror images, and their jumps."""
+        """Return the graph of the film's own rows, their mirror images, and their jumps."""
         world = self._world
         return search_graph(world.film, world.bounds, world.cost_weights, world.reach)
 
     def candidates(
         self, fish: Fish, lag: float, along: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """Return rows as `MotionSource.candidates` does."""
+        """Return the film's next row and its jumps, with costs, and the start; None without any.
+
+        lag: ticks that a tick on the spot costs; along: px along the path.
+        """
         film = self.graph.film
         if fish.row < 0 or not film.has_next[fish.row]:
             return None
@@ -91,7 +94,7 @@ class FilmSource:
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
-        """Return a passage as `MotionSource.passage` does."""
+        """Return how a run of film, begun at the fish's next tick, moves it."""
         film, row = self.graph.film, run.row
         seam, rot = _seam_to(film, fish, row)
         begins = np.array([
@@ -105,7 +108,7 @@ class FilmSource:
 
 
 class PredictionSource:
-    """Moves a fish in the poses that the forecast predicts. sampler: from `without_dead_ends`."""
+    """Moves a fish as the forecast predicts. sampler: from `without_dead_ends`."""
 
     state = FORECAST
 
@@ -121,7 +124,7 @@ class PredictionSource:
 
     @cached_property
     def graph(self) -> SearchGraph:
-        """Return the film's rows, with jumps to similar rows."""
+        """Return the graph of the film's rows, with jumps to rows like them by the forecast."""
         world = self._world
         film = prediction_graph(world.film, self.sampler)
         return search_graph(film, world.bounds, world.cost_weights, world.reach)
@@ -129,7 +132,10 @@ class PredictionSource:
     def candidates(
         self, fish: Fish, lag: float, along: float
     ) -> tuple[Candidates, SearchStart] | None:
-        """Return rows as `MotionSource.candidates` does."""
+        """Return the rows similar to the fish's, with costs, and the start; None without any.
+
+        lag: ticks that a tick on the spot costs; along: px along the path.
+        """
         film = self.graph.film
         fish, _ = self._with_past(fish)
         rows = ways(self.sampler, fish.row)[0].astype(np.int64)
@@ -147,7 +153,7 @@ class PredictionSource:
         return made, start
 
     def passage(self, fish: Fish, run: Run) -> Passage:
-        """Return a passage as `MotionSource.passage` does."""
+        """Return how the predictions of a run, begun at the fish's next tick, move it."""
         film, row = self.graph.film, run.row
         fish, past = self._with_past(fish)
         states = follow(self.sampler, past, row, run.ticks, self.sampler.control[row])

@@ -24,10 +24,10 @@ _PUSHES = 6  # steps in which a place is moved off the walls
 class Bounds(NamedTuple):
     """What keeps a fish inside the tank.
 
-    roomy (h, w): where every picture fits, at every heading; cells: whether all pixels of a cell
-    are roomy; depth (h, w): how far the middle of each pixel is from the wall, px, < 0 outside;
-    nearest (2, h, w): as in `Tank`; discs: of the pictures; without any the fish keeps to where it
-    is roomy.
+    roomy (h, w): where every picture fits, at every heading; cells: whether all pixels of a cell of
+    16 × 16 are roomy; depth (h, w): how far the middle of each pixel is from the wall, px, < 0
+    outside; nearest (2, h, w): row and column of the roomy pixel nearest to each; discs: of the
+    pictures; without any the fish keeps to where it is roomy.
     """
 
     roomy: Mask
@@ -38,7 +38,7 @@ class Bounds(NamedTuple):
 
 
 def bounds_of(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
-    """Return the bounds of a tank; without discs a fish must keep to `tank.legal`."""
+    """Return what keeps a fish inside a tank; without discs it must keep to `tank.legal`."""
     walled = np.pad(tank.arena.astype(np.uint8), 1)
     depth, beyond = (
         cv2.distanceTransform(side, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
@@ -74,7 +74,10 @@ def _tightest(bounds, picture: int, x: float, y: float, heading: float):  # type
 
 @leaf_kernel
 def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
-    """Return whether a picture at a place is inside the tank; picture: its number in `Discs`."""
+    """Return whether a picture at x, y px and a heading in degrees is inside the tank.
+
+    picture: its number as in `Discs`.
+    """
     roomy, column, row = bounds.roomy, round(x), round(y)
     if not (0 <= row < roomy.shape[0] and 0 <= column < roomy.shape[1]):
         return False
@@ -87,9 +90,9 @@ def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bo
 
 @leaf_kernel
 def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
-    """Return about the nearest place (x, y) at which a picture fits, and whether it does.
+    """Return about the nearest place (x, y px) at which a picture fits, and whether it fits there.
 
-    Without discs the nearest roomy pixel.
+    picture: its number as in `Discs`. Without discs it is the nearest roomy pixel.
     """
     if fits(bounds, picture, x, y, heading):
         return x, y, True
@@ -112,10 +115,10 @@ def push_inside(bounds: Bounds, picture: int, x: float, y: float, heading: float
 
 @kernel
 def kept_inside(bounds: Bounds, numbers: Ints, way: Floats, most: float) -> Floats:
-    """Return the part of a way (n, 3) that stays inside, moved off the walls where it must be.
+    """Return the part of a way (n, 3) that stays inside, moved off the walls where necessary.
 
-    numbers (n,): of its pictures; most: px that a tick may be moved aside. What follows a moved
-    tick is moved by the same amount.
+    numbers (n,): of its pictures; way: x, y px, heading; most: px by which a tick may be moved.
+    What follows a moved tick is moved by the same amount.
     """
     out = way.copy()
     aside_x = aside_y = 0.0

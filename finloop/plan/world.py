@@ -20,7 +20,10 @@ from finloop.social.walls import Walls
 
 
 class Brisk(NamedTuple):
-    """A brisk fish: its turn in a tick, over Δ (turn_deg), and the film's highest speed in BL/s."""
+    """A brisk fish: degrees that it turns in a tick, and the film's highest speed, body lengths/s.
+
+    The turn is a high quantile of those of the film, measured over Δ.
+    """
 
     turn_deg: float
     fastest: float
@@ -40,7 +43,7 @@ class FilmWorld(World):
     discs: Discs = NO_DISCS
 
     def ticks(self, time: float) -> int:
-        """Return a time of the settings, in Δ, in ticks."""
+        """Return the ticks (whole) of a time of the parameters, given in Δ."""
         return round(time * self.motion.delta)
 
     @cached_property
@@ -50,17 +53,17 @@ class FilmWorld(World):
 
     @cached_property
     def bounds(self) -> Bounds:
-        """Return what keeps a fish inside the tank."""
+        """Return what keeps a fish inside the tank: depths, walls and discs."""
         return bounds_of(self.tank, self.discs)
 
     @cached_property
     def farthest(self) -> Floats:
-        """Return how far (t,), px, the film's fish come in 0, 1, 2 … ticks, at most."""
+        """Return the largest distance (t,), px, that the film's fish cover in 0, 1, 2 … ticks."""
         return farthest(self.film, self.ticks(2 * self.settings.give_way) + 2)
 
     @cached_property
     def tempo(self) -> Tempo:
-        """Return how fast the film's fish swim."""
+        """Return how fast the film's fish swim on average, and how much they usually lag."""
         return Tempo.from_film(
             self.film, self.ticks(self.settings.repeat_memory), self.motion.delta
         )
@@ -91,7 +94,7 @@ class FilmWorld(World):
 
     @cached_property
     def steering(self) -> Steering:
-        """Return how a fish is steered along a path."""
+        """Return how far a fish may be steered onto a path, and what leaving the path costs."""
         motion, p = self.motion, self.settings
         return Steering(
             turn=max(p.path_max_correction_ratio * self.turn_spread_deg / motion.delta, 1e-6),
@@ -104,12 +107,12 @@ class FilmWorld(World):
 
     @property
     def reach(self) -> int:
-        """Return how many ticks a fish on a path looks ahead, to steer."""
+        """Return how many ticks of film a fish on a path looks ahead, to steer."""
         return max(2, self.ticks(self.settings.path_steer_ahead))
 
     @property
     def duration(self) -> int:
-        """Return the ticks of the animation."""
+        """Return how many ticks the animation lasts."""
         return round(self.settings.seconds * self.motion.rate_hz)
 
 
@@ -118,7 +121,10 @@ _FASTEST = 0.998  # quantile of speeds
 
 
 def learn_brisk(features: pd.DataFrame, rate_hz: float, delta: int, p: AllSettings) -> Brisk:
-    """Return how fast the fish of a feature table swim and turn; delta: Δ in frames."""
+    """Return how fast brisk fish of a feature table turn, and their highest speed.
+
+    rate_hz: frames per second; delta: Δ in frames.
+    """
     every = courses(features, rate_hz, delta)
     turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in every]
     speeds = np.concatenate([c.speed for c in every])
@@ -129,7 +135,7 @@ def learn_brisk(features: pd.DataFrame, rate_hz: float, delta: int, p: AllSettin
 
 
 def brisk_rate(sizes: Floats, settings: AllSettings) -> float:
-    """Return the speed, or turn rate, of a brisk fish among those (n,) of a film.
+    """Return the speed, or turn rate, of a brisk fish among those (n,) of a film, in their unit.
 
     It is a quantile, or, where the fish rests for most of the film, a share of the quickest.
     """
