@@ -20,7 +20,7 @@ import pandas as pd
 
 from benchmarks.matching import material, replace_settings
 from finloop.animate import measures
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
 from finloop.base.line import TANK, Line
@@ -28,7 +28,7 @@ from finloop.base.parallel import Processes, ordered_map
 from finloop.edit.schema import by_fish
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.plan.matching_settings import merge_settings
-from finloop.plan.path_measures import limits, path_metrics, path_table, where_left
+from finloop.plan.path_measures import find_departures, path_metrics, path_table, swimming_limits
 from finloop.project import Project
 from stages.animation import measure_pictures
 
@@ -106,10 +106,10 @@ def path_deviations(plans: MatchingAnimator, seed: int) -> dict[str, float]:
     """Return the RMS distances of a fish from two paths, in body lengths."""
     world, ticks, made = plans.world, round(30 * plans.world.motion.rate_hz), {}
     for name, line in shapes().items():
-        path = lay(line, world.tank, world.motion, None)
+        path = lay_path(line, world.tank, world.motion, None)
         made_way = swim(plans.player, [], ticks, np.random.default_rng(seed), path.route)
         table = path_table("matching", made_way, path, ticks, world)
-        left = where_left(table, path, world, limits(world.film, world))
+        left = find_departures(table, path, world, swimming_limits(world.film, world))
         numbers = path_metrics(table, left, path, world)
         made[f"{name}_lengths"] = numbers["path_across_rms_body_lengths"]
     return made

@@ -19,7 +19,13 @@ import pandas as pd
 
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import write_table
-from finloop.animate.encounters import distance_quantiles, film_nearest, nearest, outline, overlap
+from finloop.animate.encounters import (
+    distance_quantiles,
+    film_nearest,
+    nearest_distances,
+    outline_on_screen,
+    overlap,
+)
 from finloop.distance.picture import typical_length
 from finloop.live.tank import LiveTank
 from finloop.modes.matching import MatchingAnimator, matching_animator
@@ -64,8 +70,8 @@ def measure_animation(plans: MatchingAnimator) -> dict[str, object]:
         took += time.process_time() - begin
         rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
         places[tick] = [(row.x_px, row.y_px) for row in rows]
-        near += [nearest(places[tick]) / length] if count > 1 else []
-        outlines = [outline(player, row) for row in rows]
+        near += [nearest_distances(places[tick]) / length] if count > 1 else []
+        outlines = [outline_on_screen(player, row) for row in rows]
         met += sum(overlap(one, other) for one, other in combinations(outlines, 2))
     speeds = np.hypot(*np.diff(places, axis=0).transpose(2, 0, 1)) / length * rate
     distances = np.concatenate([np.zeros(0), *near])

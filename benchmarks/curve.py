@@ -22,7 +22,7 @@ from finloop.curve.dynamics import solve
 from finloop.curve.filters import CUBIC
 from finloop.curve.problem import Material, Problem, SolverOptions
 from finloop.curve.stiffness import off_diagonal, stiffness, stiffness_phi
-from finloop.curve.wavelet import back, forward
+from finloop.curve.wavelet import inverse_transform, wavelet_transform
 
 CURVES, POINTS, LEVELS = 1000, 1024, 6
 LARGE, LIMIT_S = 4096, 0.1
@@ -54,11 +54,15 @@ def transforms() -> list[tuple[str, float, float, float]]:
     for name in ("db4", "coif2", "bior4.4"):
         wavelet = pywt.Wavelet(name)
         theirs = loop(points, wavelet)
-        ours = forward(points, name, LEVELS)
-        there = time_pairs(partial(forward, points, name, LEVELS), partial(loop, points, wavelet))
-        again = time_pairs(partial(back, ours, name, LEVELS), partial(loop_back, theirs, wavelet))
+        ours = wavelet_transform(points, name, LEVELS)
+        there = time_pairs(
+            partial(wavelet_transform, points, name, LEVELS), partial(loop, points, wavelet)
+        )
+        again = time_pairs(
+            partial(inverse_transform, ours, name, LEVELS), partial(loop_back, theirs, wavelet)
+        )
         at_once = time_pairs(
-            partial(forward, points, name, LEVELS),
+            partial(wavelet_transform, points, name, LEVELS),
             partial(pywt.wavedec, points, wavelet, "periodization", LEVELS, axis=1),
         )
         rows.append((f"{name} forward / PyWavelets, curve by curve", *there[:3]))
@@ -67,7 +71,12 @@ def transforms() -> list[tuple[str, float, float, float]]:
     for name in (*pywt.wavelist(kind="discrete"), CUBIC):
         if name != "dmey":
             few = points[:4]
-            worst = max(worst, float(np.abs(back(forward(few, name, 3), name, 3) - few).max()))
+            worst = max(
+                worst,
+                float(
+                    np.abs(inverse_transform(wavelet_transform(few, name, 3), name, 3) - few).max()
+                ),
+            )
     print(f"worst round trip of all wavelets but dmey: {worst:.1e}")
     return rows
 
@@ -124,7 +133,7 @@ def main() -> None:
                 seconds / LIMIT_S,
             )
         )
-    basis = csr_array(forward(np.eye(POINTS), "coif2", 4))
+    basis = csr_array(wavelet_transform(np.eye(POINTS), "coif2", 4))
     k = stiffness_phi("coif2", POINTS)
     done = time_pairs(lambda: stiffness("coif2", POINTS, 4), lambda: change_basis(k, basis))
     rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *done[:3]))

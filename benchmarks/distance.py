@@ -18,12 +18,12 @@ from benchmarks.speed import time_call, time_pairs
 from finloop.base.arrays import Floats, Ints
 from finloop.distance.map import (
     about_mean,
-    bands,
+    comparison_blocks,
     count_pairs,
-    full,
-    order,
+    find_similar_pairs,
+    full_distance_map,
     pair_table,
-    similar,
+    sort_by_kind_and_area,
 )
 
 FRAMES, LONG, SIZE, CHANNELS, THRESHOLD = 4480, 20000, 64, 2, 0.1
@@ -51,13 +51,13 @@ def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], Ints, Fl
     pictures = rng.random((frames, SIZE, SIZE, CHANNELS), np.float32)
     share = shares() if mixed else TYPES
     kind, area = rng.choice(len(share), frames, p=share), rng.random(frames)
-    rows = order(kind, area)
+    rows = sort_by_kind_and_area(kind, area)
     return pictures, kind[rows], area[rows]
 
 
 def pairs_by_kind(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd.DataFrame:
     """Compute the table of pairs by Eq. 6 from pictures."""
-    found = similar(about_mean(pictures), kind, area, THRESHOLD)
+    found = find_similar_pairs(about_mean(pictures), kind, area, THRESHOLD)
     return pair_table(found, np.arange(len(kind)))
 
 
@@ -87,11 +87,12 @@ def main() -> None:
     print(
         f"{FRAMES} frames: orientation and type skip "
         f"{100 * (1 - (alike * (alike - 1) / 2).sum() / pairs):.1f} % of the pairs, with the area "
-        f"{100 * (1 - count_pairs(bands(kind, area, THRESHOLD)) / pairs):.1f} % are not computed"
+        f"{100 * (1 - count_pairs(comparison_blocks(kind, area, THRESHOLD)) / pairs):.1f} % "
+        "are not computed"
     )
-    all_s, bare_s, bare, _ = time_pairs(lambda: full(pictures), lambda: flat @ turned)
+    all_s, bare_s, bare, _ = time_pairs(lambda: full_distance_map(pictures), lambda: flat @ turned)
     some_s, _, faster, _ = time_pairs(
-        lambda: pairs_by_kind(pictures, kind, area), lambda: full(pictures)
+        lambda: pairs_by_kind(pictures, kind, area), lambda: full_distance_map(pictures)
     )
     few = int(PART * FRAMES)
     scipy_s = time_call(lambda: cdist(flat[:few], flat))[0] * FRAMES / few

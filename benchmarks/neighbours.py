@@ -27,8 +27,8 @@ from finloop.base.arrays import Ints
 from finloop.base.nearest import Nearest, Vectors
 from finloop.base.parallel import Threads
 from finloop.base.settings import settings
-from finloop.base.stretches import spread
-from finloop.jumps.signature import parts, signatures
+from finloop.base.stretches import spread_rows
+from finloop.jumps.signature import signature_parts, signatures
 from finloop.jumps.source import InMemory
 from finloop.project import Project
 from stages.run import THREADS
@@ -43,7 +43,7 @@ def vectors_of(data: Path) -> Vectors:
     p = settings("jumps")
     with Project(data.parent) as project:
         source = InMemory.from_reel(project.film_reel, project.poses, p.look_px)
-        made = parts(source, p, Threads(THREADS))
+        made = signature_parts(source, p, Threads(THREADS))
         return signatures(made, project.film_reel.step_ends, p)[0].astype(np.float32)
 
 
@@ -107,7 +107,7 @@ def others(near: Ints, rows: Ints) -> list[Ints]:
 
 def measure_libraries(vectors: Vectors) -> pd.DataFrame:
     """Return one row per library: its setting, recall, seconds and processor seconds."""
-    rows = spread(np.arange(len(vectors)), TRIED)
+    rows = spread_rows(np.arange(len(vectors)), TRIED)
     true = others(faiss.knn(vectors[rows], vectors, NEAREST + 1)[1], rows)
     table = []
     for library, ways in LIBRARIES.items():

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.paths import shapes, tracks
 from benchmarks.pipeline import write_table
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.route import Route
 from finloop.animate.shoal import swim
 from finloop.edit.build import edit_lists
@@ -62,7 +62,7 @@ def routes_of(
     found: dict[str, list[Swimming]] = {
         "wandering": [Swimming(plans, None)],
         "shapes, own pace": [
-            Swimming(plans, lay(line, world.tank, world.motion, None).route)
+            Swimming(plans, lay_path(line, world.tank, world.motion, None).route)
             for _, line in shapes(plans, np.random.default_rng(0))
         ],
         "tracks, own pace": [],
@@ -74,7 +74,7 @@ def routes_of(
             ("tracks, own pace", line._replace(time_s=None, heading_deg=None)),
             ("tracks, with times", line),
         ):
-            route = lay(one, world.tank, world.motion, None).route
+            route = lay_path(one, world.tank, world.motion, None).route
             found[name].append(Swimming(without, route))
     return found
 
@@ -111,7 +111,9 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, pool)
         sample = compare.sample(measured[FILM], features, rate, p)
-        sides = sample.sides({k: v for k, v in measured.items() if k != FILM}, features)
+        sides = sample.comparison_windows(
+            {k: v for k, v in measured.items() if k != FILM}, features
+        )
         table = compare.table(verdicts_of(sides, p, pool))
     for row in table.to_dict("records"):
         yield {"film": film, **{str(key): value for key, value in row.items()}}

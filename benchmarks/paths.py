@@ -19,12 +19,12 @@ import scipy
 
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import film_table
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
 from finloop.features.line import track_line
 from finloop.modes.matching import MatchingAnimator, MatchingData, matching_animator
-from finloop.plan.path_measures import limits, path_metrics, path_table, where_left
+from finloop.plan.path_measures import find_departures, path_metrics, path_table, swimming_limits
 from finloop.project import Project
 
 SECONDS, TRACK_S, TRACKS, SPLINES = 30.0, 10.0, 6, 10
@@ -52,7 +52,7 @@ def shapes(plans: MatchingAnimator, rng: np.random.Generator) -> Iterator[tuple[
         ("wave", 0.9 * r * along, 0.3 * r * np.sin(2 * np.pi * along), False),
     ):
         yield name, Line(name, x + across, y + down, PX, closed=closed)
-    bend = limits(world.film, world).bend / length
+    bend = swimming_limits(world.film, world).bend / length
     free = depth > WALL * length
     for number in range(SPLINES):
         yield f"spline {number}", spline(f"spline {number}", free, bend, rng)
@@ -120,7 +120,7 @@ def add_times(line: Line, speed_px: float) -> Line:
 def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[str, object]:
     """Follow a path; return a row of the table."""
     world = plans.world
-    path = lay(line, world.tank, world.motion, None)
+    path = lay_path(line, world.tank, world.motion, None)
     ticks = round(SECONDS * world.motion.rate_hz)
     if path.route.is_timed:
         ticks = min(ticks, len(path.route.when))
@@ -131,7 +131,7 @@ def measure(film: str, name: str, line: Line, plans: MatchingAnimator) -> dict[s
     swim(player, [], played, np.random.default_rng(0), path.route)
     took = time.process_time() - begin
     table = path_table(MODE, record, path, ticks, world)
-    left = where_left(table, path, world, limits(world.film, world))
+    left = find_departures(table, path, world, swimming_limits(world.film, world))
     numbers = path_metrics(table, left, path, world)
     new = [one for one, at in zip(record.stretches, record.names, strict=True) if at and one.new]
     jumps = [one.decision.seam for one in new]

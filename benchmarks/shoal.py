@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.company import summary
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from benchmarks.pipeline import write_table
-from finloop.animate.encounters import nearest, overlaps, places
+from finloop.animate.encounters import nearest_distances, overlaps, places
 from finloop.animate.places import random_goals
-from finloop.animate.shoal import shoal, tasks
+from finloop.animate.shoal import make_tasks, shoal
 from finloop.edit.build import edit_lists
 from finloop.modes.matching import MatchingAnimator, matching_animator
 from finloop.project import Project
@@ -34,15 +34,15 @@ def measure_group(plans: MatchingAnimator, goal_s: float) -> dict[str, object]:
     world, player = plans.world, plans.player
     p, rate, ticks = world.settings, world.motion.rate_hz, world.duration
     goals = random_goals(world, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
-    shoal(player, tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
-    todo = tasks(goals, p.fish, np.random.default_rng(p.seed))
+    shoal(player, make_tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
+    todo = make_tasks(goals, p.fish, np.random.default_rng(p.seed))
     begin = time.process_time()
     swims = shoal(player, todo, ticks)
     planned = time.process_time()
     edit = edit_lists(swims, ticks, player.sources)
     listed = time.process_time()
     where, length = places(edit), world.motion.body_length_px
-    near = np.concatenate([nearest(tick) for tick in where.transpose(1, 0, 2)]) / length
+    near = np.concatenate([nearest_distances(tick) for tick in where.transpose(1, 0, 2)]) / length
     speeds = np.hypot(*np.diff(where, axis=1).transpose(2, 1, 0)) / length * rate
     return {
         "mode": MODE, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,

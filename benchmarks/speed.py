@@ -38,8 +38,8 @@ from finloop.extract.film import (
     cutouts,
     detections,
     fill_lost_frames,
-    rows,
-    tracks,
+    link_tracks,
+    track_rows,
 )
 from finloop.extract.samples import survey
 from finloop.extract.segment import SilhouetteEdge, silhouettes
@@ -107,12 +107,12 @@ def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: Feat
     detector = Detector(arena, typical, how)
     whole = ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
     found = detections(whole, scene, detector, Processes(THREADS))
-    linked = tracks(
+    linked = link_tracks(
         fill_lost_frames(found, []), typical, how, [start for start, _ in facts.segments[1:]]
     )
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):
-            write(rows(lot), cutouts(lot))
+            write(track_rows(lot), cutouts(lot))
     table = load_table(out / "tracks.parquet", tracks_schema(how.points))
     measured, _ = measure_features(table, facts.frame_rate_hz, then)
     save_table(out / "features.parquet", measured, FEATURES)

@@ -41,7 +41,7 @@ from finloop.stimulus.protocol import Protocol, protocol_of
 from finloop.stimulus.replay import Record, frames_of, open_record, plan_again
 from finloop.stimulus.rules import RuleSpec
 from finloop.stimulus.session import Session
-from finloop.stimulus.show import Dry
+from finloop.stimulus.show import DryClock
 from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
 from stages.stimulus_scene import FilmedScene, open_scene
 
@@ -341,7 +341,7 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, 
         if rng.random() > 0.2:
             messages.append((number / 50 + rng.uniform(0, 0.05), text))
     order, path = trials(plan), folder / f"{seed}.journal"
-    log, clock = Log(path, made.header(plan, order, display=None)), Dry(sorted(messages))
+    log, clock = Log(path, made.header(plan, order, display=None)), DryClock(sorted(messages))
     session = Session(made.scene, plan, order, made.feed([], plan.fish), log, clock)
     clock.hear, session.patient = session.hear, False
     session.start()

@@ -28,7 +28,7 @@ from finloop.io.record import load_json, load_record, remake_hint
 from finloop.io.table import load_lists, load_table, table_writer
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, load_facts, save_facts
 from finloop.pose.film import POSES, FilmPoses, restore_poses
-from finloop.puppet.drawing import Laid, line
+from finloop.puppet.drawing import PosedPicture, place_backbone
 from finloop.puppet.pose import Pose, mirror_posture
 
 WORKERS = 2
@@ -187,8 +187,8 @@ def _draw_cutouts(
     """Yield the copy's cut-outs, cropped to the fish."""
     for row, (track_id, frame) in enumerate(keys):
         one = store[row]
-        source = line(base.poses.pose[row], one.x0_px, one.y0_px)
-        laid = Laid(one.pixels, source, line(target[row]), how.mirror)
+        source = place_backbone(base.poses.pose[row], one.x0_px, one.y0_px)
+        laid = PosedPicture(one.pixels, source, place_backbone(target[row]), how.mirror)
         top, left, bottom, right = laid.box
         box = max(top, 0), max(left, 0), min(bottom, base.side), min(right, base.side)
         shown = laid.in_box(box)

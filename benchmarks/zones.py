@@ -26,7 +26,7 @@ from finloop.calibrate.points import own_steps, simulate_points
 from finloop.features.table import delta_of
 from finloop.modes.matching import matching_animator
 from finloop.project import Project
-from finloop.social.measures import beside, shoal_table
+from finloop.social.measures import compare_groups, shoal_table
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones
 from stages.calibrate import first_film
@@ -92,7 +92,7 @@ def film_tables(folder: Path) -> pd.DataFrame:
                 tables.setdefault(name, []).append(shoal_table(frame, where, heading, film.walls))
     films = {"film": film.table, "second_half": film.half(False)}
     rows = [
-        beside(films, {name: one}).assign(run=run)
+        compare_groups(films, {name: one}).assign(run=run)
         for name, lot in tables.items()
         for run, one in enumerate(lot)
     ]

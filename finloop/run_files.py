@@ -272,7 +272,7 @@ class RunFiles:
         None if the film showed too little for it.
         """
         from finloop.forecast.model import forecast_model
-        from finloop.forecast.sampling import sampler
+        from finloop.forecast.sampling import build_sampler
 
         if not self.has_forecast:
             return None
@@ -282,7 +282,7 @@ class RunFiles:
         start = open_array(folder / "start.npy", (rows + 1,), "int64")
         graph = start, open_array(folder / "neighbours.npy", (int(start[-1]),), "int32")
         mean = open_array(folder / "mean.npy", (rows, numbers), "float64")
-        return sampler(film, model, graph, self.settings("forecast"), mean)
+        return build_sampler(film, model, graph, self.settings("forecast"), mean)
 
     @cached_property
     def rule(self) -> Shoaling:

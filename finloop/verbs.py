@@ -41,7 +41,7 @@ from finloop.bpn.back_propagation import train_network
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.calibrate.film import film_shoal
 from finloop.calibrate.rule import film_rule, shortage
-from finloop.distance.compare import Similar, compare_frames
+from finloop.distance.compare import FrameComparison, compare_frames
 from finloop.distance.map import PAIRS, STEPS, map_rows
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
@@ -54,7 +54,7 @@ from finloop.forecast.film import film_states, posture_mirror
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split_held_out
-from finloop.forecast.sampling import Sampler, sampler
+from finloop.forecast.sampling import Sampler, build_sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter
@@ -76,7 +76,7 @@ from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
-from finloop.social.rule import Shoaling, rule_of
+from finloop.social.rule import Shoaling, require_rule
 from finloop.social.steps import SOCIAL_STEPS, rows_of, steps_of
 from finloop.sprites.choice import choose
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
@@ -151,18 +151,18 @@ def make_sprites(
     return Reel(features, film, as_loaded(sprites, SPRITES), open_store(home / "sprites.arrow"))
 
 
-def compare(reel: Reel, **changes: Any) -> Similar:
+def compare(reel: Reel, **changes: Any) -> FrameComparison:
     """Compare the film's frames with each other (Eqs. 5-8); return the distances and their unit.
 
     pairs: similar rows, columns of `PAIRS`; steps: from rows to later ones, columns of `STEPS`. The
     distances are of pixels 0 … 1. `changes` override `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compare_frames(reel, settings("distance", **changes))
-    return Similar(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
+    return FrameComparison(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
 
 
 def find_loops(
-    similar: Similar, features: pd.DataFrame, rate_hz: float, **changes: Any
+    similar: FrameComparison, features: pd.DataFrame, rate_hz: float, **changes: Any
 ) -> pd.DataFrame:
     """Find the video loops, jumps to a similar frame (§4.1): columns of `LOOPS`, best first.
 
@@ -179,7 +179,7 @@ def find_loops(
     return as_loaded(loops, LOOPS)
 
 
-def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
+def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.DataFrame:
     """Find the gateways from the film to sprites and back (§4.2, Fig. 14): columns of `GATEWAYS`.
 
     similar: from `compare`. reel: from `make_sprites`. `changes` override
@@ -224,7 +224,7 @@ def train_forecast(
     mirror = posture_mirror(poses, jumps.look)
     states = film_states(features, poses.codes, mirror, rate_hz, p)
     predictor, _ = train_predictor(states, split_held_out(states, p), p)
-    return sampler(states, predictor, similar_rows(states, jumps.look, jumps.visible, p), p)
+    return build_sampler(states, predictor, similar_rows(states, jumps.look, jumps.visible, p), p)
 
 
 def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
@@ -239,7 +239,7 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
     group = film_shoal(features, film.arena, delta_of(features), p.horizon)
     if lack := shortage(group):
         warnings.warn(lack, stacklevel=2)
-    rule = rule_of(film_rule(group, p)[0])
+    rule = require_rule(film_rule(group, p)[0])
     steps = as_loaded(pd.DataFrame(rows_of(rule.steps)), SOCIAL_STEPS)
     return replace(rule, steps=steps_of(steps, rule.steps.forward, rule.steps.onward))
 
@@ -248,7 +248,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     tracks: Tracks,
     reel: Reel,
     model: MotionModel,
-    similar: Similar,
+    similar: FrameComparison,
     loops: pd.DataFrame,
     jumps: FilmJumps,
     gateways: pd.DataFrame,

@@ -23,7 +23,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
 from finloop.base.settings import GROUPS, variants
-from finloop.io.parameters import refusal
+from finloop.io.parameters import refusal_error
 from stages.experiment import Experiment
 from stages.settings import STAMPS, all_problems, stamp
 from stages.stamps import film_stamp, path_stamp, retarget_stamp, tracks_stamp
@@ -59,7 +59,7 @@ def checked_stamp(*, _root_: DictConfig) -> str:
     # Node by node, because to resolve the root would resolve the stamp itself again.
     values = {str(key): plain(_root_, str(key)) for key in _root_ if key not in STAMPS}
     if problems := all_problems(values):
-        raise refusal(problems)
+        raise refusal_error(problems)
     return stamp(CONF)
 
 

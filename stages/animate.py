@@ -19,7 +19,7 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.modes.phases import learn_phases, state_shares
 from finloop.plan import path_measures
 from finloop.project import Project
-from finloop.social.measures import SHOAL, beside, halves, shoal_table
+from finloop.social.measures import SHOAL, compare_groups, halves, shoal_table
 from finloop.social.walls import Walls
 
 ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("reports/animate")
@@ -61,14 +61,14 @@ def film_numbers(project: Project, motion: MotionStatistics, moved: tuple) -> di
     return numbers | {"drawn_size": min(map(project.size, played_modes()), default=1.0)}
 
 
-def company(project: Project) -> pd.DataFrame:
+def compare_schools(project: Project) -> pd.DataFrame:
     """Return how the fish of mode `matching` differ from the film's, a row per measure.
 
-    The rows are those of `beside`. The first half of the film, to which zones are fitted, is
-    compared in the same way. The table is empty for a single fish.
+    The rows are those of `compare_groups`. The first half of the film, to which zones are fitted,
+    is compared in the same way. The table is empty for a single fish.
     """
     if project.settings("matching").fish == 1 or "matching" not in played_modes():
-        return beside({}, {})
+        return compare_groups({}, {})
     film = load_table(Path("data/calibrate/film.parquet"), SHOAL)
     first, second = halves(film)
     columns = ["tick", "x_px", "y_px", "heading_deg"]
@@ -79,7 +79,9 @@ def company(project: Project) -> pd.DataFrame:
         edit["tick"].to_numpy(), edit[["x_px", "y_px"]].to_numpy(float),
         edit["heading_deg"].to_numpy(float), walls,
     )  # fmt: skip
-    return beside({"film": film, "second_half": second}, {"first_half": first, "matching": shoal})
+    return compare_groups(
+        {"film": film, "second_half": second}, {"first_half": first, "matching": shoal}
+    )
 
 
 def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
@@ -123,7 +125,7 @@ def main() -> None:
         parts += [
             load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS) for mode in numbers
         ]
-        save_csv(REPORT / "company.csv", company(project), decimals=3)
+        save_csv(REPORT / "company.csv", compare_schools(project), decimals=3)
     with whole_folder(OUT) as folder:
         save_table(
             folder / "kinematics.parquet", pd.concat(parts, ignore_index=True), measures.KINEMATICS

@@ -11,7 +11,7 @@ import numpy as np
 from finloop.base.errors import FinloopError
 from finloop.bpn.back_propagation import train_network
 from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
-from finloop.bpn.model import motion_rows, split, split_or_all
+from finloop.bpn.model import motion_rows, split_or_all, split_rows
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import BpnSettings
 from finloop.features.table import delta_of
@@ -39,7 +39,7 @@ def main() -> None:
               "held out, so its error on other film is unknown", file=sys.stderr)  # fmt: skip
     # The other split tests the network on other times, or on other fish.
     with suppress(FinloopError):  # one track, or too short
-        sides.append(split(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p))
+        sides.append(split_rows(rows, "tracks" if p.held_out_by == "blocks" else "blocks", p))
 
     # Its curve is not kept, so that no rows need be held out for it.
     masks = [sides[0], *((train, np.zeros_like(train)) for train, _ in sides[1:])]

@@ -20,7 +20,7 @@ from finloop.io.record import save_json
 from finloop.io.several import parts_of
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
-from finloop.social.measures import SHOAL, beside
+from finloop.social.measures import SHOAL, compare_groups
 from finloop.social.rule import Shoaling
 from finloop.social.steps import SOCIAL_STEPS, rows_of
 from finloop.social.zones import NO_ZONES, Zones
@@ -93,7 +93,7 @@ def main() -> None:
         for name, table in simulated.items():
             save_table(folder / f"{name}.parquet", table, SHOAL)
         films = {"film": film.table, "second_half": film.half(False)}
-        table = beside(films, {"first_half": film.half(True), **simulated})
+        table = compare_groups(films, {"first_half": film.half(True), **simulated})
         # Not in reports/, which is in git: points that act on each other amplify rounding, so they
         # swim differently on another processor, as with another seed.
         save_csv(folder / "company.csv", table, decimals=3)

@@ -18,8 +18,8 @@ from finloop.clip.settings import ClipSettings, File
 from finloop.clip.verdict import REPAIRS, findings
 from finloop.clip.write import ClipSource, open_source
 from finloop.io.atomic import whole_folder
-from finloop.io.footage.listed import list_films, names, refuse_grown, stamps
-from finloop.io.several import FILMS, FilmPart, folders, join_clips
+from finloop.io.footage.listed import film_names, list_films, refuse_grown, stamps
+from finloop.io.several import FILMS, FilmPart, film_folders, join_clips
 from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
 from stages.reuse import code_digest, reuse_or_make
@@ -54,7 +54,9 @@ def films_of(p: File) -> list[File]:
     p: its path may be a file, a folder, a pattern or a list of these.
     """
     return [
-        replace(of_path, path=str(film)) for path, of_path in p.each() for film in list_films(path)
+        replace(of_path, path=str(film))
+        for path, of_path in p.settings_by_path()
+        for film in list_films(path)
     ]
 
 
@@ -106,7 +108,7 @@ def say(numbers: dict[str, float]) -> None:
     numbers: metrics of one film, or of several with the prefix `<film>_`.
     """
     rows = []
-    for name, _ in folders(CLIP):
+    for name, _ in film_folders(CLIP):
         prefix = f"{name}_" if name else ""
         repaired = {word for word in REPAIRS if numbers[f"{prefix}mended_{word}"]}
         now, filmed = (Quality.from_metrics(numbers, prefix + part) for part in ("", "filmed_"))
@@ -124,7 +126,7 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     """
     code, parts = code_digest("clip"), list[FilmPart]()
     numbers: dict[str, float] = {}
-    named_films = list(zip(names(p.film for p in films), films, strict=True))
+    named_films = list(zip(film_names(p.film for p in films), films, strict=True))
     with progress("clip", len(films), "films") as advance:
         for name, p in named_films:
             path, home = p.film, Path(FILMS) / name

@@ -23,9 +23,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import check
+from finloop.base.settings import check_values
 from finloop.io.atomic import whole_file
-from finloop.io.parameters import refusal
+from finloop.io.parameters import refusal_error
 from stages.experiment import FOLDER, Experiment
 from stages.parameters import terminal_table
 from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, all_problems
@@ -62,7 +62,7 @@ def experiment(name: str) -> Experiment:
             f"for its values alone: make params S={override}",
         )
     values = OmegaConf.to_container(whole.hydra.sweeper)
-    sweep, problems = check(FOLDER, {name: Experiment}, values)
+    sweep, problems = check_values(FOLDER, {name: Experiment}, values)
     if sweep is None:
         raise FinloopError(
             f"{CONF}/{FOLDER}/{name}.yaml is not a sweep:\n    " + "\n    ".join(problems),
@@ -102,7 +102,7 @@ def compare(overrides: list[str]) -> None:
         print(f"{PARAMS} has values of a {LOCAL} that is not here: only ranges are checked",
               file=sys.stderr)  # fmt: skip
         if problems := all_problems(values):
-            raise refusal(problems)
+            raise refusal_error(problems)
         return
     if not same_but_files(values, yaml.safe_load(compose_params(overrides))):
         raise FinloopError(

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.compare import blocks, compare_frames
+from finloop.distance.compare import compare_frames, map_blocks
 from finloop.distance.map import EXACT, PAIRS, STEPS, count_pairs
-from finloop.distance.picture import apart
+from finloop.distance.picture import distance_pair_by_pair
 from finloop.distance.reel import Reel
 from finloop.distance.settings import DistanceSettings
 from finloop.io.atomic import whole_folder
@@ -35,7 +35,9 @@ def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
         a, b = (
             reel.frames(few[end].to_numpy(), size, pose).astype(np.float64) for end in ("i", "j")
         )
-        count += int((np.abs(apart(a, b) - few["distance"].to_numpy()) > EXACT).sum())
+        count += int(
+            (np.abs(distance_pair_by_pair(a, b) - few["distance"].to_numpy()) > EXACT).sum()
+        )
     return count
 
 
@@ -44,7 +46,7 @@ def main() -> None:
     p: DistanceSettings = load("distance")
     with Project() as project:
         features, reel = project.features, project.film_reel
-        todo = blocks(features, p)
+        todo = map_blocks(features, p)
         with progress("distance", len(todo), "blocks") as advance:
             pairs, steps, facts = compare_frames(reel, p, advance)
         pairs_inexact = inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)

@@ -14,13 +14,13 @@ import pandas as pd
 from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import (
     READABLE,
-    Alone,
+    FishOnlyPainter,
     Image,
+    add_film_source,
     bounding_box,
     cut_out,
-    cycle,
-    flat,
-    readable,
+    flatten_poses,
+    sprite_cycle,
 )
 from finloop.export.settings import ExportSettings
 from finloop.export.tracks import USED, poses
@@ -52,7 +52,7 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
-    cycles = {word: cycle(sprites, word, gallery) for word in WORDS}
+    cycles = {word: sprite_cycle(sprites, word, gallery) for word in WORDS}
     made: dict[str, Any] = {}
 
     def film(name: str, pictures: Iterable[Image], crop: Box, webp_ticks: int) -> None:
@@ -70,13 +70,13 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
 
     ticks = edit["tick"].nunique()
     with progress("export", ticks + sum(len(rows) for rows, _ in cycles.values())) as advance:
-        tank = Alone(facts.height_px, facts.width_px, channels)
+        tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
         crop = bounding_box(frames(edit, gallery), tank)
         pictures = cut_out(frames(edit, gallery), tank, crop)
         film(p.mode, pictures, crop, round(p.webp_seconds * rate))
         made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
         for word, (steps, half) in cycles.items():
-            alone = Alone(2 * half + 1, 2 * half + 1, channels)
+            alone = FishOnlyPainter(2 * half + 1, 2 * half + 1, channels)
             crop = bounding_box(steps, alone)
             film(word, cut_out(steps, alone, crop), crop, len(steps))
             made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
@@ -145,8 +145,8 @@ def main() -> None:
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():
             shutil.copyfile(project.data / "pose/shapes.json", folder / "shapes.json")
-        listed = readable(edit, tracks, sprites, mm, length_px)
-        save_csv(folder / f"{p.mode}.csv", flat(listed), decimals=4, exact=True)
+        listed = add_film_source(edit, tracks, sprites, mm, length_px)
+        save_csv(folder / f"{p.mode}.csv", flatten_poses(listed), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)
         save_csv_in_blocks(folder / "tracks.csv", deeplabcut(points), decimals=3)
         if mm is not None:

@@ -15,7 +15,14 @@ from finloop.features.metrics import (
     table1,
 )
 from finloop.features.settings import FeaturesSettings
-from finloop.features.table import FEATURES, USED, delta_of, limits_of, measure_features, spans
+from finloop.features.table import (
+    FEATURES,
+    USED,
+    delta_of,
+    measure_features,
+    spans,
+    turn_thresholds,
+)
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import TRUTH_NAME
 from finloop.project import Project
@@ -37,7 +44,7 @@ def main() -> None:
 
     delta = delta_of(table)
     heading, bend = (table[name].to_numpy(float) for name in ("heading_deg", "bend"))
-    limits = limits_of(heading, bend, spans(table), delta, settings)
+    limits = turn_thresholds(heading, bend, spans(table), delta, settings)
     metrics = summary(table) | {
         "delta_s": delta / facts.frame_rate_hz,
         "turn_threshold_deg": limits.turn_deg,

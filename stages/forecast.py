@@ -16,7 +16,7 @@ from finloop.forecast.learning import train_predictor
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import Partition, split_held_out
-from finloop.forecast.sampling import Sampler, free_run, sampler
+from finloop.forecast.sampling import Sampler, build_sampler, free_run
 from finloop.forecast.settings import ForecastSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.mapped import open_array, save_array
@@ -79,14 +79,14 @@ def quality(
     It is tested on held-out rows, and by a fish that swims by the forecast alone. swim: draws
     states from the forecast.
     """
-    ensemble = assess.ensembles(film, swim, parts, rng)
+    ensemble = assess.predict_ensembles(film, swim, parts, rng)
     states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)
     save_table(folder / "free.parquet", assess.free_table(states, rows), assess.FREE)
     return {
         **assess.measure_predictions(film, ensemble, swim, parts),
         **assess.measure_free_run(states, rows, film, swim),
-        **assess.obedience(swim, film, rng),
+        **assess.control_slopes(swim, film, rng),
     }
 
 
@@ -117,7 +117,7 @@ def main() -> None:
             save_metrics(REPORT / "metrics.json", {"models": 0})
             return
         save_json(folder / "model.json", model.record())
-        swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
+        swim, rng = build_sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
         save_graph(folder, swim)
         numbers = quality(film, swim, parts, rng, folder)
         numbers |= area_numbers(project, model, parts)

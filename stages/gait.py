@@ -20,7 +20,7 @@ from finloop.gait.film import GaitContours, Keys, hip_offsets, samples_of
 from finloop.gait.fit import fit, subcycles_of
 from finloop.gait.limbs import region_contour, trace_contour
 from finloop.gait.model import Gait
-from finloop.gait.outline import swim, track_outlines
+from finloop.gait.outline import swim_contours, track_outlines
 from finloop.gait.period import Period
 from finloop.gait.record import record_of
 from finloop.gait.settings import GaitSettings
@@ -103,7 +103,7 @@ def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
     rows, fits = [], []
     with progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
         for number, track in tracks.groupby("track_id"):
-            fish = swim(
+            fish = swim_contours(
                 *track_outlines(track, heads[heads["track_id"] == number]), rate, p.contour_points
             )
             beat, name = fish.period, f"track {number}"

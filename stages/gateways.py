@@ -9,7 +9,15 @@ import numpy as np
 import pandas as pd
 
 from finloop.distance.map import map_rows
-from finloop.gateways.find import GATEWAYS, IN, OUT, gateways, nearest, nearness, numbers
+from finloop.gateways.find import (
+    GATEWAYS,
+    IN,
+    OUT,
+    gateways,
+    gateways_without_threshold,
+    nearness,
+    numbers,
+)
 from finloop.gateways.settings import GatewaysSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.table import save_table
@@ -48,7 +56,7 @@ def main() -> None:
         with progress("gateways", len(rows)) as advance:
             near = nearness(project.reel, rows, facts.size, facts.pose, advance)
         ways = gateways(near, sprites, features, step, settings)
-        every = nearest(near, sprites, features, settings)
+        every = gateways_without_threshold(near, sprites, features, settings)
     say(ways, every, step, settings.least)
     with whole_folder(Path("data/gateways")) as folder:
         save_table(folder / "gateways.parquet", ways, GATEWAYS)

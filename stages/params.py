@@ -10,7 +10,7 @@ from stages.run import run  # isort: skip
 from pathlib import Path
 
 from finloop.io.atomic import whole_file
-from finloop.io.parameters import refusal
+from finloop.io.parameters import refusal_error
 from stages.settings import all_problems, read
 
 CHECKED = Path("data/params/checked.txt")
@@ -19,7 +19,7 @@ CHECKED = Path("data/params/checked.txt")
 def main() -> None:
     """Check params.yaml; write data/params/checked.txt, or raise FinloopError with all problems."""
     if problems := all_problems(read()):
-        raise refusal(problems)
+        raise refusal_error(problems)
     with whole_file(CHECKED) as part:
         part.write_text("params.yaml is whole and composed from conf/\n", encoding="utf-8")
 

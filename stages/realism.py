@@ -149,7 +149,7 @@ def save_report(
     columns = ["compared", "false_alarms", "hits"]
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
     save_csv(REPORT / "roc.csv", table.reindex(columns=columns), decimals=4)
-    numbers = compare.numbers(verdicts)
+    numbers = compare.auc_metrics(verdicts)
     for name, result in measured.items():
         numbers |= {
             f"{name}_s": len(result.row) / sample.rate_hz,
@@ -199,7 +199,9 @@ def compare_swimming(
             "look at reports/extract/detections.png",
         )
     sample = compare.sample(measured[FILM], features, rate, p)
-    sides = sample.sides({mode: measured[mode] for mode in measured if mode != FILM}, features)
+    sides = sample.comparison_windows(
+        {mode: measured[mode] for mode in measured if mode != FILM}, features
+    )
     verdicts = verdicts_of(sides, p, pool)
     with whole_folder(OUT) as folder:
         windows, curves = examples.WindowPool(sample, works, measured).tables(sides, verdicts)

@@ -19,7 +19,7 @@ from finloop.render.gallery import Gallery, frames
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import RenderSettings
-from finloop.render.steps import FrameChangeMeter, film_steps, step_numbers
+from finloop.render.steps import FrameChangeMeter, film_steps, step_metrics
 from stages.settings import load
 
 OUT, REPORT = Path("data/render"), Path("reports/render")
@@ -102,7 +102,7 @@ def main() -> None:
             change = films(p, drawn.edit, project, gallery, shadow, advance)
             natural = film_steps(Painter(project.background), gallery, drawn.tracks)
         duration = {"frames": ticks, "duration_s": ticks / project.rate_hz}
-    save_metrics(REPORT / "metrics.json", step_numbers(change, natural) | duration)
+    save_metrics(REPORT / "metrics.json", step_metrics(change, natural) | duration)
 
 
 if __name__ == "__main__":

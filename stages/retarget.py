@@ -22,7 +22,7 @@ OUT, REPORT = Path("data/retarget"), Path("reports/retarget")
 EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
-def material(project: Project) -> RetargetData:
+def retarget_data(project: Project) -> RetargetData:
     """Return the results of earlier stages that retargeting needs of the film that is drawn."""
     return RetargetData(
         project.rate_hz, project.arena, project.film_reel, project.poses, project.look,
@@ -33,7 +33,7 @@ def material(project: Project) -> RetargetData:
 def retarget_film(p: RetargetSettings) -> Retargeted:
     """Make the film's fish swim the requested track; return its edit list and numbers."""
     with Project() as project:
-        steps, film = project.steps[["headed", "as_filmed"]].dropna(), material(project)
+        steps, film = project.steps[["headed", "as_filmed"]].dropna(), retarget_data(project)
         others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
         result = retarget_track(load_track(film, p), film, p, others)
         mine = drawn_steps(result.edit, film.pictures)

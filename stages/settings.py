@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import GROUPS, check, usual_options, values_of, variants
+from finloop.base.settings import GROUPS, check_values, default_variants, values_of, variants
 from finloop.io.parameters import parameters, read_parameters
 
 PARAMS = Path("params.yaml")
@@ -83,7 +83,7 @@ def all_problems(values: Mapping[str, Any]) -> list[str]:
     """Return everything that is wrong in a params.yaml, each with its dotted name."""
     problems = [f"{word}: unknown" for word in values if word not in (*GROUPS, *STAMPS)]
     for word in GROUPS:
-        problems += check(word, variants(word), values.get(word, {}))[1]
+        problems += check_values(word, variants(word), values.get(word, {}))[1]
     return problems
 
 
@@ -93,7 +93,7 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
     values: content of params.yaml. Groups come in its order, a variant before the keys that differ
     from it.
     """
-    usual = usual_options()
+    usual = default_variants()
     changes = []
     for word, group in values.items():
         if word in STAMPS:

@@ -53,11 +53,11 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
     It reads sprites.arrow there. page_px: size of a page; rate_hz: frames per second.
     """
     with open_cutouts(folder / "sprites.arrow") as store:
-        pages, count = atlas.pages(sprites, store.index, page_px), orientations_of(sprites)
+        pages, count = atlas.lay_out_pages(sprites, store.index, page_px), orientations_of(sprites)
         for number, page in enumerate(pages):
-            picture = atlas.picture(page, lambda s, o: store[sprite_row(s, o, count)].pixels)
-            (folder / f"atlas-{number}.png").write_bytes(atlas.png(picture))
-            text = json.dumps(atlas.document(pages, number, sprites, store.index, rate_hz))
+            picture = atlas.draw_page(page, lambda s, o: store[sprite_row(s, o, count)].pixels)
+            (folder / f"atlas-{number}.png").write_bytes(atlas.encode_png(picture))
+            text = json.dumps(atlas.page_json(pages, number, sprites, store.index, rate_hz))
             (folder / f"atlas-{number}.json").write_text(text + "\n", encoding="utf-8")
     return len(pages)
 

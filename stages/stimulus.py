@@ -34,16 +34,16 @@ from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.order import trials
 from finloop.stimulus.page import alone_page
 from finloop.stimulus.protocol import Protocol, load_protocol, protocol_of
-from finloop.stimulus.recorded import Spoiled, messages
+from finloop.stimulus.recorded import ConnectionFaults, messages
 from finloop.stimulus.replay import frames_of, open_record, plan_again
 from finloop.stimulus.session import Session
 from finloop.stimulus.show import (
     CalibrationHub,
-    Dry,
+    DryClock,
     RealClock,
     Replay,
     SessionHub,
-    again_and_again,
+    repeat_messages,
 )
 from finloop.stimulus.summary import summary
 from finloop.stimulus.tracker import calibration
@@ -90,7 +90,7 @@ def dry(asked: argparse.Namespace) -> None:
     plan = load_protocol(asked.protocol)
     print(listing(plan, trials(plan)))
     with open_scene(plan) as made:
-        clock = Dry(again_and_again(_track_messages(asked, made, plan)))
+        clock = DryClock(repeat_messages(_track_messages(asked, made, plan)))
         with _session(asked, plan, made, clock, dry=True) as session:
             clock.hear, session.patient = session.hear, False
             session.start()
@@ -231,7 +231,7 @@ def _track_messages(
             "a protocol with `animals`",
             "add animals: {unit: px} to it, or leave --animal out",
         )
-    scene, spoiled = made.scene, Spoiled(asked.loss, asked.jitter, asked.gap)
+    scene, spoiled = made.scene, ConnectionFaults(asked.loss, asked.jitter, asked.gap)
     line = line_of(asked.animal, PX, Project().features)
     tracker = calibration(plan.animals, scene.mm_per_px)
     return list(messages(line, None, scene.tank, spoiled, tracker, mm_per_px=scene.mm_per_px))
@@ -252,7 +252,7 @@ def _inputs(
             transport.close()
 
     async def play(session: Session) -> None:
-        for due, text in again_and_again(ways):
+        for due, text in repeat_messages(ways):
             await session.clock.until(due)
             hear(text, "recorded")
 

@@ -19,11 +19,11 @@ from finloop.tank.body import lengths, typical_width
 from finloop.tank.camera import FOLLOW, PRESETS, Room, views
 from finloop.tank.display import choose_window
 from finloop.tank.fish import FishSurface
-from finloop.tank.gltf import AnimatedFish, shapes, tank_glb, upright
+from finloop.tank.gltf import AnimatedFish, gltf_place, shapes, tank_glb
 from finloop.tank.scene import TankScene
 from finloop.tank.settings import TankSettings
 from finloop.tank.skin import Skins
-from finloop.tank.swim import USED, film_bodies, heights, poses
+from finloop.tank.swim import USED, film_bodies, poses, swimming_heights
 from stages.settings import load
 
 OUT, REPORT = Path("data/tank"), Path("reports/tank")
@@ -51,7 +51,8 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
     length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in fish_poses])))
     depth = p.water_depth_bl * length
     places = [
-        np.c_[pose.centre, heights(time, depth, fish)] for fish, pose in enumerate(fish_poses)
+        np.c_[pose.centre, swimming_heights(time, depth, fish)]
+        for fish, pose in enumerate(fish_poses)
     ]
     centres = tracks[["x_px", "y_px"]].to_numpy(float)
     skins = Skins(film, typical, centres, project.cutouts.__getitem__)
@@ -108,7 +109,7 @@ def main() -> None:
         bodies = [swimming(one) for one in fish]
         glb = tank_glb(room, background, first.typical_skin(), bodies, rate)
         save_bytes(folder / "tank.glb", glb)
-        way = [upright((place - room.middle) / room.length) for place in first.place]
+        way = [gltf_place((place - room.middle) / room.length) for place in first.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
     save_picture(REPORT / "contact_sheet.png", sheet(rows))
     error_px = max(one.shape.error_px for one in bodies)

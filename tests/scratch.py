@@ -15,7 +15,7 @@ from conftest import ROOT
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from finloop.io.movie import VideoWriter
-from finloop.io.parameters import refusal
+from finloop.io.parameters import refusal_error
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, VideoFacts, save_facts, save_mask
 from stages.compose import compose_params
 from stages.settings import CONF, PARAMS, all_problems
@@ -47,7 +47,7 @@ def _params(overrides: tuple[str, ...]) -> str:
         word, key = asked.key_or_group.split(".")
         values[word][key] = asked.value()
     if problems := all_problems(values):
-        raise refusal(problems)
+        raise refusal_error(problems)
     return yaml.dump(values, Dumper=yaml.CSafeDumper, sort_keys=False)
 
 

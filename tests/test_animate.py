@@ -25,13 +25,13 @@ from toy_film import (
 from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
 from finloop.animate.arena import (
-    goes_on,
+    choose_fish_area,
+    floor_looks_alike,
     is_area_complete,
     place_goals,
     size_for,
     tank,
     tank_area,
-    where,
 )
 from finloop.animate.kinematics import Ahead, Target, Turning
 from finloop.animate.motion import learn
@@ -110,13 +110,13 @@ def test_a_floor_goes_on_where_most_beyond_is_as_bright(beyond, same):
     filmed[30:70, 60:140] = True
     grey = np.random.default_rng(0).integers(140, 160, (100, 200))
     floor = np.where(filmed, grey, grey + beyond).astype(np.uint8)
-    assert goes_on(floor, filmed) == same
-    assert goes_on(np.dstack([floor] * 3), filmed) == same
-    assert not goes_on(floor, np.ones_like(filmed))
+    assert floor_looks_alike(floor, filmed) == same
+    assert floor_looks_alike(np.dstack([floor] * 3), filmed) == same
+    assert not floor_looks_alike(floor, np.ones_like(filmed))
     order = np.argsort(disc(66.0)[:, 0, 0])
     whole, picture = np.ones((160, 200), bool), np.full((160, 200), 150 + beyond, np.uint8)
     picture[tank_area(whole, disc(66.0), "filmed")] = 150
-    kept = where(whole, disc(66.0)[order], 30.0, "auto", picture)
+    kept = choose_fish_area(whole, disc(66.0)[order], 30.0, "auto", picture)
     assert kept.all() == (beyond == 0)
 
 
@@ -144,12 +144,14 @@ def test_of_two_pools_the_larger_is_the_tank():
 def test_a_fish_that_does_not_fit_into_where_it_was_filmed_may_be_anywhere():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
     filmed = tank_area(whole, wide, "auto")
-    assert not filmed.all() and np.array_equal(where(whole, wide, 30.0, "auto"), filmed)
-    assert where(whole, wide, 75.0, "auto").all()
-    assert np.array_equal(where(whole, wide, 75.0, "filmed"), filmed)  # asked for, so kept to
+    assert not filmed.all() and np.array_equal(choose_fish_area(whole, wide, 30.0, "auto"), filmed)
+    assert choose_fish_area(whole, wide, 75.0, "auto").all()
+    assert np.array_equal(
+        choose_fish_area(whole, wide, 75.0, "filmed"), filmed
+    )  # asked for, so kept to
     given = np.zeros((160, 200), bool)
     given[20:60, 20:180] = True
-    assert np.array_equal(where(given, wide, 30.0, "auto"), given)
+    assert np.array_equal(choose_fish_area(given, wide, 30.0, "auto"), given)
     with pytest.raises(FinloopError, match="smaller than the fish"):
         tank(given, 30.0)
 
@@ -551,9 +553,9 @@ def test_a_fish_half_out_of_the_tank_is_counted(kind):
     table = pd.DataFrame({"x_px": [100.0, 760, 400, 40], "y_px": [300.0, 300, 300, 300]})
     for heading, count in ((0.0, 2), (90.0, 0), (180.0, 2)):
         drawn = table.assign(heading_deg=heading, kind=kind, source=[0, 0, 1, 1], mirrored=False)
-        assert measures.outside(drawn, here) == count
+        assert measures.count_ticks_outside(drawn, here) == count
         other = drawn.assign(kind=FRAME if kind == SPRITE else SPRITE)
-        assert measures.outside(other, here) == 0
+        assert measures.count_ticks_outside(other, here) == 0
 
 
 def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(player):

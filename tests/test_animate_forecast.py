@@ -9,7 +9,7 @@ import scipy
 from toy_film import LENGTH, matching_of, waters_of
 from toy_swim import HOW, MIRROR, RATE, plain, random_swimmer, unseen
 
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State
 from finloop.base.line import PX, Line
@@ -18,9 +18,9 @@ from finloop.forecast.film import MOTION, film_states
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split_held_out
-from finloop.forecast.sampling import at_row, follow, sampler
+from finloop.forecast.sampling import build_sampler, follow_row, start_at_row
 from finloop.plan.cost import Rarity
-from finloop.plan.graph import ROW, leading, parts, without_dead_ends
+from finloop.plan.graph import ROW, connected_parts, mark_leading_rows, without_dead_ends
 from finloop.plan.path_measures import path_table
 from finloop.plan.sources import PredictionSource
 from finloop.plan.world import brisk_rate
@@ -34,7 +34,7 @@ def sample():
     features, codes = random_swimmer()
     film = film_states(features, codes, MIRROR, RATE, HOW)
     model, _ = train_predictor(film, split_held_out(film, HOW), replace(HOW, epochs=3))
-    return sampler(film, model, similar_rows(film, plain(film), unseen, HOW), HOW)
+    return build_sampler(film, model, similar_rows(film, plain(film), unseen, HOW), HOW)
 
 
 def waters(mirrored=True, barred=()):
@@ -150,9 +150,9 @@ def test_where_the_film_rests_a_fish_moves_as_the_film_does_and_its_mirror_image
     more = waters().film.has_next
     plain, resting = (without_dead_ends(sample(), more, each) for each in (REST, rest))
     for row in (495, 3495):
-        past = at_row(plain, row).past + 0.1
+        past = start_at_row(plain, row).past + 0.1
         control = plain.control[row]
-        free, held = (follow(one, past, row, 20, control)[::-1] for one in (plain, resting))
+        free, held = (follow_row(one, past, row, 20, control)[::-1] for one in (plain, resting))
         film = plain.states[row + 1 : row + 21]
         assert np.array_equal(held[4:14, -MOTION:], film[4:14, -MOTION:])
         assert (free[4:14, -MOTION:] != film[4:14, -MOTION:]).all()
@@ -200,12 +200,12 @@ def test_rows_that_lead_to_the_largest_set_are_those_that_scipy_finds(seed):
     ends = np.append(one[goes], plays), np.append(to[goes], plays) + 1
     graph = scipy.sparse.csr_array((np.ones(len(ends[0])), ends), shape=(m, m))
     number, true = scipy.sparse.csgraph.connected_components(graph, connection="strong")
-    part = parts(shown, start, to)
+    part = connected_parts(shown, start, to)
     assert (
         len(np.unique(part)) == number == len(set(zip(part.tolist(), true.tolist(), strict=True)))
     )
     assert (part[ends[0]] >= part[ends[1]]).all()
-    leads = leading(shown, start, to, (part, np.argsort(part, kind="stable")))
+    leads = mark_leading_rows(shown, start, to, (part, np.argsort(part, kind="stable")))
     inner = np.flatnonzero(part == np.bincount(part).argmax())
     assert leads[inner].all()
     order = scipy.sparse.csgraph.breadth_first_order(graph.T, inner[0], True, False)
@@ -257,7 +257,7 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     """It shows the rows that it follows, and remembers its own states."""
     one, turn = player(), np.linspace(0, 2 * np.pi, 100, endpoint=False)
     line = Line("a", 400 + 200 * np.sin(turn), 300 + 120 * np.sin(2 * turn), PX, closed=True)
-    path = lay(line, one.world.tank, one.world.motion, None)
+    path = lay_path(line, one.world.tank, one.world.motion, None)
     found = swim(one, [], 500, np.random.default_rng(0), path.route)
     table = path_table("matching", found, path, 500, one.world)
     assert np.sqrt((table["across"] ** 2).mean()) < 0.1

@@ -20,7 +20,7 @@ from rlottie_python import LottieAnimation
 import finloop.io.animation
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import Paint, Shape, paint, paint_layers, shapes
+from finloop.base.paint import Paint, Shape, group_contours, paint_layers, parse_style
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import there_and_back
@@ -60,7 +60,7 @@ def a_morph(frames=FRAMES, width=120, height=80):
 
 
 def expected_picture(morph, frame, scale=1.0):
-    what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
+    what = group_contours(morph.closed, morph.styles, max(morph.width, morph.height))
     drawn = [(one, [morph.layers[name][frame] for name in one.layers]) for one in what]
     size = round(morph.height * scale), round(morph.width * scale)
     return paint_layers(drawn, size, scale).astype(int)
@@ -178,7 +178,9 @@ def test_svg_comes_in_again(tmp_path):
     for name, curve in drawing.curves.items():
         np.testing.assert_allclose(curve.points, morph.layers[name][0], atol=1e-9)
     assert drawing.styles["ring"] == drawing.styles["ring#2"] == "fill:#ff0000;stroke:none"
-    assert paint(drawing.styles[NASTY], 120) == Paint(None, (0, 0, 255), 1, 1, pytest.approx(4))
+    assert parse_style(drawing.styles[NASTY], 120) == Paint(
+        None, (0, 0, 255), 1, 1, pytest.approx(4)
+    )
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium to play it")
@@ -319,14 +321,14 @@ def test_what_lies_outside_is_cut_off():
 
 
 def test_styles():
-    assert paint("", 400) == Paint(None, (0, 0, 0), 1, 1, 2)
-    assert paint("fill:none", 400).stroke == (0, 0, 0)  # never nothing at all
-    assert paint(" fill : red ; stroke-width:3; fill-opacity:.5", 4) == Paint(
+    assert parse_style("", 400) == Paint(None, (0, 0, 0), 1, 1, 2)
+    assert parse_style("fill:none", 400).stroke == (0, 0, 0)  # never nothing at all
+    assert parse_style(" fill : red ; stroke-width:3; fill-opacity:.5", 4) == Paint(
         (255, 0, 0), None, 0.5, 1, 3
     )
     for bad in ("fill:reddish", "fill:red;stroke-width:wide"):
         with pytest.raises(FinloopError, match="cannot be read"):
-            paint(bad, 1)
+            parse_style(bad, 1)
 
 
 # --- endings, whole or not at all

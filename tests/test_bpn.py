@@ -29,12 +29,12 @@ from finloop.base.settings import settings
 from finloop.bpn.back_propagation import (
     layers,
     learn_epoch,
-    model_of,
+    model_from_weights,
     new_weights,
     train,
     unit_output,
 )
-from finloop.bpn.held_out import assessment, confusion, errors, linear
+from finloop.bpn.held_out import assessment, confusion, predict_linearly, state_errors
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
@@ -43,10 +43,10 @@ from finloop.bpn.model import (
     input_range,
     motion_model,
     motion_rows,
-    split,
+    scale_to_unit,
     split_by_blocks,
     split_by_tracks,
-    to_scale,
+    split_rows,
     type_class,
 )
 from finloop.bpn.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, onnx_bytes, to_onnx
@@ -244,10 +244,10 @@ def test_the_scaled_range_ignores_wild_frames():
     wild[::500, 2:] = [50, 179]
     for one, two in zip((low, high), input_range(wild), strict=True):
         assert two == pytest.approx(one, rel=0.05, abs=0.05)
-    scaled = to_scale(wild, low, high)
+    scaled = scale_to_unit(wild, low, high)
     assert np.abs(scaled).max() == 1
     assert low[3] == -high[3]  # no turn stays in the middle
-    assert to_scale(np.array([[0.5, 0, 1, 0]]), low, high)[0, [0, 1, 3]] == pytest.approx(0)
+    assert scale_to_unit(np.array([[0.5, 0, 1, 0]]), low, high)[0, [0, 1, 3]] == pytest.approx(0)
 
 
 @pytest.mark.parametrize("column", range(4))
@@ -357,7 +357,7 @@ def test_an_epoch_is_that_of_sgd_with_momentum(size):
 @pytest.mark.parametrize("hidden", [1, 6])
 def test_the_model_says_what_the_network_says(hidden):
     weights, x, _ = problem(hidden=hidden)
-    model = model_of(weights, -np.ones(4), np.ones(4), 0.2)
+    model = model_from_weights(weights, -np.ones(4), np.ones(4), 0.2)
     o = network(torch.from_numpy(weights), torch.from_numpy(x)).numpy()
     share = np.clip((o - MARGIN) / (1 - 2 * MARGIN), 0, 1)
     assert model.predict(x[:, :4]) == pytest.approx(share * [1, 2] - [0, 1], abs=1e-12)
@@ -386,7 +386,7 @@ def test_the_model_is_the_network_that_was_learnt(hidden):
     assert len(model.hidden_bias) == hidden
     assert model.delta_s == 0.2
     for side, given in (("train", inputs), ("held_out", held)):
-        found = errors(model.predict(given), step_law(given))
+        found = state_errors(model.predict(given), step_law(given))
         for name in ("area_rmse", "type_rmse", "type_error_pct"):
             assert curve[f"{side}_{name}"].iloc[-1] == pytest.approx(found[name], rel=1e-9)
     assert curve["epoch"].tolist() == list(range(61))
@@ -395,7 +395,7 @@ def test_the_model_is_the_network_that_was_learnt(hidden):
 def test_it_learns_a_law():
     inputs, unseen = random_inputs(1500), random_inputs(300, 1)
     model, curve = learnt(inputs, law(inputs), replace(HOW, epochs=100))
-    found = errors(model.predict(unseen), law(unseen))
+    found = state_errors(model.predict(unseen), law(unseen))
     assert found["area_rmse"] < 0.02
     assert found["type_accuracy_pct"] > 93
     assert min(found[f"{word}_recall_pct"] for word in ("straight", "left", "right")) > 90
@@ -448,7 +448,7 @@ def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
     how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
     learnt(inputs, law(inputs), how)
     low, high = input_range(inputs)
-    wanted = np.sort(to_scale(inputs, low, high)[:, 0])
+    wanted = np.sort(scale_to_unit(inputs, low, high)[:, 0])
     assert np.sort(seen[:101]) == pytest.approx(wanted)
     assert np.sort(seen[101:]) == pytest.approx(wanted)
     assert seen[:101] != seen[101:]
@@ -466,7 +466,7 @@ def test_weights_that_run_away_are_said():
 def test_errors_counted_by_hand():
     true = np.array([[0.0, 0], [0.2, 0], [0.4, 1], [0.6, 1], [0.8, -1]])
     said = np.array([[0.0, 0.4], [0.2, -0.9], [0.4, 0.6], [0.6, 0.2], [0.3, -1]])
-    found = errors(said, true)
+    found = state_errors(said, true)
     assert found["area_rmse"] == pytest.approx(np.sqrt(0.25 / 5))
     assert found["type_rmse"] == pytest.approx(np.sqrt((0.16 + 0.81 + 0.16 + 0.64) / 5))
     assert found["type_accuracy_pct"] == pytest.approx(60)
@@ -477,7 +477,7 @@ def test_errors_counted_by_hand():
 
 
 def test_a_type_that_does_not_occur_has_no_recall():
-    found = errors(np.zeros((4, 2)), np.zeros((4, 2)))
+    found = state_errors(np.zeros((4, 2)), np.zeros((4, 2)))
     assert np.isnan(found["left_recall_pct"])
     assert found["straight_recall_pct"] == 100
 
@@ -487,8 +487,8 @@ def test_the_baselines():
     slopes = np.array([[0.3, 0], [0, 0.5], [0.1, 0.1], [0.001, 0.002]])
     later = inputs @ slopes + [0.2, -0.1]
     unseen = random_inputs(20, 1)
-    assert linear(inputs, later, unseen) == pytest.approx(unseen @ slopes + [0.2, -0.1])
-    assert linear(inputs, 9 * later, unseen)[:, 0].max() == 1  # nothing beyond the range
+    assert predict_linearly(inputs, later, unseen) == pytest.approx(unseen @ slopes + [0.2, -0.1])
+    assert predict_linearly(inputs, 9 * later, unseen)[:, 0].max() == 1  # nothing beyond the range
 
 
 def test_skill_is_one_minus_the_share_of_the_error():
@@ -772,9 +772,9 @@ def test_a_film_shorter_than_its_blocks_has_shorter_blocks(workspace):
 @pytest.mark.parametrize("by", ["blocks", "tracks"])
 def test_of_a_long_film_so_many_rows_are_learnt_from(by):
     rows = motion_rows(table([300, 200, 150, 120, 90]), DELTA)
-    every, held = split(rows, by, settings("bpn"))
+    every, held = split_rows(rows, by, settings("bpn"))
     most = int(every.sum()) // 2
-    some, same = split(rows, by, with_constants(settings("bpn"), most_rows=most))
+    some, same = split_rows(rows, by, with_constants(settings("bpn"), most_rows=most))
     np.testing.assert_array_equal(held, same)
     assert some.sum() == most and not (some & ~every).any()
     assert len(np.unique(rows.frame[some] // 20)) > 0.9 * len(np.unique(rows.frame[every] // 20))

@@ -16,7 +16,7 @@ import stages.plots.calibrate
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.calibrate.film import film_shoal, horizon_frames
-from finloop.calibrate.fit import Rings, cross_validate, fit_zones, regression, without_company
+from finloop.calibrate.fit import Rings, cross_validate, default_zones, fit_zones, regression
 from finloop.calibrate.points import own_steps, simulate_points
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.calibrate.settings import CalibrateSettings
@@ -26,9 +26,9 @@ from finloop.io.record import save_records
 from finloop.io.several import PARTS_NAME, FilmPart
 from finloop.io.table import load_table, save_table
 from finloop.project import Project
-from finloop.social.measures import SHOAL, apart, values
+from finloop.social.measures import SHOAL, measure_values, wasserstein_distances
 from finloop.social.neighbours import neighbours, vectors
-from finloop.social.rule import rule_of
+from finloop.social.rule import require_rule
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 
 PX, OWN, STEP = 20.0, 0.6, 0.3
@@ -135,7 +135,7 @@ def test_the_mirror_image_of_a_film_has_the_same_zones():
 
 
 def test_rings_say_what_zones_say():
-    rows = FILM.lessons(True, 300)
+    rows = FILM.fit_rows(True, 300)
     seen = FILM.visible_neighbours(rows)
     rings = Rings(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
     for radii in [(0.5, 2.0, 8.0), (0.0, 0.0, 8.0), (0.5, 0.5, 0.5), (0.0, 2.0, 2.0)]:
@@ -182,7 +182,7 @@ def test_what_fits_by_chance_is_found_out_by_the_other_part():
 
 
 def test_company_is_that_of_the_frame_and_a_while_later_of_the_track():
-    rows = FILM.lessons(False, 50)
+    rows = FILM.fit_rows(False, 50)
     assert (FILM.frame[rows] >= 750).all()
     assert (FILM.frame[FILM.later[rows]] == FILM.frame[rows] + 1).all()
     assert np.isfinite(FILM.visible_neighbours(rows).distance).sum(axis=1).tolist() == [5] * len(
@@ -221,11 +221,11 @@ def test_tracks_too_short_for_a_step_teach_no_rule():
     often = swim(TRUE, fish=10, frames=40)  # in company throughout, each track of two frames
     short = often.assign(track_id=often["track_id"] * 20 + often["frame"] // 2)
     film = film_shoal(short, ARENA, 1, "auto")
-    assert min(len(film.lessons(half, 50)) for half in (True, False)) == 50
+    assert min(len(film.fit_rows(half, 50)) for half in (True, False)) == 50
     rule, fit = film_rule(film, settings("calibrate"))
     assert fit is None and "no track has three consecutive frames" in shortage(film)
     with pytest.raises(FinloopError, match="too short for the steps"):
-        rule_of(rule)
+        require_rule(rule)
 
 
 def test_fish_that_are_points_shoal_as_the_film_does():
@@ -235,10 +235,10 @@ def test_fish_that_are_points_shoal_as_the_film_does():
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
         steps = own_steps(FILM, rows, zones)
         swum = simulate_points(FILM, steps, zones, p, np.random.default_rng(0))
-        far[name] = apart(FILM.table, swum)["neighbour_distance"]
+        far[name] = wasserstein_distances(FILM.table, swum)["neighbour_distance"]
         assert swum["wall_distance"].min() > 0
     assert far["zones"] < 0.5 * far["alone"]
-    assert apart(half, other)["neighbour_distance"] < far["alone"]
+    assert wasserstein_distances(half, other)["neighbour_distance"] < far["alone"]
 
 
 def test_own_steps_leave_nothing_to_the_company():
@@ -259,8 +259,8 @@ def test_zones_that_do_not_lie_round_each_other_are_refused():
 
 
 def test_a_film_without_company_has_the_papers_zones():
-    assert without_company(settings("calibrate")) == COUZIN
-    given = without_company(settings("calibrate", repulsion_radius_bl=2.0, attraction_weight=0.0))
+    assert default_zones(settings("calibrate")) == COUZIN
+    given = default_zones(settings("calibrate", repulsion_radius_bl=2.0, attraction_weight=0.0))
     assert given == replace(COUZIN, repulsion=2.0, attraction_weight=0.0)
 
 
@@ -288,7 +288,7 @@ def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monke
     assert set(table["shoal"]) == {"first_half", "zones", "alone"}
     assert set(table["beside"]) == {"film", "second_half"}
     film = load_table(tmp_path / "data/calibrate/film.parquet", SHOAL)
-    assert len(film) == 6 * 400 and len(values(film, "polarisation")) == 400
+    assert len(film) == 6 * 400 and len(measure_values(film, "polarisation")) == 400
     assert Project().rule.horizon == 1
     assert Project().rule.zones.attraction == numbers["attraction"]
     assert len(Project().rule.steps.move) > 100

@@ -15,15 +15,15 @@ from finloop.drawn.carp.film import (
     curvature_of,
     empty_tank,
     film,
-    fits,
+    fish_colours,
     heading_of,
+    is_tank_large_enough,
     light,
-    looks,
     midline_px,
     motion,
 )
 from finloop.drawn.carp.midline import POINTS, midline
-from finloop.drawn.carp.skin import FishColours, half_width, look
+from finloop.drawn.carp.skin import FishColours, half_width, paint_fish
 from finloop.drawn.carp.swimmer import turn_bend, turn_progress
 from finloop.drawn.truth import TRUTH
 
@@ -44,7 +44,7 @@ def carp_line(amplitude, bend, axis, beat, length=110.0):
 
 @pytest.fixture(scope="module")
 def carp():
-    return look(np.random.default_rng(0), 480, 0)
+    return paint_fish(np.random.default_rng(0), 480, 0)
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +165,7 @@ def test_the_area_is_the_integral_of_the_width(carp):
 
 def test_truth_is_taken_from_the_coverage(carp):
     params = replace(SMALL, frames=3, fins_open_ratio=1.0)
-    poses, skins = motion(params), looks(params)
+    poses, skins = motion(params), fish_colours(params)
     for number, (_, rows) in enumerate(film(params)):
         row = rows[0]
         line = midline_px(params, poses, number, 0)
@@ -264,7 +264,7 @@ def test_it_stays_in_a_small_tank(seed):
         body_length_px=60.0,
         seed=seed,
     )
-    assert fits(params)
+    assert is_tank_large_enough(params)
     poses = motion(params)
     lines = np.array([[midline_px(params, poses, k, i) for i in (0, 1)] for k in range(1000)])
     assert lines.min() > 2 + 0.02 * 60
@@ -344,8 +344,8 @@ def test_fins_are_open_the_asked_share_of_the_time(fins):
 @pytest.mark.parametrize("fish", [3, 8])
 def test_several_fish_never_touch(fish):
     params = settings("clip", source="carp", frames=120, fish=fish, seed=2)
-    assert fits(params)
-    poses, skins = motion(params), looks(params)
+    assert is_tank_large_enough(params)
+    poses, skins = motion(params), fish_colours(params)
     clear = np.inf
     whose = np.repeat(np.arange(fish), len(range(0, POINTS, 2)))
     others = whose[:, None] != whose
@@ -366,9 +366,9 @@ def test_several_fish_never_touch(fish):
 
 
 def test_a_tank_that_is_too_small_is_known():
-    assert fits(settings("clip", source="carp"))
-    assert not fits(replace(SMALL, body_length_px=150.0))
-    assert not fits(settings("clip", source="carp", fish=60))
+    assert is_tank_large_enough(settings("clip", source="carp"))
+    assert not is_tank_large_enough(replace(SMALL, body_length_px=150.0))
+    assert not is_tank_large_enough(settings("clip", source="carp", fish=60))
 
 
 # -- the film -----------------------------------------------------------------------------------
@@ -452,7 +452,7 @@ def test_the_fish_stands_out_from_the_floor_and_its_shadow_less():
         params = replace(params, seed=seed)
         frames, truth = zip(*film(params), strict=True)
         floor = empty_tank(params)[..., 0]
-        poses, skins = motion(params), looks(params)
+        poses, skins = motion(params), fish_colours(params)
         for number in (0, 4, 7):
             line = midline_px(params, poses, number, 0)
             cut = draw(line, (0.0, 0.0), skins[0])

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from finloop.base.settings import settings
-from finloop.clip.check import CHECK, LENGTH, RUNS, Clip, check, runs
+from finloop.clip.check import CHECK, LENGTH, RUNS, Clip, check, spread_runs
 from finloop.clip.doubled import find_repeats
 from finloop.clip.fields import field_order
-from finloop.clip.light import gain, in_light, light
+from finloop.clip.light import gain, measure_light, undo_gain
 from finloop.clip.quality import Tally
-from finloop.clip.shake import UNKNOWN, Shift, marks, shift, undo_shift
+from finloop.clip.shake import UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 from finloop.clip.verdict import findings
 from finloop.drawn.carp.film import film
 
@@ -57,7 +57,7 @@ def test_a_gain_is_that_of_the_lamp_whatever_swims(bright):
     tank = floor()
     frame = np.clip(np.rint(tank_picture(tank, fish=40) * bright), 0, 255).astype(np.uint8)
     assert gain(frame, tank_picture(tank)) == pytest.approx(bright, abs=4e-3)
-    back = in_light(frame, gain(frame, tank_picture(tank)))
+    back = undo_gain(frame, gain(frame, tank_picture(tank)))
     assert gain(back, tank_picture(tank)) == pytest.approx(1, abs=4e-3)
 
 
@@ -71,15 +71,15 @@ def test_every_channel_has_its_gain_and_a_black_frame_none():
 def test_flicker_and_drift_are_what_was_put_in():
     time_s = np.arange(1000) / 25
     wave = 1 + 0.04 * np.sin(2 * np.pi * 7.3 * time_s)
-    assert light(wave, 25).flicker_pct == pytest.approx(4 / 2**0.5, rel=0.03)
-    assert light(wave, 25).flicker_hz == pytest.approx(7.3, abs=0.1)
-    assert light(wave, 25).drift_pct < 0.5
+    assert measure_light(wave, 25).flicker_pct == pytest.approx(4 / 2**0.5, rel=0.03)
+    assert measure_light(wave, 25).flicker_hz == pytest.approx(7.3, abs=0.1)
+    assert measure_light(wave, 25).drift_pct < 0.5
     slope = 0.9 + 0.2 * time_s / time_s[-1]
-    assert light(slope, 25).drift_pct == pytest.approx(20, rel=0.08)
-    assert light(slope, 25).flicker_pct < 0.05
+    assert measure_light(slope, 25).drift_pct == pytest.approx(20, rel=0.08)
+    assert measure_light(slope, 25).flicker_pct < 0.05
     noise = 1 + RNG.uniform(-0.1, 0.1, 1000)
-    assert light(noise, 25).flicker_pct == pytest.approx(10 / 3**0.5, rel=0.1)
-    assert np.isnan(light(noise, 25).flicker_hz)
+    assert measure_light(noise, 25).flicker_pct == pytest.approx(10 / 3**0.5, rel=0.1)
+    assert np.isnan(measure_light(noise, 25).flicker_hz)
 
 
 # --- shake
@@ -88,14 +88,18 @@ def test_flicker_and_drift_are_what_was_put_in():
 @pytest.mark.parametrize("x, y", [(0, 0), (1, -2), (0.4, 1.7), (-6.3, 5.2), (11.5, -9.25)])
 def test_a_shift_is_that_of_the_camera_to_a_part_of_a_pixel(x, y):
     tank = floor()
-    found = shift(tank_picture(tank, x, y, fish=150), marks(tank_picture(tank, fish=30)))
+    found = measure_shift(
+        tank_picture(tank, x, y, fish=150), find_landmarks(tank_picture(tank, fish=30))
+    )
     assert (found.x, found.y) == pytest.approx((x, y), abs=0.07)
     assert found.apart < 0.2
 
 
 def test_a_fish_that_swims_on_a_floor_without_marks_is_no_shake():
     plain = np.full((240, 300), 200, np.float32)
-    found = shift(tank_picture(plain, fish=60), marks(tank_picture(plain, fish=50)))
+    found = measure_shift(
+        tank_picture(plain, fish=60), find_landmarks(tank_picture(plain, fish=50))
+    )
     assert found is UNKNOWN
 
 
@@ -103,7 +107,7 @@ def test_a_zoom_is_seen_as_parts_that_move_apart():
     tank = floor()
     zoom = cv2.getRotationMatrix2D((150, 120), 0, 1.02)
     zoomed = cv2.warpAffine(tank, zoom, tank.shape[::-1], flags=cv2.INTER_CUBIC)
-    assert shift(tank_picture(zoomed), marks(tank_picture(tank))).apart > 0.3
+    assert measure_shift(tank_picture(zoomed), find_landmarks(tank_picture(tank))).apart > 0.3
 
 
 def test_a_frame_is_moved_back():
@@ -230,8 +234,8 @@ def test_a_film_in_which_nothing_moves_is_told(carp):
 
 
 def test_a_long_film_is_looked_at_in_runs_from_key_frames():
-    assert runs(100) == [(0, 100)]
-    spread = runs(10_000, 12)
+    assert spread_runs(100) == [(0, 100)]
+    spread = spread_runs(10_000, 12)
     assert len(spread) == RUNS and {stop - start for start, stop in spread} == {LENGTH}
     assert all(start % 12 == 0 for start, _ in spread)
     assert spread[0][0] == 0 and 10_000 - 12 <= spread[-1][1] <= 10_000

@@ -26,7 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import check, settings, variants
+from finloop.base.settings import check_values, settings, variants
 from finloop.clip import quality
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally, psnr_db
@@ -843,7 +843,7 @@ def test_the_cache_lies_outside_the_project(tmp_path, monkeypatch):
 def parameters(source: str, **changes):
     values = yaml.safe_load((ROOT / f"conf/clip/{source}.yaml").read_text())
     values = {key: value for key, value in values.items() if key != "defaults"}
-    return check("clip", variants("clip"), values | changes)
+    return check_values("clip", variants("clip"), values | changes)
 
 
 @pytest.fixture

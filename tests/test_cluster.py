@@ -27,7 +27,7 @@ from finloop.base.parallel import ALONE, Processes, ordered_map
 from finloop.base.settings import settings
 from finloop.cluster import piece as at_worker
 from finloop.cluster import workers as at_client
-from finloop.cluster.piece import Call, Home, piece
+from finloop.cluster.piece import Call, Home, run_piece
 from finloop.cluster.workers import dask_workers
 from finloop.jumps import film as jumps_film
 from finloop.jumps import signature, visible
@@ -55,21 +55,21 @@ def put(folder: Path, work) -> str:
 
 
 def test_unpickling_a_call_makes_it(home, tmp_path):
-    call = Call(piece, home, put(tmp_path, square), pickle.dumps(7))
+    call = Call(run_piece, home, put(tmp_path, square), pickle.dumps(7))
     assert pickle.loads(pickle.loads(pickle.dumps(call))) == 49
 
 
 def test_a_piece_is_worked_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
     work = put(tmp_path, Path.resolve)
     monkeypatch.chdir("/")
-    assert pickle.loads(piece(home, work, pickle.dumps(Path("here")))) == tmp_path / "here"
+    assert pickle.loads(run_piece(home, work, pickle.dumps(Path("here")))) == tmp_path / "here"
 
 
 @pytest.mark.parametrize("fact", ["code", "python", "numpy", "PATH"])
 def test_a_worker_of_other_facts_is_refused_by_name(home, tmp_path, fact):
     other = Home(home.folder, home.start, {**home.facts, fact: "other"})
     with pytest.raises(FinloopError) as caught:
-        piece(other, put(tmp_path, square), pickle.dumps(7))
+        run_piece(other, put(tmp_path, square), pickle.dumps(7))
     assert f"{fact}: {home.facts[fact]} there, other here" in caught.value.came
     assert START in caught.value.do
 
@@ -88,7 +88,7 @@ def test_the_facts_tell_versions_of_the_code_apart(tmp_path, monkeypatch):
 def test_a_worker_that_does_not_see_the_folder_is_refused(home, tmp_path, gone):
     folder = str(tmp_path / "elsewhere") if gone == "folder" else home.folder
     with pytest.raises(FinloopError) as caught:
-        piece(Home(folder, START, home.facts), str(tmp_path / "work"), pickle.dumps(7))
+        run_piece(Home(folder, START, home.facts), str(tmp_path / "work"), pickle.dumps(7))
     assert folder in caught.value.came and START in caught.value.do
 
 

@@ -87,7 +87,7 @@ def test_of_a_way_that_is_over_its_last_tick_is_left():
     way = np.arange(9.0).reshape(3, 3)
     one = Stretch(0, way, np.arange(3), False, SPOT, False, Decision(""), FRAME)
     for gone, left in ((0, 3), (1, 2), (2, 1), (3, 1), (9, 1)):
-        assert one.rest(gone).tolist() == one.path_and_pictures[-left:].tolist()
+        assert one.remaining_path(gone).tolist() == one.path_and_pictures[-left:].tolist()
 
 
 @pytest.mark.parametrize("seed", range(30))

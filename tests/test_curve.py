@@ -11,11 +11,11 @@ from finloop.base.errors import FinloopError
 from finloop.curve.contour import (
     Curve,
     area,
-    clockwise,
     length,
+    orient_clockwise,
     resample_curve,
     reverse_curve,
-    steps,
+    segment_lengths,
 )
 from finloop.curve.glyph import glyph
 
@@ -37,8 +37,8 @@ def test_a_square():
     assert length(opened) == 6
     assert area(closed) == 4
     assert area(reverse_curve(closed)) == -4
-    assert np.array_equal(clockwise(reverse_curve(closed)).points, SQUARE)
-    assert np.array_equal(clockwise(reverse_curve(opened)).points, SQUARE[::-1])
+    assert np.array_equal(orient_clockwise(reverse_curve(closed)).points, SQUARE)
+    assert np.array_equal(orient_clockwise(reverse_curve(opened)).points, SQUARE[::-1])
     assert np.array_equal(reverse_curve(closed).points, SQUARE[[0, 3, 2, 1]])
     middle = resample_curve(closed, 8).points
     assert np.allclose(middle[:4], [[0, 0], [1, 0], [2, 0], [2, 1]])
@@ -73,7 +73,7 @@ def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
         other = Curve(np.roll(curve.points, -start, axis=0), True)
         assert area(other) == pytest.approx(area(curve), abs=1e-9)
         assert length(other) == pytest.approx(length(curve))
-        assert area(clockwise(curve)) >= 0
+        assert area(orient_clockwise(curve)) >= 0
 
 
 @given(ANY, st.booleans(), st.integers(3, 60))
@@ -88,7 +88,7 @@ def test_resampled_points_are_evenly_spaced_along_the_polyline(points, closed, n
     if not closed:
         assert np.allclose(new.points[-1], curve.points[-1])
     even = length(curve) / (n if closed else n - 1)
-    assert steps(new).max() <= even * (1 + 1e-9)
+    assert segment_lengths(new).max() <= even * (1 + 1e-9)
     # One segment after the other, walked apart from the code under test.
     path = np.concatenate([curve.points, curve.points[:1]]) if closed else curve.points
     for number, point in enumerate(new.points):

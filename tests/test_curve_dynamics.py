@@ -16,7 +16,7 @@ from finloop.curve.integrate import schulz
 from finloop.curve.oscillator import Oscillators, forced_motion, motion, response
 from finloop.curve.problem import METHODS, Material, Problem, SolverOptions
 from finloop.curve.stiffness import eigenvalues, stiffness_phi
-from finloop.curve.wavelet import close_by_mirroring, control, from_control
+from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
 from finloop.plots.curve import figure6, figure7
 
 TIGHT = SolverOptions(rtol=1e-8, integrator="DOP853", substeps=30)
@@ -74,8 +74,8 @@ def test_the_closed_form_solves_the_equation(density, c, k, a, v, q):
 def test_the_three_damping_cases(c, case):
     """ρ = 1, k = 4: a e^{r₁t} + b e^{r₂t}, or (a + b t) e^{rt} where the roots are one."""
     of = Oscillators(1.0, np.array([c]), np.array([4.0]))
-    assert of.cases()[case] == 1
-    assert sum(of.cases().values()) == 1
+    assert of.count_root_kinds()[case] == 1
+    assert sum(of.count_root_kinds().values()) == 1
     t = np.linspace(0, 3, 20)
     places, _ = motion(of, np.array([[1.0]]), np.array([[0.5]]), t, None)
     r1, r2 = np.roots([1, c, 4]).astype(complex)
@@ -240,8 +240,10 @@ def test_refining_the_scale_converges():
     fine = solve(problem(n=n, displacement=u)).displacement
     errors = []
     for level in (7, 6, 5, 4, 3):
-        few = Problem(control(hoop(n), "coif2", level), control(u, "coif2", level), LIGHT, TIMES)
-        coarse = from_control(solve(few).displacement, "coif2", level)
+        few = Problem(
+            control_points(hoop(n), "coif2", level), control_points(u, "coif2", level), LIGHT, TIMES
+        )
+        coarse = curves_from_control(solve(few).displacement, "coif2", level)
         errors.append(np.abs(coarse - fine).max())
     assert (np.diff(errors) < 0).all()
     assert errors[-1] < 1e-3 * errors[0]

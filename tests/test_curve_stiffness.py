@@ -19,7 +19,7 @@ from finloop.curve.stiffness import (
     stiffness,
     stiffness_phi,
 )
-from finloop.curve.wavelet import forward, scales
+from finloop.curve.wavelet import scales, wavelet_transform
 from finloop.plots.curve import figure3
 
 # As printed: α, μ, ν.
@@ -152,7 +152,7 @@ def test_low_eigenvalues_are_the_circles(wavelet):
 )
 def test_every_block_is_the_transformed_k(wavelet, n, levels):
     whole = stiffness(wavelet, n, levels, 2.0).toarray()
-    basis = forward(np.eye(n), wavelet, levels)
+    basis = wavelet_transform(np.eye(n), wavelet, levels)
     assert np.allclose(
         whole, 2 * basis @ stiffness_phi(wavelet, n).toarray() @ basis.T, atol=1e-9 * n**2
     )

@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import clockwise, resample_curve
+from finloop.curve.contour import orient_clockwise, resample_curve
 from finloop.curve.filters import CUBIC, filter_bank
 from finloop.curve.glyph import glyph
 from finloop.curve.wavelet import (
-    back,
     close_by_mirroring,
-    control,
+    control_points,
+    curves_from_control,
     drop_details,
-    forward,
-    from_control,
+    inverse_transform,
     scales,
+    wavelet_transform,
 )
 from finloop.plots.curve import figure2
 
@@ -36,7 +36,7 @@ def curves(n, count=3, seed=0):
 def test_there_and_back(wavelet):
     points = curves(128)
     for levels in (1, 7):
-        found = back(forward(points, wavelet, levels), wavelet, levels)
+        found = inverse_transform(wavelet_transform(points, wavelet, levels), wavelet, levels)
         assert np.abs(found - points).max() <= 1e-12
 
 
@@ -53,7 +53,7 @@ def test_the_same_coefficients_as_pywavelets(wavelet, n):
         theirs, detail = pywt.dwt(theirs, peer, "periodization", axis=1)
         details.insert(0, detail)
         whole = np.concatenate([theirs, *details], axis=1)
-        assert np.allclose(forward(points, wavelet, levels), whole, rtol=0, atol=1e-9)
+        assert np.allclose(wavelet_transform(points, wavelet, levels), whole, rtol=0, atol=1e-9)
 
 
 def test_mending_moves_filters_no_farther_than_their_tables_are_off():
@@ -72,7 +72,7 @@ def test_equation_2_8_as_the_paper_writes_it(wavelet, n):
     taps = len(h)
     g = (-1.0) ** np.arange(taps) * h[::-1]  # (2.2), moved by an even number of places
     x = curves(n, 1)[0]
-    ours = forward(x, wavelet, 1).reshape(2, n // 2, 2)
+    ours = wavelet_transform(x, wavelet, 1).reshape(2, n // 2, 2)
     for which, taken in enumerate((h, g)):
         folded = np.zeros(n)
         np.add.at(folded, np.arange(taps) % n, taken)
@@ -89,28 +89,33 @@ def test_equation_2_8_as_the_paper_writes_it(wavelet, n):
 )
 @settings(max_examples=80)
 def test_laws(points, wavelet, levels, factor):
-    coefficients = forward(points, wavelet, levels)
-    assert np.allclose(forward(factor * points, wavelet, levels), factor * coefficients, atol=1e-9)
+    coefficients = wavelet_transform(points, wavelet, levels)
+    assert np.allclose(
+        wavelet_transform(factor * points, wavelet, levels), factor * coefficients, atol=1e-9
+    )
     if wavelet in ("db1", "db4", "coif2", "sym8"):  # orthogonal: lengths stay
         assert np.allclose((coefficients**2).sum(), (points**2).sum())
-    turned = forward(np.roll(points, 1 << levels, axis=0), wavelet, levels)
+    turned = wavelet_transform(np.roll(points, 1 << levels, axis=0), wavelet, levels)
     for place in scales(32, levels):  # a step at a scale is 2^m steps of the points
         size = place.stop - place.start
         step = (1 << levels) * size // 32
         assert np.allclose(turned[place], np.roll(coefficients[place], step, axis=0), atol=1e-8)
-    alone = [forward(points[:, [i]], wavelet, levels) for i in (0, 1)]
+    alone = [wavelet_transform(points[:, [i]], wavelet, levels) for i in (0, 1)]
     assert np.array_equal(coefficients, np.concatenate(alone, axis=1))
 
 
 def test_a_batch_is_its_curves_and_inputs_stay():
     points = curves(64, 6).reshape(2, 3, 64, 2)
     kept = points.copy()
-    found = forward(points, "coif2", 3)
-    assert np.array_equal(found[1, 2], forward(points[1, 2], "coif2", 3))
+    found = wavelet_transform(points, "coif2", 3)
+    assert np.array_equal(found[1, 2], wavelet_transform(points[1, 2], "coif2", 3))
     assert np.array_equal(points, kept)
-    assert np.array_equal(forward(points.astype(np.float32), "db4", 0), points.astype(np.float32))
+    assert np.array_equal(
+        wavelet_transform(points.astype(np.float32), "db4", 0), points.astype(np.float32)
+    )
     assert np.allclose(
-        forward(points[..., ::2, :], "db4", 2), forward(points[..., ::2, :].copy(), "db4", 2)
+        wavelet_transform(points[..., ::2, :], "db4", 2),
+        wavelet_transform(points[..., ::2, :].copy(), "db4", 2),
     )
 
 
@@ -132,10 +137,12 @@ def test_truncation():
         assert np.allclose(drop_details(smooth, wavelet, 0), smooth)
         rough = drop_details(curves(256), wavelet, 3)
         assert np.allclose(drop_details(rough, wavelet, 3), rough)  # a projection
-        kept = control(smooth + 5, wavelet, 3)
+        kept = control_points(smooth + 5, wavelet, 3)
         assert kept.shape == (32, 2)
         assert np.allclose(kept.mean(axis=0), 5, atol=1e-3)  # in the unit of the points
-        assert np.allclose(from_control(kept, wavelet, 3), drop_details(smooth + 5, wavelet, 3))
+        assert np.allclose(
+            curves_from_control(kept, wavelet, 3), drop_details(smooth + 5, wavelet, 3)
+        )
         assert np.allclose(drop_details(np.ones((64, 2)), wavelet, 6), 1)
     errors = [np.abs(drop_details(smooth, "db4", k) - smooth).max() for k in (1, 2, 3, 4, 5)]
     assert errors == sorted(errors)
@@ -167,14 +174,14 @@ def test_an_open_curve_keeps_its_ends_apart():
     ],
 )
 def test_what_cannot_be_transformed_is_refused(n, wavelet, levels, word):
-    for way in (forward, back):
+    for way in (wavelet_transform, inverse_transform):
         with pytest.raises(FinloopError, match=re.escape(word)):
             way(np.zeros((n, 2)), wavelet, levels)
 
 
 def test_figure_2_has_both_families_and_five_scales():
     (three,) = glyph("3")
-    curve = resample_curve(clockwise(three), 1024)
+    curve = resample_curve(orient_clockwise(three), 1024)
     figure = figure2(curve, [(CUBIC, "spline"), ("db4", "D8")])
     assert len(figure.axes) == 10
     x, y = figure.axes[0].lines[0].get_data()

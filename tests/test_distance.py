@@ -5,7 +5,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.distance.picture import SPAN, centre_cutout, distance, steps, typical_length
+from finloop.distance.picture import (
+    SPAN,
+    centre_cutout,
+    distance,
+    successive_distances,
+    typical_length,
+)
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -41,7 +47,9 @@ def test_a_picture_has_no_distance_from_itself_and_the_same_both_ways():
 
 def test_steps_are_the_distances_of_neighbours():
     shown = np.random.default_rng(1).random((6, 4, 4, 2), np.float32)
-    assert steps(shown) == pytest.approx(distance(shown, shown).diagonal(1), rel=1e-5)
+    assert successive_distances(shown) == pytest.approx(
+        distance(shown, shown).diagonal(1), rel=1e-5
+    )
 
 
 def test_where_in_its_cut_out_a_fish_lies_does_not_matter():

@@ -16,15 +16,15 @@ from finloop.distance.map import (
     STEPS,
     MapFacts,
     about_mean,
-    alike,
-    bands,
+    comparable_pairs,
+    comparison_blocks,
     count_pairs,
-    full,
-    kinds,
+    find_similar_pairs,
+    frame_kinds,
+    full_distance_map,
     map_rows,
-    order,
     pair_table,
-    similar,
+    sort_by_kind_and_area,
     step_table,
     usual_steps,
 )
@@ -55,7 +55,7 @@ def random_pictures(rng: np.random.Generator, count: int, size: int = 8) -> np.n
 def test_the_full_map_is_brute_force(count):
     pictures = random_pictures(np.random.default_rng(count), count)
     kept = pictures.copy()
-    found = full(pictures)
+    found = full_distance_map(pictures)
     assert found.dtype == np.float32
     assert np.abs(found - brute(pictures)).max() < EXACT
     assert (found == found.T).all()
@@ -73,7 +73,7 @@ def test_the_full_map_is_symmetric_where_a_product_is_not(monkeypatch):
 
     squared = finloop.distance.map._distance_squares
     monkeypatch.setattr(finloop.distance.map, "_distance_squares", add_rounding)
-    distances = full(random_pictures(rng, 1300))
+    distances = full_distance_map(random_pictures(rng, 1300))
     assert (distances == distances.T).all()
     assert (distances.diagonal() == 0).all()
 
@@ -86,7 +86,7 @@ def test_close_pictures_do_not_drown_in_bright_ones(spread, alone):
     pictures = random_pictures(rng, 150, 32)
     pictures[alone:] = pictures[-1] + spread * pictures[alone:]
     true = brute(pictures)
-    assert np.abs(full(pictures) - true).max() < EXACT
+    assert np.abs(full_distance_map(pictures) - true).max() < EXACT
     x = pictures.reshape(150, -1)
     squares = (x.astype(np.float64) ** 2).sum(1).astype(np.float32)
     naive = np.sqrt(np.maximum(squares[:, None] + squares - 2 * x @ x.T.copy(), 0))
@@ -98,7 +98,7 @@ def test_white_pictures_far_from_their_mean_are_exact_too():
     pictures = np.zeros((40, 64, 64, 2), np.float32)
     pictures[:20] = 1
     pictures += 1e-3 * np.random.default_rng(4).random(pictures.shape, np.float32)
-    assert np.abs(full(pictures) - brute(pictures)).max() < EXACT
+    assert np.abs(full_distance_map(pictures) - brute(pictures)).max() < EXACT
 
 
 # --- Eqs. 6-8
@@ -120,12 +120,12 @@ def test_bands_are_exactly_what_eqs_7_and_8_let_through(seed):
     kind, area, threshold = random_groups(rng)
     pictures = random_pictures(rng, len(kind), 4)
     true = brute(pictures)
-    rows = order(kind, area)
-    found = similar(about_mean(pictures[rows]), kind[rows], area[rows], threshold)
+    rows = sort_by_kind_and_area(kind, area)
+    found = find_similar_pairs(about_mean(pictures[rows]), kind[rows], area[rows], threshold)
     table = pair_table(found, rows)
     gap = np.abs(area.astype(float)[:, None] - area.astype(float))
     wanted = np.triu((kind[:, None] == kind) & (gap <= threshold), 1)
-    assert (np.triu(alike(kind, area, threshold), 1) == wanted).all()
+    assert (np.triu(comparable_pairs(kind, area, threshold), 1) == wanted).all()
     assert (np.stack([table["i"], table["j"]]) == np.nonzero(wanted)).all()  # sorted, each once
     assert np.abs(table["distance"].to_numpy() - true[wanted]).max(initial=0) < EXACT
 
@@ -133,24 +133,28 @@ def test_bands_are_exactly_what_eqs_7_and_8_let_through(seed):
 def test_what_is_skipped_is_not_computed():
     rng = np.random.default_rng(5)
     kind, area = np.sort(rng.integers(0, 4, 4000)), rng.random(4000)
-    rows = order(kind, area)
+    rows = sort_by_kind_and_area(kind, area)
     kind, area = kind[rows], area[rows]
-    blocks = list(bands(kind, area, 0.1))
+    blocks = list(comparison_blocks(kind, area, 0.1))
     for one, other in blocks:
         assert len({*kind[one], *kind[other]}) == 1
         assert area[other].max() - area[one].min() <= 0.1 + np.ptp(area[one])
-    wanted = np.count_nonzero(np.triu(alike(kind, area, 0.1), 1))
+    wanted = np.count_nonzero(np.triu(comparable_pairs(kind, area, 0.1), 1))
     assert wanted <= count_pairs(blocks) < 1.6 * wanted < 0.1 * len(kind) ** 2 / 2
-    assert count_pairs(bands(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
+    assert count_pairs(comparison_blocks(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
 
 
 def test_pairs_farther_apart_than_most_are_left_out():
     rng = np.random.default_rng(6)
     pictures = random_pictures(rng, 200)
     kind, area = np.zeros(200, int), np.linspace(0, 1, 200)
-    everything = pair_table(similar(about_mean(pictures), kind, area, 1.0), np.arange(200))
+    everything = pair_table(
+        find_similar_pairs(about_mean(pictures), kind, area, 1.0), np.arange(200)
+    )
     most = float(everything["distance"].median())
-    near = pair_table(similar(about_mean(pictures), kind, area, 1.0, most), np.arange(200))
+    near = pair_table(
+        find_similar_pairs(about_mean(pictures), kind, area, 1.0, most), np.arange(200)
+    )
     expected = everything[everything["distance"] <= most].reset_index(drop=True)
     assert len(expected) == pytest.approx(len(everything) / 2, abs=2)
     pd.testing.assert_frame_equal(near, expected, atol=EXACT)
@@ -171,7 +175,7 @@ def table_of(types, orientations, tracks=None) -> pd.DataFrame:
 def test_orientation_counts_only_as_filmed():
     every = [(kind, turn) for kind in (-1, 0, 1) for turn in range(1, 25)]
     features = table_of(*zip(*every, strict=True))
-    filmed, body = kinds(features, FILM), kinds(features, BODY)
+    filmed, body = frame_kinds(features, FILM), frame_kinds(features, BODY)
     assert len(set(filmed)) == 72
     assert (
         (body[:, None] == body)
@@ -181,7 +185,7 @@ def test_orientation_counts_only_as_filmed():
 
 def test_a_film_in_one_orientation_has_the_same_pairs_in_both_poses():
     features = table_of([0, 1, -1, 0, 1, 0], [7] * 6)
-    one, other = kinds(features, FILM), kinds(features, BODY)
+    one, other = frame_kinds(features, FILM), frame_kinds(features, BODY)
     assert ((one[:, None] == one) == (other[:, None] == other)).all()
 
 

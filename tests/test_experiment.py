@@ -13,11 +13,18 @@ from browser import chromium, visit
 from conftest import ROOT, TINY_CARP
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import check, settings
+from finloop.base.settings import check_values, settings
 from finloop.edit.modes import MODES
 from finloop.io.numbers import load_numbers
 from finloop.realism.windows import HALVES
-from finloop.report.compare import OBJECTIVES, comparison, curves, html, parallel, pareto
+from finloop.report.compare import (
+    OBJECTIVES,
+    comparison,
+    draw_parallel_axes,
+    draw_parameter_effects,
+    html,
+    pareto,
+)
 from stages import compose
 from stages.compose import compose_params
 from stages.experiment import Experiment, choices
@@ -119,8 +126,8 @@ def test_values_are_in_the_notation_of_hydra():
      ({"measures": ["nosuch.a"]}, "nosuch is no stage"), ({"title": "???"}, "title: has no value")],
 )  # fmt: skip
 def test_a_wrong_sweep_is_refused_by_name(change, problem):
-    assert check("one", {"one": Experiment}, GOOD)[1] == []
-    (problem_here,) = check("one", {"one": Experiment}, GOOD | change)[1]
+    assert check_values("one", {"one": Experiment}, GOOD)[1] == []
+    (problem_here,) = check_values("one", {"one": Experiment}, GOOD | change)[1]
     assert problem in problem_here
 
 
@@ -206,21 +213,23 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
     )
     found = comparison(parameters, numbers, [])
     assert list(found.parameters["features.delta_s"]) == [0.1, 2.0, 10.0, "auto"]
-    delta, back, *_ = parallel(found).data[0].dimensions
+    delta, back, *_ = draw_parallel_axes(found).data[0].dimensions
     assert delta.ticktext == ("0.1", "10", "auto") and delta.values == (0, 1, 2)
     assert back.ticktext == ("False", "True") and back.values == (1, 0, 1)
-    lines = [axis.values for axis in parallel(found).data[0].dimensions]
+    lines = [axis.values for axis in draw_parallel_axes(found).data[0].dimensions]
     assert np.isfinite(lines).all() and len(lines[0]) == 3  # run-3 lacks a measure
 
 
 def test_one_parameter_has_a_panel_for_every_measure():
     parameters, numbers = random_runs(5)
     found = comparison(parameters[["bpn.hidden_units"]], numbers, ["bpn.error"])
-    panels = curves(found).data
+    panels = draw_parameter_effects(found).data
     assert len(panels) == 4 and panels[-1].x == (0, 1, 2, 3, 4)
     for panel, measure in zip(panels, found.measures, strict=True):
         assert panel.y == tuple(found.measures[measure])
-    assert curves(comparison(parameters, numbers, ["bpn.error"])) is None  # more than one differs
+    assert (
+        draw_parameter_effects(comparison(parameters, numbers, ["bpn.error"])) is None
+    )  # more than one differs
 
 
 def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):

@@ -25,7 +25,14 @@ from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.edit.schema import EDIT
 from finloop.export.keypoints import deeplabcut
-from finloop.export.pictures import READABLE, Alone, bounding_box, cut_out, cycle, readable
+from finloop.export.pictures import (
+    READABLE,
+    FishOnlyPainter,
+    add_film_source,
+    bounding_box,
+    cut_out,
+    sprite_cycle,
+)
 from finloop.export.tracks import poses
 from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
@@ -74,7 +81,7 @@ def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
     rng = np.random.default_rng(0)
     for _ in range(10):
         pixels = rough_picture(rng, *rng.integers(5, 30, 2), channels)
-        alone = Alone(60, 80, channels - 1)
+        alone = FishOnlyPainter(60, 80, channels - 1)
         box = alone.show(Placed(30.0, 20.0, Turned(picture(pixels, 10.0, 8.0)), None, 0.0))
         where = np.s_[12 - box.top :, 20 - box.left :]
         found = alone.cut(box)[where][: pixels.shape[0], : pixels.shape[1]]
@@ -85,7 +92,7 @@ def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
 @pytest.mark.parametrize("channels", [2, 4])
 def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
     tank = np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, channels - 1), np.uint8)
-    alone, painter = Alone(HEIGHT, WIDTH, channels - 1), Painter(tank)
+    alone, painter = FishOnlyPainter(HEIGHT, WIDTH, channels - 1), Painter(tank)
     crop = bounding_box(journey(channels), alone)
     for fish, frame in zip(journey(channels), cut_out(journey(channels), alone, crop), strict=True):
         painter.show(*fish)
@@ -101,7 +108,7 @@ def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
 
 
 def test_the_crop_holds_all_there_is_and_little_more():
-    alone = Alone(HEIGHT, WIDTH, 1)
+    alone = FishOnlyPainter(HEIGHT, WIDTH, 1)
     crop = bounding_box(journey(2), alone)
     seen = np.zeros((HEIGHT, WIDTH), bool)
     for frame in cut_out(journey(2), alone, Box(0, 0, HEIGHT, WIDTH)):
@@ -116,7 +123,7 @@ def test_nothing_is_left_of_the_frame_before_and_a_fish_outside_is_not_there():
     one = Turned(picture(drop(), 15.0, 15.0))
     places = [(20, 20), (60, 50), (-500, 20), (20, 20)]
     rows = [[Placed(x, y, one, None, 0.0)] for x, y in places]
-    alone = Alone(HEIGHT, WIDTH, 1)
+    alone = FishOnlyPainter(HEIGHT, WIDTH, 1)
     frames = [frame.copy() for frame in cut_out(rows, alone, Box(0, 0, HEIGHT, WIDTH))]
     assert np.array_equal(frames[0], frames[3]) and not frames[2].any()
     assert mass_centre(frames[1][..., 3].astype(float)) == pytest.approx([60, 50], abs=0.3)
@@ -130,7 +137,9 @@ def test_colour_reaches_out_under_the_edge():
     pixels = np.full((8, 8, 2), 255, np.uint8)
     pixels[..., 0] = 200
     row = Placed(40.0, 40.0, Turned(picture(pixels, 3.5, 3.5), 20.0), None, 0.0)
-    frame = next(cut_out([[row]], alone := Alone(HEIGHT, WIDTH, 1), bounding_box([[row]], alone)))
+    frame = next(
+        cut_out([[row]], alone := FishOnlyPainter(HEIGHT, WIDTH, 1), bounding_box([[row]], alone))
+    )
     solid = (frame[..., 3] >= 16).astype(np.uint8)
     beside = (cv2.dilate(solid, np.ones((5, 5))) > solid).astype(bool)
     assert (frame[beside][:, 3] == 0).any() and (frame[beside][:, 3] > 0).any()
@@ -175,7 +184,7 @@ def test_an_edit_list_says_what_it_shows():
         partner_orientation=pd.array([None, None, 1], dtype="Int8"),
         partner_kind=[None, "frame", "sprite"], partner=pd.array([None, 1, 1], dtype="Int32"),
     )  # fmt: skip
-    found = readable(edit, tracks, sprite_table())
+    found = add_film_source(edit, tracks, sprite_table())
     assert found["track_id"].tolist() == [9, 5, 5] and found["frame"].tolist() == [0, 70, 77]
     assert found["atlas"].tolist() == [None, "straight/01/00", "left/24/01"]
     assert found["partner_track_id"].fillna(-1).tolist() == [-1, 7, 5]
@@ -634,8 +643,8 @@ def test_a_cycle_keeps_the_mass_centre_in_the_middle():
     store = [Cutout(0, 0, 35, 25, drop()) for _ in range(12 * ORIENTATIONS)]
     own = np.array([35, 25]) + mass_centre(drop()[..., -1].astype(float))
     gallery = Gallery({"sprite": Shelf(store, own[None].repeat(12, 0), ORIENTATIONS)})
-    steps, half = cycle(sprite_table(), "left", gallery)
-    alone = Alone(2 * half + 1, 2 * half + 1, 1)
+    steps, half = sprite_cycle(sprite_table(), "left", gallery)
+    alone = FishOnlyPainter(2 * half + 1, 2 * half + 1, 1)
     crop = bounding_box(steps, alone)
     assert len(steps) == 3 and {one.fish.scale for (one,) in steps} == {1.2}
     for frame in cut_out(steps, alone, crop):

@@ -46,13 +46,20 @@ from finloop.extract.background import (
     scale_brightness,
     survey_noise,
 )
-from finloop.extract.film import ClipStream, Detector, detections, follow, rows, tracks
+from finloop.extract.film import (
+    ClipStream,
+    Detector,
+    detections,
+    learn_background,
+    link_tracks,
+    track_rows,
+)
 from finloop.extract.samples import Typical, judge, survey, typical_fish
 from finloop.extract.segment import (
     Silhouette,
     SilhouetteEdge,
     matte,
-    measure,
+    measure_fish,
     premultiply,
     silhouettes,
 )
@@ -315,7 +322,7 @@ def test_mog2_takes_in_what_stays_and_follows_the_frames():
     tank = floor()
     stone = lay_over(tank, coverage(80, 60), 40)
     frames = [tank] * 10 + [stone] * 190
-    seen = list(follow(frames, scene_of(tank), rate_hz=2.0))
+    seen = list(learn_background(frames, scene_of(tank), rate_hz=2.0))
     assert all(frame is given for (frame, _), given in zip(seen, frames, strict=True))
     assert np.abs(seen[9][1].background.astype(int) - tank).max() <= 1
     assert np.abs(seen[-1][1].background.astype(int) - stone).max() <= 1
@@ -465,7 +472,7 @@ def toy(request):
     frame = lay_over(tank, coverage(80.3, 59.6, 30), [40, 60, 30] if request.param else 40)
     scene = scene_of(tank)
     (silhouette,) = patches(frame, scene)
-    return tank, frame, silhouette, measure(silhouette, frame, scene, 33)
+    return tank, frame, silhouette, measure_fish(silhouette, frame, scene, 33)
 
 
 def test_the_measures_of_a_fish(toy):
@@ -531,7 +538,7 @@ def test_over_another_tank_there_is_next_to_no_fringe_of_the_first():
     tank, other, ink = np.full(SIZE, 200, np.uint8), np.full(SIZE, 90, np.uint8), 40
     scene, cover = scene_of(tank), coverage(80, 60, 30)
     frame = lay_over(tank, cover, ink)
-    fish = measure(patches(frame, scene)[0], frame, scene, 33)
+    fish = measure_fish(patches(frame, scene)[0], frame, scene, 33)
     assert fish is not None
     moved = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(other).astype(float)
     h, w = moved.shape
@@ -572,7 +579,7 @@ def test_a_round_thing_is_not_measured():
     tank = floor()
     frame = lay_over(tank, coverage(80, 60, long=9, wide=9), 40)
     (found,) = patches(frame, scene_of(tank))
-    assert measure(found, frame, scene_of(tank), 33) is None
+    assert measure_fish(found, frame, scene_of(tank), 33) is None
 
 
 # -- what a fish is -----------------------------------------------------------------------------
@@ -688,7 +695,7 @@ def follow_fish(frames, settings=SETTINGS, cuts=()):
     scene, typical, detector = survey_film(frames, settings)
     found, tally = [], Counter()
     seen = (detector(frame, scene) for frame in frames)
-    for verdicts, some in tracks(seen, typical, settings, cuts):
+    for verdicts, some in link_tracks(seen, typical, settings, cuts):
         tally += verdicts
         found += some
     return found, tally
@@ -700,7 +707,7 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(film_with_truth, nam
     found, tally = follow_fish(frames)
     assert tally == {"fish": len(truth)}
     table, backbones = measure_features(
-        rows(found).sort_values(["track_id", "frame"], ignore_index=True), 25.0, FEATURES
+        track_rows(found).sort_values(["track_id", "frame"], ignore_index=True), 25.0, FEATURES
     )
     assert table["track_id"].nunique() == FILMS[name].fish
     errors = against_truth(table, backbones, truth)
@@ -718,16 +725,16 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(film_with_truth, nam
 
 def test_the_table_of_what_was_found_fits_its_schema(film_with_truth, tmp_path):
     found, _ = follow_fish(film_with_truth("one fish")[0])
-    table = rows(found)
+    table = track_rows(found)
     save_table(tmp_path / "t.parquet", table, tracks_schema(SETTINGS.points))
     assert list(table) == [c.name for c in tracks_schema(SETTINGS.points).columns]
-    assert len(rows([])) == 0
-    save_table(tmp_path / "t.parquet", rows([]), tracks_schema(SETTINGS.points))
+    assert len(track_rows([])) == 0
+    save_table(tmp_path / "t.parquet", track_rows([]), tracks_schema(SETTINGS.points))
 
 
 def test_tracks_end_at_cuts(film_with_truth):
     found, _ = follow_fish(film_with_truth("three fish")[0], cuts=[40, 41, 90])
-    spans = rows(found).groupby("track_id")["frame"].agg(["min", "max", "size"])
+    spans = track_rows(found).groupby("track_id")["frame"].agg(["min", "max", "size"])
     assert sorted(map(tuple, spans.to_numpy().tolist())) == sorted(
         [(0, 39, 40), (41, 89, 49), (90, 119, 30)] * 3
     )  # one frame by itself is too short to be a track
@@ -744,7 +751,7 @@ def test_a_track_appears_when_it_is_long_enough(film_with_truth):
     frames, _ = film_with_truth("one fish")
     scene, typical, detector = survey_film(frames)
     seen = (detector(frame, scene) for frame in frames)
-    counts = [len(found) for _, found in tracks(seen, typical, SETTINGS)]
+    counts = [len(found) for _, found in link_tracks(seen, typical, SETTINGS)]
     assert counts == [0] * 9 + [10] + [1] * 80
 
 
@@ -770,7 +777,7 @@ def test_memory_does_not_grow_with_the_film(film_with_truth, monkeypatch):
         tracemalloc.start()
         film = ClipStream(partial(read, []), length, 25.0)
         seen = detections(film, scene, detector, Processes())
-        count = sum(len(found) for _, found in tracks(seen, typical, SETTINGS))
+        count = sum(len(found) for _, found in link_tracks(seen, typical, SETTINGS))
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert count == length
@@ -1262,7 +1269,7 @@ def test_a_damaged_clip_is_one_message_and_no_half_output(workspace, walk_run, h
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-@pytest.mark.parametrize("where", ["film.rows", "save_record", "film_writer"])
+@pytest.mark.parametrize("where", ["film.track_rows", "save_record", "film_writer"])
 def test_whatever_stops_the_stage_leaves_what_was_there(
     workspace, walk_run, monkeypatch, error, where
 ):

@@ -25,27 +25,34 @@ from finloop.features.area import bend, closed_spline, control_points, signed_ar
 from finloop.features.current import through_water
 from finloop.features.head import _posterior, _viterbi, head_first
 from finloop.features.memory import block_frames, measured_delta
-from finloop.features.metrics import against_truth, forwards, in_mm, longest_track, summary, table1
+from finloop.features.metrics import (
+    against_truth,
+    heading_agreement,
+    in_mm,
+    longest_track,
+    summary,
+    table1,
+)
 from finloop.features.swimming_type import (
     BRISK,
     LEFT,
     RIGHT,
     STRAIGHT,
     Thresholds,
+    heading_change,
     score,
     swimming_type,
     thresholds,
-    turn,
 )
 from finloop.features.table import (
     FEATURES,
     FeaturesSettings,
     delta_frames,
     heading,
-    limits_of,
     measure_features,
     orientation,
     spans,
+    turn_thresholds,
     wrap_deg,
 )
 from finloop.io.numbers import load_numbers
@@ -439,19 +446,19 @@ def kind(turned, bent, **changed):
 @pytest.mark.parametrize("span", [1, 4, 5, 6])
 def test_a_steady_turn_is_the_same_everywhere(span):
     # Near the ends as well, and across ±180°.
-    assert turn(wrap_deg(150 + 4.0 * np.arange(30)), span) == pytest.approx(4.0 * span)
-    assert turn(wrap_deg(-150 - 4.0 * np.arange(30)), span) == pytest.approx(-4.0 * span)
+    assert heading_change(wrap_deg(150 + 4.0 * np.arange(30)), span) == pytest.approx(4.0 * span)
+    assert heading_change(wrap_deg(-150 - 4.0 * np.arange(30)), span) == pytest.approx(-4.0 * span)
 
 
 def test_a_turn_is_centred_on_its_frame():
     heading_deg = np.concatenate([np.zeros(20), np.full(20, 10.0)])
-    assert np.flatnonzero(turn(heading_deg, 4)).tolist() == [18, 19, 20, 21]
-    assert np.flatnonzero(turn(heading_deg, 5)).tolist() == [17, 18, 19, 20, 21]
+    assert np.flatnonzero(heading_change(heading_deg, 4)).tolist() == [18, 19, 20, 21]
+    assert np.flatnonzero(heading_change(heading_deg, 5)).tolist() == [17, 18, 19, 20, 21]
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_the_turn_of_a_short_track(frames):
-    found = turn(3.0 * np.arange(frames), 5)
+    found = heading_change(3.0 * np.arange(frames), 5)
     assert found == pytest.approx(0.0 if frames == 1 else 15.0)
 
 
@@ -495,7 +502,7 @@ def test_a_brisk_fish_has_the_thresholds_of_one():
 def test_a_slow_fish_turns_as_often_as_a_brisk_one(slower):
     # 45° and more in all, but never 16° in Δ: by fixed thresholds it would swim straight for ever.
     heading_deg, bent = weaving(75.0 * slower, 0.04 * slower, seconds=120.0)
-    both = turn(heading_deg, 5), bent
+    both = heading_change(heading_deg, 5), bent
     assert set(swimming_type(*both, BRISK, 0.5)) == {STRAIGHT}
     limits = thresholds([heading_deg], [bent], 5)
     types = swimming_type(*both, limits, 0.5)
@@ -515,7 +522,7 @@ def test_a_fish_that_keeps_its_heading_is_found_no_turns_in():
 def test_given_thresholds_are_kept():
     heading_deg, bent = weaving(10.0, 0.002)
     given = replace(SETTINGS, turn_threshold_deg=9.0, bend_threshold="auto")
-    limits = limits_of(heading_deg, bent, [slice(0, len(bent))], 5, given)
+    limits = turn_thresholds(heading_deg, bent, [slice(0, len(bent))], 5, given)
     measured = thresholds([heading_deg], [bent], 5)
     assert limits == Thresholds(9.0, measured.bend)
 
@@ -744,14 +751,14 @@ def test_the_summary_of_one_frame():
 def test_how_many_swim_forwards():
     tracks = tracks_table(swim(30, 3.0, 1.0), swim(20, 3.0, heading_deg=45), swim(9, 0.0))
     table, _ = measure_features(tracks, RATE, SETTINGS)
-    found = forwards(table)
+    found = heading_agreement(table)
     assert found["moving_fish_frames"] == 25 + 15
     assert found["headed_along_travel_pct"] == 100
     assert found["heading_off_travel_median_deg"] < 15
     swapped = table.copy()
     swapped.loc[swapped["track_id"] == 1, "heading_deg"] = -135.0
-    assert forwards(swapped)["headed_along_travel_pct"] == pytest.approx(100 * 25 / 40)
-    assert forwards(measure_features(tracks_table(swim(9, 0.0)), RATE, SETTINGS)[0]) == {
+    assert heading_agreement(swapped)["headed_along_travel_pct"] == pytest.approx(100 * 25 / 40)
+    assert heading_agreement(measure_features(tracks_table(swim(9, 0.0)), RATE, SETTINGS)[0]) == {
         "moving_fish_frames": 0
     }
 
@@ -1085,7 +1092,7 @@ def test_a_fish_in_a_current_gets_on_along_its_heading(heading_deg):
     assert np.degrees(np.arctan2(-far[1], far[0])) == pytest.approx(heading_deg, abs=2)
     assert table["displacement"].dropna().median() == pytest.approx(1.5 * 0.2, rel=0.05)
     assert np.allclose(table[["x_px", "y_px"]], [400, 300])  # the picture is where it was
-    assert forwards(table) == {"moving_fish_frames": 0}  # an assumed way proves no heading
+    assert heading_agreement(table) == {"moving_fish_frames": 0}  # an assumed way proves no heading
 
 
 def test_the_current_is_found_and_a_number_overrides_it():

@@ -9,7 +9,7 @@ from finloop.base.settings import settings
 from finloop.extract.background import Scene
 from finloop.extract.fins import Pale, with_fins
 from finloop.extract.samples import survey
-from finloop.extract.segment import SilhouetteEdge, measure, silhouettes
+from finloop.extract.segment import SilhouetteEdge, measure_fish, silhouettes
 
 SIZE = 240, 320
 WHOLE = np.full(SIZE, 255, np.uint8)
@@ -68,7 +68,7 @@ def scene(polarity="dark"):
 
 def measure_patches(frame, fins, polarity="dark"):
     patches = silhouettes(frame, scene(polarity), WHOLE, 60.0, SilhouetteEdge(0.4, 0.45, fins))
-    return [measure(one, frame, scene(polarity), 33) for one in patches]
+    return [measure_fish(one, frame, scene(polarity), 33) for one in patches]
 
 
 def over_the_tank(fish):

@@ -12,15 +12,15 @@ import pytest
 from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, random_swimmer, unseen
 
 from finloop.base.errors import FinloopError
-from finloop.base.nearest import parts_of
+from finloop.base.nearest import assign_parts
 from finloop.forecast import neighbours
 from finloop.forecast.assess import (
     autocorrelation,
-    ensembles,
+    control_slopes,
     longest_repeat,
     measure_free_run,
     measure_predictions,
-    obedience,
+    predict_ensembles,
     roll_out_means,
 )
 from finloop.forecast.film import MOTION, film_states
@@ -28,7 +28,16 @@ from finloop.forecast.learning import train_predictor
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split_held_out
-from finloop.forecast.sampling import begin, follow, free_run, go_over, means, sampler, step, ways
+from finloop.forecast.sampling import (
+    build_sampler,
+    draw_next_row,
+    follow_row,
+    free_run,
+    next_row_weights,
+    predict_means,
+    start_at_random_row,
+    step,
+)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +53,7 @@ def learnt(film):
 
 @pytest.fixture(scope="module")
 def swim(film, learnt):
-    return sampler(film, learnt[0], similar_rows(film, plain(film), unseen, HOW), HOW)
+    return build_sampler(film, learnt[0], similar_rows(film, plain(film), unseen, HOW), HOW)
 
 
 def rng(seed=0):
@@ -234,10 +243,10 @@ def test_similar_rows_do_not_depend_on_how_many_are_looked_at_at_a_time(film, mo
 
 def test_neighbours_in_a_long_film_are_of_a_part_of_it(film, monkeypatch):
     """Each turn of rows has another part, so that every part is reached."""
-    monkeypatch.setattr(neighbours, "parts_of", partial(parts_of, most=film.count // 3))
+    monkeypatch.setattr(neighbours, "assign_parts", partial(assign_parts, most=film.count // 3))
     monkeypatch.setattr(neighbours, "_TURN", 50)
     monkeypatch.setattr(neighbours, "_LOT", 25)
-    part = neighbours.parts_of(film.count, neighbours._STRETCH * film.delta)
+    part = neighbours.assign_parts(film.count, neighbours._STRETCH * film.delta)
     parts, order = 1 + int(part.max()), np.empty(len(film.states), int)
     order[film.rows] = np.arange(len(film.rows))
     assert parts >= 3
@@ -248,7 +257,9 @@ def test_neighbours_in_a_long_film_are_of_a_part_of_it(film, monkeypatch):
 
 
 def test_a_sampler_takes_means_that_were_foretold_before(film, learnt, swim):
-    again = sampler(film, learnt[0], (swim.start, swim.to), HOW, means(film, learnt[0]))
+    again = build_sampler(
+        film, learnt[0], (swim.start, swim.to), HOW, predict_means(film, learnt[0])
+    )
     assert np.array_equal(again.mean, swim.mean)
     assert (again.mean[film.rows] != 0).any()
 
@@ -258,7 +269,7 @@ def test_in_the_long_run_all_rows_are_visited_alike(swim):
     m = len(swim.states)
     there = np.zeros(m)
     for row in np.flatnonzero(swim.usable):
-        rows, chance = ways(swim, row)
+        rows, chance = next_row_weights(swim, row)
         assert chance.sum() == pytest.approx(1)
         np.add.at(there, rows, chance)
     assert np.allclose(there[swim.usable], 1)
@@ -270,14 +281,14 @@ def test_in_the_long_run_all_rows_are_visited_alike(swim):
 def test_in_a_rows_own_state_under_its_own_control_a_fish_swims_as_filmed(film, swim):
     row = int(film.rows[300])
     past = film.states[row - np.arange(film.lags[-1] + 1)]
-    states = follow(swim, past, row, 8, film.control[row])[::-1]
+    states = follow_row(swim, past, row, 8, film.control[row])[::-1]
     assert np.allclose(states, film.states[row + 1 : row + 9], atol=1e-4)
 
 
 def test_a_difference_settles(film, swim):
     row = int(film.rows[300])
     past = film.states[row - np.arange(film.lags[-1] + 1)] + 0.5 * film.scale
-    states = follow(swim, past, row, 25, film.control[row])[::-1]
+    states = follow_row(swim, past, row, 25, film.control[row])[::-1]
     off = np.abs(states - film.states[row + 1 : row + 26]) / film.scale
     assert off[-1].max() < 0.02
     assert off[0, -MOTION:].max() < off[0, :-MOTION].max() < 0.5
@@ -290,7 +301,7 @@ def test_the_same_draws_give_the_same_path_and_others_another(swim):
 
 
 def test_a_step_changes_nothing_but_the_draws(swim):
-    state = begin(swim, rng())
+    state = start_at_random_row(swim, rng())
     past = state.past.copy()
     one, again = (step(swim, state, None, rng(3)) for _ in range(2))
     assert np.array_equal(state.past, past)
@@ -303,10 +314,10 @@ def test_the_mirrored_state_and_control_give_the_mirrored_distribution(film, swi
     for row in rng().choice(film.rows[film.rows < n], 10).tolist():
         ends = []
         for side, here in ((np.ones(2), row), (film.side, row + n)):
-            rows, chance = ways(swim, here)
+            rows, chance = next_row_weights(swim, here)
             control = film.control[row] * side
             past = swim.states[here - np.arange(film.lags[-1] + 1)]
-            states = np.array([follow(swim, past, int(r), 1, control)[0] for r in rows])
+            states = np.array([follow_row(swim, past, int(r), 1, control)[0] for r in rows])
             if here != row:
                 states = states @ film.mirror
             order = np.argsort(states[:, 0])
@@ -338,7 +349,7 @@ def test_no_second_is_swum_twice(film, swim):
 
 
 def test_a_fish_turns_and_moves_as_it_is_told(film, swim):
-    slopes = obedience(swim, film, rng())
+    slopes = control_slopes(swim, film, rng())
     assert 0.5 < slopes["angle_slope"] < 1.3
     assert slopes["displacement_slope"] > 0.3
 
@@ -346,7 +357,7 @@ def test_a_fish_turns_and_moves_as_it_is_told(film, swim):
 def test_where_the_film_ends_a_fish_goes_over(swim):
     last = int(np.flatnonzero(swim.usable[:3000])[-1]) + 1
     assert not swim.usable[last]
-    assert all(swim.usable[go_over(swim, last, None, rng(seed))] for seed in range(20))
+    assert all(swim.usable[draw_next_row(swim, last, None, rng(seed))] for seed in range(20))
 
 
 # --- measures
@@ -354,7 +365,7 @@ def test_where_the_film_ends_a_fish_goes_over(swim):
 
 def test_the_spread_is_that_of_the_law(film, learnt, swim):
     """The truth lies in the inner half of its forecasts half of the time."""
-    told = ensembles(film, swim, learnt[1], rng())
+    told = predict_ensembles(film, swim, learnt[1], rng())
     numbers = measure_predictions(film, told, swim, learnt[1])
     assert numbers["truth_in_inner_50_pct"] == pytest.approx(50, abs=6)
     assert numbers["truth_in_inner_80_pct"] == pytest.approx(80, abs=6)

@@ -9,7 +9,7 @@ from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, phases, truth
 from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.compare import compare, holdouts
-from finloop.gait.feet import align_phase, feet
+from finloop.gait.feet import align_phase, foot_positions
 from finloop.gait.film import GaitContours, keys_of
 from finloop.gait.fit import fit
 from finloop.gait.model import Gait, Layout, at_phases, four_keys, mirror_contours
@@ -147,12 +147,15 @@ def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
         film, contours={**film.contours, "fore_left": film.contours["fore_left"] + noise}
     )
     later = {name: points[[8, 24]] for name, points in noisy.contours.items()}
-    mean = (noisy.contours["fore_left"][[0, 16]].sum(0) + film.later(later)["fore_left"].sum(0)) / 4
+    mean = (
+        noisy.contours["fore_left"][[0, 16]].sum(0)
+        + film.contours_half_cycle_later(later)["fore_left"].sum(0)
+    ) / 4
     np.testing.assert_allclose(keys_of(noisy, 0.25).first["fore_left"], mean)
     between = _film((np.arange(4) - 0.5) / 4 + 0.25, straight)  # key 2 amid two frames
     expected = between.contours["fore_left"][:2].mean(axis=0)
     twin = _film(between.phase + 0.5, straight)
-    other = twin.later(twin.contours)["fore_left"][:2].mean(axis=0)
+    other = twin.contours_half_cycle_later(twin.contours)["fore_left"][:2].mean(axis=0)
     np.testing.assert_allclose(expected, other, atol=1e-12)
     np.testing.assert_allclose(keys_of(between, 0.25).second["fore_left"], expected, atol=1e-12)
 
@@ -257,6 +260,6 @@ def test_feet_tell_where_the_keys_are(late):
     limbs = truth(dog, 32)
     limbs["fore_left"][7] = np.nan
     true = phases(dog)
-    found = align_phase(true * 1.003 + late, feet(limbs), 0.25)
+    found = align_phase(true * 1.003 + late, foot_positions(limbs), 0.25)
     np.testing.assert_allclose(found, true, atol=1e-3)
-    np.testing.assert_array_equal(align_phase(true[:9], feet(limbs)[:9], 0.25), true[:9])
+    np.testing.assert_array_equal(align_phase(true[:9], foot_positions(limbs)[:9], 0.25), true[:9])

@@ -18,9 +18,9 @@ from finloop.gait.outline import (
     asymmetry,
     contours,
     in_body_frame,
+    join_steady_frames,
     pose,
-    steady,
-    swim,
+    swim_contours,
     tail,
     track_outlines,
 )
@@ -51,9 +51,9 @@ def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndar
 
 
 @cache
-def swim_contours(speed: float = 0.0, turn: float = 0.0) -> TrackContours:
+def measure_swimming(speed: float = 0.0, turn: float = 0.0) -> TrackContours:
     """What is measured of `swimming`."""
-    return swim(*swimming(speed, turn), RATE)
+    return swim_contours(*swimming(speed, turn), RATE)
 
 
 def off(found: np.ndarray, true: np.ndarray | float) -> np.ndarray:
@@ -74,7 +74,7 @@ def test_contours_begin_at_the_snout_and_run_clockwise() -> None:
 
 
 def test_the_beat_of_a_drawn_fish_is_found() -> None:
-    found = swim_contours()
+    found = measure_swimming()
     assert found.period.frequency_hz == pytest.approx(2.2, rel=0.01)
     assert found.period.confidence > 0.98
     assert found.period.steady.all()
@@ -89,16 +89,16 @@ def test_the_beat_of_a_drawn_fish_is_found() -> None:
 
 def test_the_way_is_dropped_and_the_beat_kept() -> None:
     """Swimming ahead and in a wide turn gives the contours of swimming in place."""
-    here = swim_contours()
+    here = measure_swimming()
     for way in ({"speed": 1.5}, {"speed": 1.0, "turn": 0.4}):
-        there = swim_contours(**way)
+        there = measure_swimming(**way)
         assert np.sqrt(((there.points - here.points) ** 2).sum(-1).mean()) < 0.005
         np.testing.assert_allclose(off(there.period.phase, here.period.phase), 0, atol=0.02)
 
 
 def test_the_yaw_of_the_head_is_kept() -> None:
     """The head swings in the body frame as it does on the film of a fish that stays in place."""
-    found, (_, line) = swim_contours(), swimming()
+    found, (_, line) = measure_swimming(), swimming()
     wanted = line[:, 0, 1] / LENGTH
     np.testing.assert_allclose(found.points[:, 0, 1], wanted - wanted.mean(), atol=0.004)
     assert np.ptp(wanted) > 0.02
@@ -108,15 +108,18 @@ def test_place_direction_and_size_on_the_screen_do_not_matter() -> None:
     outline, line = swimming(speed=1.0, turn=0.4)
     cos, sin = np.cos(2.1), np.sin(2.1)
     turn = 3 * np.array([[cos, sin], [-sin, cos]])
-    one = swim_contours(speed=1.0, turn=0.4)
-    other = swim(outline @ turn + [700, -20], line @ turn + [700, -20], RATE)
+    one = measure_swimming(speed=1.0, turn=0.4)
+    other = swim_contours(outline @ turn + [700, -20], line @ turn + [700, -20], RATE)
     np.testing.assert_allclose(one.points, other.points, atol=1e-9)
     np.testing.assert_allclose(one.period.phase, other.period.phase, atol=1e-9)
 
 
 def test_in_a_mirror_it_is_half_a_beat_later() -> None:
     outline, line = swimming(speed=1.0, turn=0.4)
-    one, other = swim_contours(speed=1.0, turn=0.4), swim(outline * [1, -1], line * [1, -1], RATE)
+    one, other = (
+        measure_swimming(speed=1.0, turn=0.4),
+        swim_contours(outline * [1, -1], line * [1, -1], RATE),
+    )
     image = one.points[:, -np.arange(one.points.shape[1])] * [1, -1]
     np.testing.assert_allclose(image, other.points, atol=1e-9)
     np.testing.assert_allclose(off(one.period.phase + 0.5, other.period.phase), 0, atol=1e-9)
@@ -145,7 +148,7 @@ def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> Non
             for i in range(len(carp.x))
         ]
     )  # fmt: skip
-    found = swim(np.stack([carp_outline(line) for line in lines]), lines, 25.0).period
+    found = swim_contours(np.stack([carp_outline(line) for line in lines]), lines, 25.0).period
     beat, both = carp.beat[:, 0], found.steady[1:] & found.steady[:-1]
     assert found.why == ""
     assert found.cycles > 4
@@ -158,19 +161,19 @@ def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> Non
 def test_a_glide_has_no_beat() -> None:
     outline, line = swimming()
     still = np.repeat(outline[:1], FRAMES, axis=0), np.repeat(line[:1], FRAMES, axis=0)
-    found = swim(*still, RATE)
+    found = swim_contours(*still, RATE)
     assert found.period.why == "nothing moves"
     with pytest.raises(FinloopError, match="1 of 1: nothing moves"):
-        steady([found])
+        join_steady_frames([found])
 
 
 def test_steady_frames_of_several_tracks_follow_each_other() -> None:
-    one = swim_contours()
+    one = measure_swimming()
     gap = one.period.steady.copy()
     gap[30:40] = False
     holed = replace(one, period=replace(one.period, steady=gap))
     lost = replace(one, period=replace(one.period, why="no cycle is much like another"))
-    points, phase = steady([holed, lost, one])
+    points, phase = join_steady_frames([holed, lost, one])
     assert len(points) == len(phase) == 2 * FRAMES - 10
     assert (np.diff(phase) > 0).all()
     assert (np.diff(phase) <= 2).all()
@@ -179,7 +182,7 @@ def test_steady_frames_of_several_tracks_follow_each_other() -> None:
 
 def test_too_few_frames_of_a_beat_are_said() -> None:
     outline, line = swimming()
-    found = swim(outline[:9], line[:9], RATE)
+    found = swim_contours(outline[:9], line[:9], RATE)
     assert isinstance(found, TrackContours)
     assert isinstance(found.period, Period)
     assert "half a cycle" in found.period.why

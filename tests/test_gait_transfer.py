@@ -10,7 +10,7 @@ from conftest import ROOT
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
-from finloop.gait.ground import ground, path, plant_feet, supports
+from finloop.gait.ground import foot_displacement, ground, plant_feet, supports
 from finloop.gait.match import match_poses, mirror_orders, renumber_curve
 from finloop.gait.model import Gait, mirror_contours
 from finloop.gait.transfer import repeat, transfer, with_pooled_gamma
@@ -229,7 +229,9 @@ def test_a_foot_drawn_with_an_open_line_counts_too():
         )
         for k in range(5)
     ]
-    assert path(np.stack([leg.points for leg in legs]))[-1] == pytest.approx(6, abs=0.3)
+    assert foot_displacement(np.stack([leg.points for leg in legs]))[-1] == pytest.approx(
+        6, abs=0.3
+    )
 
 
 def test_a_foot_that_rolls_does_not_slide():
@@ -237,7 +239,7 @@ def test_a_foot_that_rolls_does_not_slide():
     boot = resample_curve(Curve(BOOT, True), 256).points
     toe = boot[np.argmax(boot @ [1, 1])]
     rolls = np.stack([rotate(boot - toe, degrees) for degrees in np.linspace(0, 20, 9)])
-    assert abs(path(rolls)[-1]) < 1 < abs(np.ptp(rolls[..., 0].mean(axis=1)))
+    assert abs(foot_displacement(rolls)[-1]) < 1 < abs(np.ptp(rolls[..., 0].mean(axis=1)))
 
 
 def test_a_good_foot_is_left_alone():

@@ -20,7 +20,7 @@ import stages.plots.gateways
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.distance.map import STEPS, MapFacts
-from finloop.distance.picture import BODY, FILM, picture, steps
+from finloop.distance.picture import BODY, FILM, picture, successive_distances
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, orientation, wrap_deg
 from finloop.gateways.find import (
@@ -29,7 +29,7 @@ from finloop.gateways.find import (
     OUT,
     GatewaysSettings,
     gateways,
-    nearest,
+    gateways_without_threshold,
     nearness,
     numbers,
     sprite_pictures,
@@ -137,7 +137,7 @@ class World:
         self.folder = folder
         with self.open() as (store, film):
             self.near = nearness(self.reel(store, film), np.arange(len(features)), SIZE, pose)
-            self.step = float(np.median(steps(self.film(film))[: FRAMES - 1]))
+            self.step = float(np.median(successive_distances(self.film(film))[: FRAMES - 1]))
 
     def open(self):
         return Both(self.folder)
@@ -388,7 +388,7 @@ def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
     assert len(none) == 0
     save_table(tmp_path / "none.parquet", none, GATEWAYS)
     assert len(load_table(tmp_path / "none.parquet", GATEWAYS)) == 0
-    every = nearest(world.near, world.sprites, world.features, SETTINGS)
+    every = gateways_without_threshold(world.near, world.sprites, world.features, SETTINGS)
     found = numbers(none, every, world.near, world.features, RATE, world.step)
     assert found["ways_in"] == found["ways_out"] == found["film_rows_with_way_out_pct"] == 0
     assert found["sprites_in_orientations_without_way_in"] == len(world.sprites)
@@ -397,13 +397,13 @@ def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
 
 
 def test_nearest_is_the_table_without_a_threshold(world):
-    every = nearest(world.near, world.sprites, world.features, SETTINGS)
+    every = gateways_without_threshold(world.near, world.sprites, world.features, SETTINGS)
     pd.testing.assert_frame_equal(every, world.table(distance_threshold=1e6))
 
 
 def test_numbers_count(world):
     table = world.table()
-    every = nearest(world.near, world.sprites, world.features, SETTINGS)
+    every = gateways_without_threshold(world.near, world.sprites, world.features, SETTINGS)
     found = numbers(table, every, world.near, world.features, RATE, world.step)
     ways_out = table[table["direction"] == OUT]
     assert found["ways_in"] + found["ways_out"] == len(table)

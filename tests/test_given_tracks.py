@@ -29,7 +29,7 @@ from finloop.extract.film import Detections
 from finloop.extract.fit import (
     FilmSize,
     SilhouetteFit,
-    fit,
+    fit_to_silhouettes,
     keypoint,
     map_poses_to_clip,
     refuse_other_film,
@@ -510,7 +510,7 @@ def moving(frames=30, animals=3, seed=0):
 def map_and_fit(places, film, names=None):
     told = map_poses(poses_at(places, names=names))
     frames = list(range(len(film)))
-    return told, fit(told, frames, film, 12.0)
+    return told, fit_to_silhouettes(told, frames, film, 12.0)
 
 
 def test_tracks_of_this_film_fit_and_those_of_another_do_not():

@@ -15,7 +15,7 @@ import stages.identity
 import stages.plots.identity
 from finloop.identity import appearance, motion
 from finloop.identity.film import IDENTITIES
-from finloop.identity.joins import Pairs, at_once, best, in_passes, later
+from finloop.identity.joins import Pairs, best_joins, in_passes, simultaneous_pairs, successor_pairs
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 
@@ -73,9 +73,9 @@ def test_a_track_is_joined_to_one_that_begins_where_it_leads():
     after = [(t[16:], way[16:]) for way in ways[::-1]]
     frames, places = zip(*before, *after, strict=True)
     ends = motion.ends(list(frames), list(places), 4)
-    pairs = later(ends.start, ends.stop, np.zeros(4, int))
+    pairs = successor_pairs(ends.start, ends.stop, np.zeros(4, int))
     score = motion.log_ratios(ends, motion.drift(table_of(*ways, *ways)), pairs)
-    joins = best(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
+    joins = best_joins(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
     assert joins.before.tolist() == [-1, -1, 1, 0]
 
 
@@ -93,9 +93,9 @@ def spans_of(rng, tracks=60, cut=300):
 def test_tracks_are_followed_by_the_next_of_their_segment(rng):
     start, stop, segment = spans_of(rng)
     after = (start > stop[:, None]) & (segment == segment[:, None])
-    every = later(start, stop, segment, len(start))
+    every = successor_pairs(start, stop, segment, len(start))
     assert set(zip(*every, strict=True)) == set(zip(*np.nonzero(after), strict=True))
-    some = later(start, stop, segment, 5)
+    some = successor_pairs(start, stop, segment, 5)
     for track in range(len(start)):
         first = np.sort(start[after[track]])[:5]
         np.testing.assert_array_equal(np.sort(start[some.b[some.a == track]]), first)
@@ -104,7 +104,7 @@ def test_tracks_are_followed_by_the_next_of_their_segment(rng):
 def test_pairs_at_once_have_a_frame_in_common(rng):
     start, stop, _ = spans_of(rng)
     both = np.triu((start <= stop[:, None]) & (start[:, None] <= stop), 1)
-    pairs = list(zip(*at_once(start, stop), strict=True))
+    pairs = list(zip(*simultaneous_pairs(start, stop), strict=True))
     assert sorted(pairs) == list(zip(*np.nonzero(both), strict=True))
 
 
@@ -114,7 +114,7 @@ def test_the_best_set_of_few_pairs_is_that_of_the_whole_matrix(rng):
         same = a // part == b // part
         pairs = Pairs(a[same], b[same])
         score, stranger = rng.normal(0, 3, same.sum()), 0.2
-        before = best(20, pairs, score, stranger, 0.0, rng).before
+        before = best_joins(20, pairs, score, stranger, 0.0, rng).before
         whole = np.full((20, 40), -1e6)
         whole[pairs] = score - 2 * np.log(stranger)
         whole[np.arange(20), 20 + np.arange(20)] = 0
@@ -126,10 +126,10 @@ def test_the_best_set_of_few_pairs_is_that_of_the_whole_matrix(rng):
 
 def test_equal_scores_are_equally_probable(rng):
     pairs, score = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3])), np.full(4, 6.0)
-    found = best(4, pairs, score, 1e-6, 0.3, rng)
+    found = best_joins(4, pairs, score, 1e-6, 0.3, rng)
     assert sorted(found.before[2:]) == [0, 1]
     assert found.probability[2:] == pytest.approx(0.5, abs=0.15)
-    assert (best(4, pairs, score, 1e-6, 0.75, rng).before == -1).all()
+    assert (best_joins(4, pairs, score, 1e-6, 0.75, rng).before == -1).all()
 
 
 def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
@@ -149,7 +149,7 @@ def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
         for join in joined:
             weight[join] += one
     pairs = Pairs(*np.nonzero(np.isfinite(score)))
-    found = best(6, pairs, score[pairs], stranger, 0.01, rng)
+    found = best_joins(6, pairs, score[pairs], stranger, 0.01, rng)
     for b in starts:
         if found.before[b] >= 0:
             truth = weight[found.before[b], b] / total
@@ -168,7 +168,7 @@ def test_tracks_that_are_joined_tell_more_together(rng):
         return pairs, np.array([20.0, -20.0, -20.0])
 
     def best_names(count, pairs, log_ratio):
-        return best(count, pairs, log_ratio, 0.01, 0.5, rng)
+        return best_joins(count, pairs, log_ratio, 0.01, 0.5, rng)
 
     assert best_names(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
     assert in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
@@ -176,10 +176,10 @@ def test_tracks_that_are_joined_tell_more_together(rng):
 
 def test_where_no_join_is_sure_passes_are_one(rng):
     pairs = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3]))
-    once = best(4, pairs, np.full(4, 6.0), 1e-6, 0.3, np.random.default_rng(0))
+    once = best_joins(4, pairs, np.full(4, 6.0), 1e-6, 0.3, np.random.default_rng(0))
 
     def best_names(count, pairs, log_ratio):
-        return best(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
+        return best_joins(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
 
     joins = in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, best_names)
     np.testing.assert_array_equal(joins, once)
@@ -198,7 +198,7 @@ def looked_at(tracks, time):
     """The log ratio of all pairs (n, n) of tracks that are seen in one frame each."""
     n = len(tracks)
     pairs = Pairs(*np.indices((n, n)).reshape(2, -1))
-    return appearance.log_ratios(tracks, at_once(time, time), pairs).reshape(n, n)
+    return appearance.log_ratios(tracks, simultaneous_pairs(time, time), pairs).reshape(n, n)
 
 
 def test_components_of_some_pictures_describe_them_all(rng, monkeypatch):

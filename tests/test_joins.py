@@ -170,7 +170,9 @@ def test_what_no_animal_of_the_film_can_do_is_not_drawn():
     assert not BODIES.poses.shapes.nearest_codes(codes).clamped.any()
     far = found.codes[30] + 50.0
     assert BODIES.poses.shapes.nearest_codes(far[None]).clamped.all()
-    assert BODIES.poses.shapes.far(BODIES.poses.shapes.nearest_codes(far[None]).codes).all()
+    assert BODIES.poses.shapes.is_far_from_film(
+        BODIES.poses.shapes.nearest_codes(far[None]).codes
+    ).all()
 
 
 def joined_by(mode, kind):

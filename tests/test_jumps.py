@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from toy_film import arc_track, matching_of, table_of, waters_of
 
-from finloop.base.nearest import parts_of
+from finloop.base.nearest import assign_parts
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY
 from finloop.edit.build import resolve_mirror_images
@@ -91,7 +91,7 @@ class Nothing:
 
 def of_parts(monkeypatch, most: int) -> None:
     """A film of so many rows is long."""
-    monkeypatch.setattr(search, "parts_of", partial(parts_of, most=most))
+    monkeypatch.setattr(search, "assign_parts", partial(assign_parts, most=most))
 
 
 def test_in_a_part_of_the_film_are_the_nearest_that_lie_there(rng, monkeypatch):

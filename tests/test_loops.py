@@ -23,7 +23,7 @@ import stages.plots.loops
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.distance.map import PAIRS, STEPS, MapFacts
-from finloop.distance.picture import BODY, steps
+from finloop.distance.picture import BODY, successive_distances
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
@@ -31,7 +31,7 @@ from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
-from finloop.loops.graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
+from finloop.loops.graph import JUMP, PLAY, can_play_for_ever, in_component, loop_graph, routes
 from finloop.loops.positions import (
     displacement,
     merge_legs,
@@ -56,7 +56,7 @@ from finloop.loops.travel import improper, travel_of
 from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
 from finloop.plots.loop_groups import film_below, over_time, stretches
 from finloop.plots.loop_routes import choose_cases, figure10, find_three_ways, jumps_of, spell
-from finloop.plots.loops import apart, sample
+from finloop.plots.loops import sample, separate_loops
 
 RATE = 20.0
 DELTA = 4
@@ -391,7 +391,7 @@ def test_the_graph_of_fig10(fig10):
     assert ends == [[6], [4], [7], [5], [1], [3], [0], [2]]
     assert fig10.component.tolist() == [0, 0, 0, 0, 0, 0, 0, 1]  # no film follows H
     assert fig10.endless.tolist() == [True] * 7 + [False]
-    assert goes_on(fig10, np.zeros(90, int)).tolist() == [True] * 75 + [False] * 15
+    assert can_play_for_ever(fig10, np.zeros(90, int)).tolist() == [True] * 75 + [False] * 15
     assert in_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
 
 
@@ -399,7 +399,7 @@ def test_a_jump_there_and_back_is_no_way_to_go_on():
     """Two tracks with one loop between them: from either the film runs out."""
     graph = loop_graph(table_of((10, 30)), np.repeat([0, 1], 20))
     assert not graph.endless.any() and not graph.cyclic.any()
-    assert not goes_on(graph, np.repeat([0, 1], 20)).any()
+    assert not can_play_for_ever(graph, np.repeat([0, 1], 20)).any()
 
 
 def test_a_loop_between_neighbours_is_a_component_of_its_own():
@@ -426,7 +426,7 @@ def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
         reach |= (reach.astype(np.float32) @ reach) > 0
     again = reach.diagonal()
     for_ever = (reach & again).any(axis=1)
-    np.testing.assert_array_equal(goes_on(graph, track), for_ever)
+    np.testing.assert_array_equal(can_play_for_ever(graph, track), for_ever)
     np.testing.assert_array_equal(graph.endless, for_ever[graph.ends])
     together = reach & reach.T
     mine = in_component(graph, 120)
@@ -568,9 +568,9 @@ def test_a_sample_is_even_and_examples_are_apart():
     some = sample(loops, 11)
     assert len(some) == 11 and some["a"].iloc[[0, -1]].tolist() == [0, 999]
     assert len(sample(loops[:5], 11)) == 5 and len(sample(loops[:0], 11)) == 0
-    places = apart(loops, 20, 4)
+    places = separate_loops(loops, 20, 4)
     assert places == [0, 21, 42, 63]
-    assert apart(loops[:5], 20, 4) == [0]
+    assert separate_loops(loops[:5], 20, 4) == [0]
 
 
 # -- Fig. 10, three ways ----------------------------------------------------------------------------
@@ -766,7 +766,7 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5, backwards=False):
     with open_cutouts(folder / "data/extract/cutouts.arrow") as film:
         pictures = Reel(table, film).frames(np.arange(n * tracks), 24, BODY)
     far = cdist(*[pictures.reshape(n * tracks, -1)] * 2)
-    step = np.where(np.diff(track) == 0, steps(pictures), np.nan)
+    step = np.where(np.diff(track) == 0, successive_distances(pictures), np.nan)
     median, p95 = float(np.nanmedian(step)), float(np.nanquantile(step, 0.95))
     i, j = np.nonzero(np.triu(far <= keep * median, 1))
     pairs = pd.DataFrame({"i": i, "j": j, "distance": far[i, j]})

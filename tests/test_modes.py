@@ -196,7 +196,7 @@ def test_never_outside_the_tank(mode, pose):
         goals = random_goals(player.world, 3, np.random.default_rng(seed))
         _, table = edit_of(player, goals, 1000, seed)
         assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
-        assert measures.outside(table, player) == 0
+        assert measures.count_ticks_outside(table, player) == 0
 
 
 def player_of_a_film_at(rate, mode):

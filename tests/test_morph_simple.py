@@ -13,18 +13,18 @@ from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
 from finloop.curve.glyph import glyph
 from finloop.curve.wavelet import drop_details
-from finloop.morph.flow import area, ears_off, join_plain_ends, shorten_polygon, straighten_curve
+from finloop.morph.flow import area, cut_ears, join_plain_ends, shorten_polygon, straighten_curve
 from finloop.morph.folds import folds, is_simple, stays_simple
 from finloop.morph.linear import linear, physical
 from finloop.morph.match import match_curves, misfit
-from finloop.morph.simple import path_length, simple, simple_morph
+from finloop.morph.simple import path_length, simple_frames, simple_morph
 
 GLYPHS = {
     name: outlines[0]
     for name in string.ascii_letters + string.digits
     if len(outlines := glyph(name)) == 1
 }
-METHODS = (linear, simple, lambda a, b, f, n: physical(a, b, f, n, 1.0, 8.0, 1.0))
+METHODS = (linear, simple_frames, lambda a, b, f, n: physical(a, b, f, n, 1.0, 8.0, 1.0))
 
 
 def centre(points):
@@ -205,7 +205,7 @@ def test_ears_of_tangles(curve, n):
 
 def check_ears(points):
     n = len(points)
-    poses, done = ears_off(points)
+    poses, done = cut_ears(points)
     assert done and len(poses) == n - 2 and stays_simple(poses)
     areas = [area(pose) for pose in poses]
     np.testing.assert_allclose(areas, areas[0], rtol=1e-9)
@@ -217,7 +217,7 @@ def check_ears(points):
 def test_plain_ends_can_always_be_joined():
     """Whatever the turn between two near-circles, or a triangle and a circle, or two lines."""
     points, _ = shorten_polygon(resample_curve(GLYPHS["k"], 64).points)
-    triangle, _ = ears_off(resample_curve(comb(3, 2), 64).points)
+    triangle, _ = cut_ears(resample_curve(comb(3, 2), 64).points)
     for start in range(0, 64, 7):
         for other in (points[-1], triangle[-1]):
             if area(other) * area(points[-1]) < 0:
@@ -310,22 +310,24 @@ def test_any_simple_polygons(seed, back):
 
 def test_size_and_place_do_not_matter():
     a, b = GLYPHS["C"], GLYPHS["W"]
-    frames = simple(a, b, 20, 128)
+    frames = simple_frames(a, b, 20, 128)
     moved = [Curve(curve.points * 0.5 + [1024, -512], True) for curve in (a, b)]
-    np.testing.assert_allclose(simple(*moved, 20, 128), frames * 0.5 + [1024, -512], atol=1e-3)
+    np.testing.assert_allclose(
+        simple_frames(*moved, 20, 128), frames * 0.5 + [1024, -512], atol=1e-3
+    )
 
 
 def test_curves_that_meet_themselves():
     eight = Curve(np.array([[0, 0], [4, 4], [4, 0], [0, 4]], float), True)
     with pytest.raises(FinloopError, match="first curve, at 64 points, meets itself"):
-        simple(eight, GLYPHS["C"], 5, 64)
+        simple_frames(eight, GLYPHS["C"], 5, 64)
     with pytest.raises(FinloopError, match="second curve, at 64 points, meets itself"):
-        simple(GLYPHS["C"], eight, 5, 64)
+        simple_frames(GLYPHS["C"], eight, 5, 64)
     assert folds(linear(eight, GLYPHS["C"], 5, 64))[0] > 0  # the linear one only counts
 
 
 def test_curves_that_are_none():
     with pytest.raises(FinloopError):
-        simple(GLYPHS["C"], Curve(np.full((5, 2), np.nan), True), 5, 64)
+        simple_frames(GLYPHS["C"], Curve(np.full((5, 2), np.nan), True), 5, 64)
     with pytest.raises(FinloopError):
-        simple(GLYPHS["C"], clean_curve(Curve(np.zeros((5, 2)), True), "dot"), 5, 64)
+        simple_frames(GLYPHS["C"], clean_curve(Curve(np.zeros((5, 2)), True), "dot"), 5, 64)

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from finloop.base.nearest import RECALL, Nearest, parts_of
+from finloop.base.nearest import RECALL, Nearest, assign_parts
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_another_process_finds_the_same(vectors, most):
 
 @pytest.mark.parametrize(("n", "parts"), [(1, 1), (100, 1), (101, 2), (950, 10)])
 def test_the_parts_of_a_film_are_stretches_spread_over_it(n, parts):
-    made = parts_of(n, 10, most=100)
+    made = assign_parts(n, 10, most=100)
     assert set(made) == set(range(parts))
     assert np.bincount(made).max() <= 100 + 10
     edges = np.flatnonzero(np.diff(made)) + 1

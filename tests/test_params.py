@@ -18,10 +18,10 @@ from pydantic import Field
 
 import stages.stamps
 from finloop.base.errors import FinloopError
-from finloop.base.parameter_help import every_parameter, problems
-from finloop.base.settings import GONE, GROUPS, check, settings, values_of, variants
+from finloop.base.parameter_help import every_parameter, find_comment_problems
+from finloop.base.settings import GONE, GROUPS, check_values, settings, values_of, variants
 from finloop.edit.modes import MODES
-from finloop.io.parameters import refusal
+from finloop.io.parameters import refusal_error
 from stages import settings as door
 from stages.compose import compare, compose_params
 from stages.experiment import FOLDER
@@ -62,7 +62,7 @@ TOY: dict[str, Any] = {
 
 
 def toy(**changed: Any) -> list[str]:
-    return check("toy", {"default": Toy}, TOY | changed)[1]
+    return check_values("toy", {"default": Toy}, TOY | changed)[1]
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +71,7 @@ def in_root(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_good_values_become_the_dataclass():
-    group, none = check("toy", {"default": Toy}, TOY | {"arena": [1, 2.5]})
+    group, none = check_values("toy", {"default": Toy}, TOY | {"arena": [1, 2.5]})
     assert none == []
     assert isinstance(group, Toy)
     assert (group.size_px, group.arena) == (3.0, [1.0, 2.5])
@@ -119,13 +119,15 @@ def test_an_unknown_key_like_no_other_names_all():
 def test_a_parameter_of_another_group_is_answered_by_its_name_there(name, told):
     word, _, key = name.partition(".")
     whole = made_values()[word]
-    (problem,) = check(word, VARIANTS[word], whole | {key: 1})[1]
+    (problem,) = check_values(word, VARIANTS[word], whole | {key: 1})[1]
     assert problem.startswith(f"{name}: unknown; {told}")
 
 
 @pytest.mark.parametrize("mode", ["nn", "fly", ["network"]])
 def test_a_mode_that_there_is_not_is_answered_by_those_that_there_are(mode):
-    (problem,) = check("render", VARIANTS["render"], made_values()["render"] | {"mode": mode})[1]
+    (problem,) = check_values(
+        "render", VARIANTS["render"], made_values()["render"] | {"mode": mode}
+    )[1]
     assert all(f"'{one}'" in problem for one in MODES)
     assert problem.endswith("which is network now") == (mode == "nn")
 
@@ -153,19 +155,21 @@ def test_no_text_names_a_parameter_by_a_group_that_lacks_it():
 def test_every_problem_is_told_at_once():
     found = toy(size_px=-1, fish=0, polarity=3, arena=["x"], new=1)
     assert len(found) == 5
-    message = str(refusal(found))
+    message = str(refusal_error(found))
     assert message.startswith("5 parameters are refused:")
     assert all(problem in message for problem in found)
 
 
 def test_a_group_is_a_group():
-    assert check("toy", {"default": Toy}, 3)[1] == ["toy: should be a group of parameters, got 3"]
+    assert check_values("toy", {"default": Toy}, 3)[1] == [
+        "toy: should be a group of parameters, got 3"
+    ]
 
 
 def test_the_source_decides_between_options():
     options = {"a": Toy, "b": Toy}
-    assert check("toy", options, TOY)[1] == ["toy.source: should be one of a, b, got None"]
-    assert check("toy", options, TOY | {"source": "c"})[1] == [
+    assert check_values("toy", options, TOY)[1] == ["toy.source: should be one of a, b, got None"]
+    assert check_values("toy", options, TOY | {"source": "c"})[1] == [
         "toy.source: should be one of a, b, got 'c'"
     ]
 
@@ -198,7 +202,7 @@ def composed_values(word: str, option: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_option_composes_into_its_dataclass(word, option):
-    group, none = check(word, VARIANTS[word], composed_values(word, option))
+    group, none = check_values(word, VARIANTS[word], composed_values(word, option))
     assert none == []
     assert isinstance(group, VARIANTS[word][option])
 
@@ -210,9 +214,9 @@ def test_every_parameter_is_wanted_typed_and_finite(word, option):
     for key in {field.name for field in fields(VARIANTS[word][option])} - {"source"}:
         kind = hints[key]
         without = {name: value for name, value in values.items() if name != key}
-        assert check(word, VARIANTS[word], without)[1] == [f"{word}.{key}: has no value"]
+        assert check_values(word, VARIANTS[word], without)[1] == [f"{word}.{key}: has no value"]
         for wrong in ({"a": "group"}, float("nan"), *(["text"] if kind in (int, float) else [])):
-            found = check(word, VARIANTS[word], values | {key: wrong})[1]
+            found = check_values(word, VARIANTS[word], values | {key: wrong})[1]
             assert found, f"{word}.{key} takes {wrong!r}"
             assert all(problem.startswith(f"{word}.{key}") for problem in found)
 
@@ -231,7 +235,7 @@ def test_a_parameter_stands_in_two_places(word, option):
 
 
 def test_every_value_in_conf_has_its_meaning_and_range_above_it():
-    assert "\n".join(problems()) == ""
+    assert "\n".join(find_comment_problems()) == ""
 
 
 def test_parameters_are_few():
@@ -258,10 +262,12 @@ def test_old_names_are_answered_by_the_new_ones():
         now = {field.name for field in fields(group)}
         for old, new in getattr(group, "RENAMED", {}).items():
             assert old not in now and new in now, (word, old)
-            (problem,) = check(word, VARIANTS[word], composed_values(word, option) | {old: 1})[1]
+            (problem,) = check_values(
+                word, VARIANTS[word], composed_values(word, option) | {old: 1}
+            )[1]
             assert problem == f"{word}.{old}: unknown; it is {word}.{new} now"
     whole = composed_values("sprites", "default") | {"drift_deg": 6.0}
-    (problem,) = check("sprites", VARIANTS["sprites"], whole)[1]
+    (problem,) = check_values("sprites", VARIANTS["sprites"], whole)[1]
     assert problem.endswith("it is a constant now, SpritesSettings.drift_deg")
 
 

@@ -17,11 +17,11 @@ from toy_film import (
     waters_of,
 )
 
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.route import Route, asked_at, foot, place
 from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
-from finloop.base.line import MM, PX, TANK, Line, checked_line
+from finloop.base.line import MM, PX, TANK, Line, check_line
 from finloop.edit.schema import PATH
 from finloop.features.line import track_line
 from finloop.io.line import load_line
@@ -30,7 +30,14 @@ from finloop.plan.advance import advance
 from finloop.plan.cost import Steering
 from finloop.plan.matching_settings import MatchingSettings
 from finloop.plan.objectives import ANYWHERE, along_path
-from finloop.plan.path_measures import LEFT, PATH_ROWS, limits, path_metrics, path_table, where_left
+from finloop.plan.path_measures import (
+    LEFT,
+    PATH_ROWS,
+    find_departures,
+    path_metrics,
+    path_table,
+    swimming_limits,
+)
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import path as figure
 
@@ -40,7 +47,7 @@ EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX
 
 def lay_line(line, **changes):
     waters = waters_of(**changes)
-    return lay(line, waters.tank, waters.motion, None)
+    return lay_path(line, waters.tank, waters.motion, None)
 
 
 # --- what is read
@@ -116,7 +123,7 @@ def test_shares_and_mm_become_px_and_what_is_outside_is_refused():
     assert asked.x[[0, -1]] == pytest.approx([30 + 0.25 * 739, 30 + 0.75 * 739])
     waters = waters_of()
     mm = corners._replace(x=np.array([10.0, 20.0]), y=np.array([10.0, 10.0]), unit=MM)
-    assert lay(mm, waters.tank, waters.motion, 0.05).asked.x[-1] == pytest.approx(400)
+    assert lay_path(mm, waters.tank, waters.motion, 0.05).asked.x[-1] == pytest.approx(400)
     with pytest.raises(FinloopError, match="scale is not known"):
         lay_line(mm)
     with pytest.raises(FinloopError, match="1 of 2 places are outside the tank"):
@@ -235,7 +242,7 @@ def follow_line(line, ticks=700, **changes):
     player, path = matching_of(waters), lay_line(line)
     swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
     table = path_table("matching", swum_, path, ticks, waters)
-    left = where_left(table, path, waters, limits(waters.film, waters))
+    left = find_departures(table, path, waters, swimming_limits(waters.film, waters))
     return swum_, table, left, path_metrics(table, left, path, waters)
 
 
@@ -335,7 +342,7 @@ def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins()
     reasons = [one.decision.reason for one in made.stretches]
     assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
     swum_ = path_table("matching", made, path, 200, waters)
-    left = where_left(swum_, path, waters, limits(waters.film, waters))
+    left = find_departures(swum_, path, waters, swimming_limits(waters.film, waters))
     numbers = path_metrics(swum_, left, path, waters)
     assert numbers["path_covered_pct"] < 50
 
@@ -356,7 +363,7 @@ def test_at_a_tick_before_its_times_a_path_is_at_its_beginning():
 
 def test_a_line_of_what_is_infinite_is_none():
     with pytest.raises(FinloopError, match="have no y"):
-        checked_line(Line("a", np.array([1.0, 2]), np.array([1.0, np.inf]), PX))
+        check_line(Line("a", np.array([1.0, 2]), np.array([1.0, np.inf]), PX))
 
 
 def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals(monkeypatch):

@@ -23,7 +23,7 @@ from toy_film import (
 from finloop.animate.arena import Tank, inside, tank
 from finloop.animate.kinematics import bearing, touches
 from finloop.animate.memory import NEVER, last_on_screen
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.state import State
 from finloop.base.line import PX, Line
 from finloop.distance.picture import BODY, FILM
@@ -38,7 +38,7 @@ from finloop.plan.search import (
     Candidates,
     SearchStart,
     film_candidates,
-    keep,
+    insert_branch,
     search,
     tick_row_shown,
 )
@@ -311,7 +311,7 @@ def test_the_best_branches_are_kept_and_who_lost_one_is_known(most):
     totals = np.round(rng.normal(size=200), 1)  # some alike
     branches, over, n = np.zeros(most, BRANCH), np.zeros(len(totals), bool), 0
     for k, total in enumerate(totals):
-        n = keep(branches, n, Branch(total, k, 2 * k, k, 0.5), over)
+        n = insert_branch(branches, n, Branch(total, k, 2 * k, k, 0.5), over)
         assert n == min(k + 1, most)
         assert (np.diff(branches["total"][:n]) >= 0).all()
     assert branches["total"].tolist() == sorted(totals)[:most]
@@ -332,7 +332,7 @@ def test_what_a_way_has_shown_is_found_in_all_of_its_runs():
 
 
 def lay_route(line, world):
-    return lay(line, world.tank, world.motion, None).route
+    return lay_path(line, world.tank, world.motion, None).route
 
 
 def search_route(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):

@@ -146,14 +146,14 @@ def test_a_bent_fish_goes_on_from_its_bend():
         assert list(on.frames) == list(plan.frames[first + 1 :]), at
         assert on.share[-1] == 1 and (np.diff(on.share, prepend=0) > 0).all()
         other = start_from_bend(plan_of(RIGHT, 100, 90), turns, RIGHT, sprite)
-        undone = turns[LEFT].undone(sprite)[::2]
+        undone = turns[LEFT].straightening_sprites(sprite)[::2]
         assert list(other.frames[: len(undone)]) == list(undone)
         assert (np.diff(other.share, prepend=0) > 0).all() and other.share[-1] == 1
     shallow = plan_of(LEFT, 10, 5)
     deep = turns[LEFT].number[turns[LEFT].peak]
     assert deep not in shallow.frames
     assert list(start_from_bend(shallow, turns, LEFT, deep).frames) == list(
-        turns[LEFT].undone(deep)
+        turns[LEFT].straightening_sprites(deep)
     )
     assert start_from_bend(plan, turns, LEFT, int(network.sprites.cycles[0][0])) is plan
 
@@ -241,7 +241,7 @@ def test_a_mode_that_the_film_does_not_allow_is_refused():
     tank = LiveTank(few, "hybrid", 1, 0)
     tank.switch("loops")
     played_rows(tank, 50)
-    assert tank.mode == "hybrid" and "too little" in tank.lack("loops")
+    assert tank.mode == "hybrid" and "too little" in tank.describe_lack("loops")
 
 
 def test_a_mode_of_the_paper_moves_one_fish_to_goals():
@@ -249,7 +249,7 @@ def test_a_mode_of_the_paper_moves_one_fish_to_goals():
     for mode in PAPER:
         with pytest.raises(FinloopError, match=f"mode {mode} cannot do 2 fish"):
             tank.switch(mode)
-        assert "one fish" in tank.lack(mode)
+        assert "one fish" in tank.describe_lack(mode)
         with pytest.raises(FinloopError, match="2 fish"):
             LiveTank(toy_players(), mode, 2, 1)
     assert tank.mode == "matching" and len(tank.fish) == 2

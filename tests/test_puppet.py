@@ -7,7 +7,15 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.puppet import Pose, PoseShapes, Tail, blend, draw, poses_from_features, trunk
+from finloop.puppet import (
+    Pose,
+    PoseShapes,
+    Tail,
+    align_body_and_tail,
+    blend,
+    draw,
+    poses_from_features,
+)
 from finloop.puppet.pose import bends, mirror_posture, steps
 
 STEPS, SIZE, LENGTH, WIDE = 32, (121, 121), 60.0, 7.0
@@ -313,14 +321,14 @@ def test_a_body_has_the_same_points_however_much_tail_is_seen():
         "backbone_x_px": list(lines[..., 0]), "backbone_y_px": list(lines[..., 1]),
         "half_width_px": list(widths),
     })  # fmt: skip
-    made = trunk(tracks, lines, TAIL)
+    made = align_body_and_tail(tracks, lines, TAIL)
     body = np.hypot(*np.diff(made, axis=1).transpose(2, 0, 1))[:, :20].sum(1)
     assert np.abs(body - 60).max() < 4 and np.ptp(body) < 1
     tails = np.hypot(*np.diff(made, axis=1).transpose(2, 0, 1))[:, 20:]
     assert np.ptp(tails) < 0.01 and tails[0].sum() == pytest.approx(40, abs=4)
     assert np.abs(made[..., 1]).max() < 1e-9
     back = tracks.map(lambda cell: cell[::-1])  # the film's points from tail to head
-    assert np.allclose(trunk(back, lines, TAIL), made)
+    assert np.allclose(align_body_and_tail(back, lines, TAIL), made)
 
 
 def test_a_bend_shorter_than_the_body_is_wide_is_smoothed():
@@ -329,5 +337,5 @@ def test_a_bend_shorter_than_the_body_is_wide_is_smoothed():
     tracks = pd.DataFrame({
         "backbone_x_px": [bent[:, 0]], "backbone_y_px": [bent[:, 1]], "half_width_px": [width],
     })  # fmt: skip
-    assert np.abs(trunk(tracks, bent[None], TAIL)[0, 3:17, 1]).max() < 1
+    assert np.abs(align_body_and_tail(tracks, bent[None], TAIL)[0, 3:17, 1]).max() < 1
     assert np.allclose(steps(pose().posture), 1 / STEPS)

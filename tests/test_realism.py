@@ -18,7 +18,7 @@ import stages.realism
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes
 from finloop.base.settings import settings
-from finloop.base.stretches import spread, stretches
+from finloop.base.stretches import sample_stretches, spread_rows
 from finloop.edit.filmed import as_filmed
 from finloop.edit.schema import EDIT, SPRITE
 from finloop.extract.background import Scene
@@ -36,7 +36,13 @@ from finloop.realism.auc import Scores, auc, roc
 from finloop.realism.compare import Sample, verdict
 from finloop.realism.instrument import Instrument, Swimming, swimming
 from finloop.realism.settings import RealismSettings
-from finloop.realism.windows import CHANNELS, Windows, channels, cutting, equal_blocks
+from finloop.realism.windows import (
+    CHANNELS,
+    Windows,
+    convert_to_frames,
+    equal_blocks,
+    track_channels,
+)
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from stages.realism import GalleryOpener
@@ -176,19 +182,19 @@ def test_channels_do_not_depend_on_place_direction_or_size():
         heading_deg=(table["heading_deg"] + 70 + 180) % 360 - 180,
         body_length_px=60.0,
     )
-    mine = channels(table, RATE, 0.2)
-    assert np.allclose(channels(turned, RATE, 0.2), mine)
+    mine = track_channels(table, RATE, 0.2)
+    assert np.allclose(track_channels(turned, RATE, 0.2), mine)
     assert mine[:, 0].mean() == pytest.approx(2.0, abs=0.6)  # forward, body lengths/s
-    mirrored = channels(table.assign(y_px=-y, heading_deg=-table["heading_deg"]), RATE, 0.2)
+    mirrored = track_channels(table.assign(y_px=-y, heading_deg=-table["heading_deg"]), RATE, 0.2)
     assert np.allclose(mirrored, mine * [1, -1, -1, 1])
 
 
 def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
-    cut = cutting(5.0, 1.25, 0.6, DELTA)
+    cut = convert_to_frames(5.0, 1.25, 0.6, DELTA)
     assert cut == (24, 6, 3)
     sample = sample_of(pd.concat([fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)],
                                  ignore_index=True))  # fmt: skip
-    made = sample.windows(sample.film, sample.blocks())
+    made = sample.cut_windows(sample.film, sample.blocks())
     assert made.first.tolist() == [0, 6, 12, 38 + 22]
     assert made.x.shape == (4, 8, len(CHANNELS))
 
@@ -215,7 +221,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
     rng = np.random.default_rng(1)
     row = np.concatenate([np.arange(a, a + 20) for a in rng.integers(0, len(table) - 20, 75)])
     row[200:300] = -1  # sprites
-    film, made = sample.beside(swimming_of(fish(2), row))
+    film, made = sample.windows_beside_film(swimming_of(fish(2), row))
     own = sample.film.row
     inside = np.arange(sample.cut.length + 1)
     for block in range(P.cross_validation_folds):
@@ -234,7 +240,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
 
 def verdict_on(made, p=P, row=None, seed=0):
     sample = sample_of(fish(seed, 120.0), p)
-    return verdict(sample.beside(swimming_of(made, row)), p, alone=False)
+    return verdict(sample.windows_beside_film(swimming_of(made, row)), p, alone=False)
 
 
 @cache
@@ -270,7 +276,7 @@ def test_twice_the_turning_speed_gives_itself_away_by_turning():
 
 def test_permuted_labels_cannot_be_told():
     sample = sample_of(fish(0, 240.0))
-    windows = sample.windows(sample.film, sample.blocks())
+    windows = sample.cut_windows(sample.film, sample.blocks())
     mixed = np.random.default_rng(0).permutation(len(windows.x)) % 2 == 0
     sides = [
         Windows(*(column[part] for column in vars(windows).values())) for part in (mixed, ~mixed)
@@ -281,7 +287,7 @@ def test_permuted_labels_cannot_be_told():
 
 def test_a_film_too_short_is_refused_with_what_would_do():
     with pytest.raises(FinloopError, match=r"a longer film, fewer realism.cross_validation_folds"):
-        verdict(sample_of(fish(0, 3.0)).beside(swimming_of(fish(1, 3.0), None)), P)
+        verdict(sample_of(fish(0, 3.0)).windows_beside_film(swimming_of(fish(1, 3.0), None)), P)
 
 
 def test_a_verdict_is_the_same_again():
@@ -291,18 +297,18 @@ def test_a_verdict_is_the_same_again():
 
 def test_tracks_stay_whole_and_long_ones_are_cut_evenly():
     ids = np.repeat([0, 1, 2, 3], [100, 30, 250, 7])
-    every = stretches(ids, 100, 10**6, 0)
+    every = sample_stretches(ids, 100, 10**6, 0)
     assert [one.stop - one.start for one in every] == [100, 30, 83, 84, 83, 7]
-    some = stretches(ids, 100, 120, 0)
+    some = sample_stretches(ids, 100, 120, 0)
     assert {(one.start, one.stop) for one in some} < {(one.start, one.stop) for one in every}
     assert 120 <= sum(one.stop - one.start for one in some) < 120 + 100
 
 
 def test_rows_are_spread_evenly_over_the_film():
     rows = np.arange(7, 1007)
-    some = spread(rows, 50)
+    some = spread_rows(rows, 50)
     assert (len(some), some[0], some[-1]) == (50, 7, 1006) and set(np.diff(some)) <= {20, 21}
-    np.testing.assert_array_equal(spread(rows, 1001), rows)
+    np.testing.assert_array_equal(spread_rows(rows, 1001), rows)
 
 
 # --- examples
@@ -310,10 +316,10 @@ def test_rows_are_spread_evenly_over_the_film():
 
 def test_the_falsest_windows_do_not_touch_and_a_copy_is_most_alike():
     sample = sample_of(fish(0, 60.0))
-    film, made = sample.beside(swimming_of(fish(0, 60.0), None))
+    film, made = sample.windows_beside_film(swimming_of(fish(0, 60.0), None))
     score = np.random.default_rng(0).normal(size=len(made.x))
     score[3] = np.nan
-    pairs = examples.worst(film, made, score, 4, sample.cut.length)
+    pairs = examples.most_false_windows(film, made, score, 4, sample.cut.length)
     assert pairs[0].score == np.nanmax(score) and len(pairs) == 4
     assert all(one.film == one.animation for one in pairs)
     begins = np.sort([made.first[one.animation] for one in pairs])

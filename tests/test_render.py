@@ -39,19 +39,26 @@ from finloop.plots.render import (
     BEFORE,
     TICKS,
     Tile,
-    around,
     contact_sheet,
     liveliest,
     switches,
+    ticks_around_switch,
     trajectory,
     window,
 )
 from finloop.puppet import PlacedBackbone
 from finloop.render.gallery import Gallery, Shelf, frames, place_rows
 from finloop.render.lay import _sample
-from finloop.render.marks import COLOURS, MarkPainter, aims, goal_ticks, parts, rgb
+from finloop.render.marks import (
+    COLOURS,
+    MarkPainter,
+    goal_stretches,
+    goal_ticks,
+    rgb,
+    tick_categories,
+)
 from finloop.render.painter import Bent, Box, Painter, Picture, Placed, Shadow, Turned, picture
-from finloop.render.steps import FrameChangeMeter, film_steps, step_numbers
+from finloop.render.steps import FrameChangeMeter, film_steps, step_metrics
 from finloop.sprites.orient import SPRITES
 
 BLACK = np.zeros((90, 120), np.uint8)
@@ -606,10 +613,10 @@ def test_steps_of_the_film_join_consecutive_frames_of_one_track():
 
 def test_step_numbers_are_one_where_nothing_differs():
     steps = np.linspace(1, 2, 101)
-    numbers = step_numbers([np.nan, *steps], steps)
+    numbers = step_metrics([np.nan, *steps], steps)
     assert numbers["picture_step_ratio"] == 1
     assert numbers["picture_steps_above_film_p95_share"] == pytest.approx(0.05, abs=0.01)
-    assert step_numbers([np.nan], steps) == {}
+    assert step_metrics([np.nan], steps) == {}
 
 
 # --- marks and pictures --------------------------------------------------------------------------
@@ -630,13 +637,17 @@ def journey():
 
 def test_parts_and_aims():
     edit = journey()
-    names, colours = parts(edit)
+    names, colours = tick_categories(edit)
     assert list(names) == list(edit["state"])
     assert colours == {word: COLOURS[word] for word in ("straight", "turn")}
-    assert aims(edit) == [("A", 0, 10), ("B", 10, 20), ("", 20, 30)]
+    assert goal_stretches(edit) == [("A", 0, 10), ("B", 10, 20), ("", 20, 30)]
     mixed = edit.assign(kind=["sprite"] * 15 + ["frame"] * 15, mirrored=[False] * 25 + [True] * 5)
-    assert set(parts(mixed)[1]) == {"sprite", "film", "mirror image"} == set(parts(mixed)[0])
-    assert len(parts(edit.assign(state="hovers"))[1]) == 1
+    assert (
+        set(tick_categories(mixed)[1])
+        == {"sprite", "film", "mirror image"}
+        == set(tick_categories(mixed)[0])
+    )
+    assert len(tick_categories(edit.assign(state="hovers"))[1]) == 1
     assert list(goal_ticks(edit)) == [True] * 20 + [False] * 10
     assert goal_ticks(edit.assign(goal="")).all()
     assert rgb("#0072B2") == (0, 114, 178)
@@ -1069,7 +1080,7 @@ def test_a_jump_without_a_cross_fade_is_a_switch():
 @pytest.mark.parametrize("count", [2, 5, 30])
 @pytest.mark.parametrize("tick", [0, 1, 4])
 def test_around_a_switch_are_ticks_of_the_animation(count, tick):
-    found = around(min(tick, count - 1), count)
+    found = ticks_around_switch(min(tick, count - 1), count)
     assert len(found) == min(count, BEFORE + AFTER)
     assert found[0] >= 0 and found[-1] < count and min(tick, count - 1) in found
 

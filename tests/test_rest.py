@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from finloop.edit.bodies import Bodies
-from finloop.edit.rest import rests
+from finloop.edit.rest import resting_rows
 from finloop.puppet import Pose
 
 STILL = np.r_[5:9, 20]
@@ -33,17 +33,17 @@ def film(size=1.0, cut=None):
 
 
 def test_an_animal_rests_where_neither_place_nor_heading_nor_posture_changes():
-    assert np.flatnonzero(rests(film(), 0.01)).tolist() == STILL.tolist()
+    assert np.flatnonzero(resting_rows(film(), 0.01)).tolist() == STILL.tolist()
 
 
 def test_rest_is_the_same_for_a_film_of_any_size():
-    assert np.array_equal(rests(film(7.0), 0.01), rests(film(), 0.01))
+    assert np.array_equal(resting_rows(film(7.0), 0.01), resting_rows(film(), 0.01))
 
 
 def test_the_first_row_of_a_track_follows_on_nothing_and_is_no_rest():
-    assert not rests(film(cut=5), 0.01)[6]
+    assert not resting_rows(film(cut=5), 0.01)[6]
 
 
 @pytest.mark.parametrize(("share", "count"), [(0.0, 0), (1e3, 59)])
 def test_the_share_decides(share, count):
-    assert rests(film(), share).sum() == count
+    assert resting_rows(film(), share).sum() == count

@@ -32,11 +32,11 @@ from finloop.puppet import Pose
 from finloop.retarget import JoinParameters, Track, retarget_track, track_of
 from finloop.retarget.load import film_files, load_track
 from finloop.retarget.motion import forward_share, motion_of
-from finloop.retarget.place import find_placement, outside, shift_into
+from finloop.retarget.place import find_placement, find_points_outside, shift_into
 from finloop.retarget.posture import align_postures, asked_postures, likely_codes, on_body
-from finloop.retarget.rows import FilmRows, cheapest
+from finloop.retarget.rows import FilmRows, cheapest_rows
 from finloop.retarget.settings import RetargetSettings
-from finloop.retarget.track import body_points, lines
+from finloop.retarget.track import body_points, resample_body_lines
 from stages.stamps import retarget_stamp
 
 OTHERS = JoinParameters(settings("jumps"), settings("animate"), settings("matching").join)
@@ -58,7 +58,7 @@ def mirrored_material(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         with Project() as project:
-            whole = stages.retarget.material(project)
+            whole = stages.retarget.retarget_data(project)
             look = whole.look[: len(whole.reel)]
             yield whole._replace(look=np.concatenate([look, look]))
 
@@ -343,13 +343,13 @@ def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(mirrored_ma
 
 def test_points_lie_on_the_line_that_they_were_taken_from(carp):
     at = np.linspace(0, 1, STEPS + 1)
-    made = lines(carp[:, ::8], at, "a")
+    made = resample_body_lines(carp[:, ::8], at, "a")
     arc = np.hypot(*np.moveaxis(np.diff(carp, axis=1), -1, 0)).sum(1)
     assert np.abs(made - carp[:, ::2]).max() < 0.01 * np.median(arc)
     fewer = carp[:, ::8].copy()
     fewer[3, 2] = np.nan  # an inner point is not given
     fewer[4, 0] = np.nan  # the head is not
-    again = lines(fewer, at, "a")
+    again = resample_body_lines(fewer, at, "a")
     assert np.abs(again[3] - carp[3, ::2]).max() < 0.02 * np.median(arc)
     assert np.isnan(again[4]).all()
 
@@ -370,7 +370,7 @@ def test_the_cheapest_rows_are_those_of_all_sequences():
     values, seen = rng.normal(size=(n, 3)), 0.2 * rng.normal(size=(n, 2))
     follows = np.where(np.arange(n) % 6 == 5, -1, np.arange(n) + 1)
     asked = rng.normal(size=(ticks, 3))
-    found = cheapest(FilmRows(n, values, seen, follows, [], 1), asked, n, switch, delta)
+    found = cheapest_rows(FilmRows(n, values, seen, follows, [], 1), asked, n, switch, delta)
 
     def step(a, b):
         if follows[a] == b:
@@ -387,7 +387,7 @@ def test_the_cheapest_rows_are_those_of_all_sequences():
     for wanted in asked[1:]:
         least = (least[:, None] + moves).min(0) + np.linalg.norm(values - wanted, axis=1) / delta
     assert price(found) == pytest.approx(least.min())
-    dear = cheapest(FilmRows(n, values, seen, follows, [], 1), asked[:5], n, 99.0, delta)
+    dear = cheapest_rows(FilmRows(n, values, seen, follows, [], 1), asked[:5], n, 99.0, delta)
     assert (np.diff(dear) == 1).all()  # never switches
 
 
@@ -401,7 +401,7 @@ def test_a_way_is_moved_into_the_tank_or_made_smaller():
     centre = np.stack([30 * np.cos(at), 25 * np.sin(at)], -1)
     bodies = centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
     shift, size = find_placement(bodies - 500, arena, 16, how(placement="fit"))
-    assert size == 1 and not outside(bodies - 500 + shift, arena).any()
+    assert size == 1 and not find_points_outside(bodies - 500 + shift, arena).any()
     assert np.allclose((bodies - 500 + shift).mean((0, 1)), [79.5, 49.5], atol=1.5)  # the middle
     assert find_placement(bodies, arena, 16, how())[1] == 1  # as given
     large = 2 * centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
@@ -431,8 +431,8 @@ def test_a_fish_that_rests_and_crosses_once_is_moved_to_where_it_fits(height, ce
         (x, y)
         for y in range(30)
         for x in range(30)
-        if not outside(pixels[[0, -1]] + (x, y), arena).any()
-        and not outside(pixels + (x, y), arena).any()
+        if not find_points_outside(pixels[[0, -1]] + (x, y), arena).any()
+        and not find_points_outside(pixels + (x, y), arena).any()
     }
     assert len(places) == 4 and -(-max(arena.shape) // 240) == cell
     shift = shift_into(bodies, arena, length)

@@ -9,14 +9,14 @@ from toy_film import LENGTH, matching_of, planning, shoaling, waters_of
 
 from finloop.animate.arena import tank
 from finloop.animate.rule import Rule
-from finloop.animate.shoal import shoal, tasks
+from finloop.animate.shoal import make_tasks, shoal
 from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_lists
 from finloop.edit.schema import Goal
 from finloop.live.message import parse_message
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
-from finloop.modes.matching import MatchingAnimator, by_rule
+from finloop.modes.matching import MatchingAnimator, add_rules
 from finloop.plan.objectives import rule_target
 from finloop.social.measures import shoal_table
 from finloop.social.zones import NO_ZONES, Zones
@@ -189,10 +189,10 @@ def test_contradictory_rules_are_refused_before_anything_is_planned(follow):
 
 
 def test_some_follow_and_the_rest_swim_in_company_or_each_by_itself():
-    todo = tasks([], 3, np.random.default_rng(0))
-    both = by_rule(todo, planning(rule="zones", follow_pairs=[[3, 1]]))
+    todo = make_tasks([], 3, np.random.default_rng(0))
+    both = add_rules(todo, planning(rule="zones", follow_pairs=[[3, 1]]))
     assert [(one.zones, one.follows) for one in both] == [(True, None), (True, None), (False, 0)]
-    neither = by_rule(todo, planning())
+    neither = add_rules(todo, planning())
     assert [(one.zones, one.follows) for one in neither] == [(False, None)] * 3
 
 

@@ -18,15 +18,15 @@ import stages.plots.extract
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.extract.alike import Likeness, alike, likeness
+from finloop.extract.alike import Likeness, likeness, match_cutout
 from finloop.extract.join_films import join_extractions
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
-from finloop.io.footage.listed import list_films, names
+from finloop.io.footage.listed import film_names, list_films
 from finloop.io.movie import VideoWriter
 from finloop.io.numbers import load_numbers
-from finloop.io.several import frames_at, parts_of
+from finloop.io.several import frames_at_rate, parts_of
 from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
 
@@ -69,9 +69,9 @@ def test_a_pattern_gives_what_it_fits(tmp_path):
 
 def test_names_are_all_different_and_plain(tmp_path):
     paths = [tmp_path / one for one in ("a/Tank 1.mp4", "b/tank_1.avi", "b/tank 1.avi", "'ü'.mov")]
-    made = names(paths)
+    made = film_names(paths)
     assert made == ["Tank-1", "tank_1", "tank-1-2", "-ü-"]
-    assert names(paths[:2]) == made[:2]  # a further film renames none
+    assert film_names(paths[:2]) == made[:2]  # a further film renames none
 
 
 def test_a_film_that_is_named_twice_is_taken_once(tmp_path, capsys):
@@ -94,7 +94,7 @@ def test_a_film_that_is_named_twice_is_taken_once(tmp_path, capsys):
 @pytest.mark.parametrize("rate", [Fraction(25), Fraction(30), Fraction(60), Fraction(500)])
 def test_a_quicker_film_shows_its_frames_nearest_in_time(rate):
     common = Fraction(25)
-    shown = frames_at(101, rate, common)
+    shown = frames_at_rate(101, rate, common)
     late_s = shown / float(rate) - np.arange(len(shown)) / float(common)
     assert np.abs(late_s).max() <= 0.5 / float(rate) + 1e-9
     assert (np.diff(shown) > 0).all()
@@ -102,7 +102,7 @@ def test_a_quicker_film_shows_its_frames_nearest_in_time(rate):
 
 
 def test_films_of_nearly_one_rate_keep_every_frame():
-    assert np.array_equal(frames_at(50, Fraction(2807, 100), Fraction(28)), np.arange(50))
+    assert np.array_equal(frames_at_rate(50, Fraction(2807, 100), Fraction(28)), np.arange(50))
 
 
 # --- fish of one size, in one light
@@ -127,16 +127,18 @@ def moments(one):
 @pytest.mark.parametrize("scale", [0.5, 0.8, 1.25])
 def test_a_resized_cut_out_lies_where_its_fish_lies(scale):
     mass, middle = moments(blob(1.0))
-    made = alike(blob(1.0), Likeness(scale))
+    made = match_cutout(blob(1.0), Likeness(scale))
     assert moments(made)[0] == pytest.approx(scale**2 * mass, rel=0.02)
     assert moments(made)[1] == pytest.approx(scale * middle, abs=0.05)
     assert (made.pixels[..., 0] <= made.pixels[..., 1]).all()
 
 
 def test_light_is_scaled_and_never_beyond_alpha():
-    made = alike(blob(1.0), Likeness(gains=(2.0,)))
+    made = match_cutout(blob(1.0), Likeness(gains=(2.0,)))
     assert made.pixels[..., 0].max() == pytest.approx(2 * 0.4 * 255, abs=2)
-    assert (alike(blob(1.0), Likeness(gains=(3.0,))).pixels[..., 0] <= made.pixels[..., 1]).all()
+    assert (
+        match_cutout(blob(1.0), Likeness(gains=(3.0,))).pixels[..., 0] <= made.pixels[..., 1]
+    ).all()
 
 
 def test_what_fish_of_one_film_differ_by_is_left():

@@ -35,11 +35,19 @@ import stages.render
 from finloop.animate import encounters
 from finloop.animate.arena import tank
 from finloop.animate.company import Plans, can_stay
-from finloop.animate.encounters import nearest, overlap, overlaps, place_outline
+from finloop.animate.encounters import nearest_distances, overlap, overlaps, place_outline
 from finloop.animate.kinematics import Target
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.places import random_goals
-from finloop.animate.shoal import NoRoom, deal, refuse_meetings, settle, shoal, swim, tasks
+from finloop.animate.shoal import (
+    NoRoom,
+    deal,
+    make_tasks,
+    refuse_meetings,
+    settle_fish,
+    shoal,
+    swim,
+)
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
@@ -71,7 +79,7 @@ def spacious():
 
 def swim_group(player, fish, ticks, goals=(), seed=0):
     """What several fish do, as an edit list."""
-    todo = tasks(goals, fish, np.random.default_rng(seed))
+    todo = make_tasks(goals, fish, np.random.default_rng(seed))
     return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
 
 
@@ -83,7 +91,7 @@ def test_nobody_swims_through_another_and_all_goals_are_reached():
     for through in (False, True):
         player, ticks = crowd_player(through), 1200
         goals = random_goals(player.world, 12, np.random.default_rng(1))
-        swims = shoal(player, tasks(goals, 6, np.random.default_rng(2)), ticks)
+        swims = shoal(player, make_tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
         met[through] = overlaps(edit_lists(swims, ticks, player.sources), player).sum()
     assert met[False] == 0 < met[True]
@@ -92,13 +100,13 @@ def test_nobody_swims_through_another_and_all_goals_are_reached():
 def test_fish_that_do_not_meet_swim_as_each_would_alone():
     player, ticks = spacious(), 60
     goals = random_goals(player.world, 6, np.random.default_rng(3))
-    together = shoal(player, tasks(goals, 3, np.random.default_rng(5)), ticks)
+    together = shoal(player, make_tasks(goals, 3, np.random.default_rng(5)), ticks)
     table = edit_lists(together, ticks, player.sources)
     apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.places(table), 2)]
     assert min(apart) > 4 * LENGTH
     alone = [
         swim(player, task.goals, ticks, task.rng)
-        for task in tasks(goals, 3, np.random.default_rng(5))
+        for task in make_tasks(goals, 3, np.random.default_rng(5))
     ]
     pd.testing.assert_frame_equal(table, edit_lists(alone, ticks, player.sources))
 
@@ -110,17 +118,19 @@ def test_planning_keeps_no_hold_of_what_it_was_given():
     given = [waters.film.rows, waters.film.to, waters.tank.legal, player.cast.discs.table]
     goals, held = random_goals(waters, 6, np.random.default_rng(1)), []
     for _ in range(2):  # what the first one makes, and keeps, the second one uses
-        shoal(player, tasks(goals, 6, np.random.default_rng(2)), 300)
+        shoal(player, make_tasks(goals, 6, np.random.default_rng(2)), 300)
         held.append([sys.getrefcount(one) for one in given])
     assert held[0] == held[1]
 
 
 def test_the_first_fish_has_the_generator_of_a_fish_alone_and_each_its_own():
-    one, *others = tasks([], 3, np.random.default_rng(9))
+    one, *others = make_tasks([], 3, np.random.default_rng(9))
     draws = [task.rng.random(4).tolist() for task in (one, *others)]
     assert draws[0] == np.random.default_rng(9).random(4).tolist()
     assert draws[0] != draws[1] != draws[2] != draws[0]
-    again = tasks([], 8, np.random.default_rng(9))  # who is added changes nothing for the others
+    again = make_tasks(
+        [], 8, np.random.default_rng(9)
+    )  # who is added changes nothing for the others
     assert [task.rng.random(4).tolist() for task in again[:3]] == draws
 
 
@@ -178,8 +188,8 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
 def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
     player, angle = crowd_player(), np.linspace(0, 2 * np.pi, 40)
     ring = Line("ring", 400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle), PX, closed=True)
-    path = lay(ring, player.world.tank, player.world.motion, None)
-    swims = shoal(player, tasks([], 3, np.random.default_rng(0), path.route), 300)
+    path = lay_path(ring, player.world.tank, player.world.motion, None)
+    swims = shoal(player, make_tasks([], 3, np.random.default_rng(0), path.route), 300)
     assert set(swims[0].names) == {PATH} and set(swims[1].names + swims[2].names) == {""}
     table = edit_lists(swims, 300, player.sources)
     x, y = encounters.places(table)[0].T
@@ -197,7 +207,7 @@ def plans_of(lines, **changes):
     waters = crowd_player().world
     waters = replace(waters, settings=replace(waters.settings, **changes))
     player = replace(crowd_player(), world=waters)
-    paths = tuple(one and lay(one, waters.tank, waters.motion, None) for one in lines)
+    paths = tuple(one and lay_path(one, waters.tank, waters.motion, None) for one in lines)
     return MatchingAnimator(player, None, 1.0, 0.6 * LENGTH, paths)
 
 
@@ -230,8 +240,10 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
     first = Line("first", along, np.array([300.0, 300.0]), PX)
     second = Line("second", np.array([330.0, 330.0]), np.array([300.0, 480.0]), PX)
     todo = [
-        task._replace(route=lay(line, player.world.tank, player.world.motion, None).route)
-        for task, line in zip(tasks([], 2, np.random.default_rng(0)), (first, second), strict=True)
+        task._replace(route=lay_path(line, player.world.tank, player.world.motion, None).route)
+        for task, line in zip(
+            make_tasks([], 2, np.random.default_rng(0)), (first, second), strict=True
+        )
     ]
     swims = shoal(player, todo, 200)
     assert not overlaps(edit_lists(swims, 200, player.sources), player).any()
@@ -318,8 +330,8 @@ def test_more_fish_than_fit_are_refused():
         plans.check_room([])
     assert "at most" in refused.value.wanted and "matching.overlap=true" in refused.value.do
     through = replace(waters, settings=replace(waters.settings, overlap=True))
-    todo = tasks([], 40, np.random.default_rng(0))
-    assert len(settle(matching_of(through), todo, Plans(40))) == 40
+    todo = make_tasks([], 40, np.random.default_rng(0))
+    assert len(settle_fish(matching_of(through), todo, Plans(40))) == 40
 
 
 def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch):
@@ -378,7 +390,7 @@ def test_pairs_are_counted_at_each_tick():
 def test_the_nearest_neighbour_is_that_of_every_pair():
     where = np.random.default_rng(0).uniform(0, 100, (7, 2))
     wanted = [min(np.hypot(*(a - b)) for b in where if (a != b).any()) for a in where]
-    assert nearest(where) == pytest.approx(wanted)
+    assert nearest_distances(where) == pytest.approx(wanted)
 
 
 def test_of_a_film_animals_of_one_frame_are_neighbours():
@@ -426,7 +438,7 @@ def open_mode(project, mode=stages.modes.matching, **changes):
 
 def test_a_fish_alone_has_no_company_to_measure():
     alone = SimpleNamespace(settings=lambda word: settings(word, fish=1))
-    table = stages.animate.company(alone)  # nothing is read
+    table = stages.animate.compare_schools(alone)  # nothing is read
     assert table.empty and list(table) == ["shoal", "beside", "measure", "median", "distance"]
 
 

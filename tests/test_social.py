@@ -13,7 +13,7 @@ from finloop.io.table import load_table, save_table
 from finloop.social import measures
 from finloop.social import zones as zones_module
 from finloop.social.leader import contradiction, leaders
-from finloop.social.measures import SHOAL, apart, beside, shoal_table
+from finloop.social.measures import SHOAL, compare_groups, shoal_table, wasserstein_distances
 from finloop.social.neighbours import neighbours, relative_neighbours, vectors
 from finloop.social.rule import Others, Self, Shoaling, shoaling_place
 from finloop.social.steps import SocialSteps, add_pull_to_moves, add_pull_to_turns
@@ -320,10 +320,10 @@ def test_memory_of_the_measures_does_not_grow_by_pairs():
 
 def test_shoals_are_as_far_apart_as_they_are():
     near, far = (table([(100, 100), (100 + gap, 100)], [0, 0]) for gap in (20, 60))
-    assert apart(near, near)["neighbour_distance"] == 0
-    assert apart(near, far)["neighbour_distance"] == pytest.approx(2)
-    assert apart(near, table([(5, 5)], [0])).keys() == {"wall_distance"}
-    told = beside({"film": near}, {"far": far}).set_index("measure")
+    assert wasserstein_distances(near, near)["neighbour_distance"] == 0
+    assert wasserstein_distances(near, far)["neighbour_distance"] == pytest.approx(2)
+    assert wasserstein_distances(near, table([(5, 5)], [0])).keys() == {"wall_distance"}
+    told = compare_groups({"film": near}, {"far": far}).set_index("measure")
     assert told.loc["neighbour_distance", ["median", "distance"]].tolist() == pytest.approx([3, 2])
 
 

@@ -36,8 +36,22 @@ from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.candidates import beats, slides, turns
-from finloop.sprites.choice import Choice, best_of_tracks, choose, closure, combination, sharpness
-from finloop.sprites.metrics import complete, faults, is_still, loop_numbers, numbers, table1_after
+from finloop.sprites.choice import (
+    Choice,
+    best_of_tracks,
+    choose,
+    choose_combination,
+    closure,
+    sharpness,
+)
+from finloop.sprites.metrics import (
+    count_complete_orientations,
+    faults,
+    is_still,
+    loop_numbers,
+    numbers,
+    table1_after,
+)
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.settings import SpritesSettings
 from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
@@ -543,9 +557,9 @@ def test_one_animal_for_all_unless_it_costs_much(toy):
         "straight": [stretch(3, 1.0), stretch(8, 1.1)],
         "left": [stretch(3, 2.0), stretch(8, 1.9)],
     }
-    assert {s.track_id for s in combination(table, both, AUTOMATIC).values()} == {3}
+    assert {s.track_id for s in choose_combination(table, both, AUTOMATIC).values()} == {3}
     both["left"] = [stretch(3, 9.0), stretch(8, 1.9)]
-    assert {s.track_id for s in combination(table, both, AUTOMATIC).values()} == {8}
+    assert {s.track_id for s in choose_combination(table, both, AUTOMATIC).values()} == {8}
 
 
 def test_the_head_s_yaw_does_not_tilt_the_line():
@@ -712,7 +726,7 @@ def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
 
 def test_table_1_has_all_types_in_every_orientation(toy, sprites):
     before, after = table1(toy.features), table1_after(sprites, toy.features)
-    assert complete(before) < ORIENTATIONS == complete(after)
+    assert count_complete_orientations(before) < ORIENTATIONS == count_complete_orientations(after)
     np.testing.assert_allclose(after[["straight_pct", "left_pct", "right_pct"]].sum(axis=1), 100)
     np.testing.assert_allclose(after["amount_pct"], 100 / ORIENTATIONS)
     for word in ("left", "right"):
@@ -759,13 +773,13 @@ def store(tmp_path_factory, few, toy):
 
 
 def write_atlas(folder, few, store, page_px):
-    made = sprites_atlas.pages(few, store.index, page_px)
+    made = sprites_atlas.lay_out_pages(few, store.index, page_px)
     for number, page in enumerate(made):
-        rgba = sprites_atlas.picture(
+        rgba = sprites_atlas.draw_page(
             page, lambda s, o: store[sprite_row(s, o, ORIENTATIONS)].pixels
         )
-        (folder / f"atlas-{number}.png").write_bytes(sprites_atlas.png(rgba))
-        text = json.dumps(sprites_atlas.document(made, number, few, store.index, RATE))
+        (folder / f"atlas-{number}.png").write_bytes(sprites_atlas.encode_png(rgba))
+        text = json.dumps(sprites_atlas.page_json(made, number, few, store.index, RATE))
         (folder / f"atlas-{number}.json").write_text(text)
     return made
 
@@ -845,7 +859,7 @@ def test_tags_and_animations_name_each_sequence_in_each_orientation(tmp_path, fe
 
 
 def test_pictures_on_a_page_do_not_touch(few, store):
-    for page in sprites_atlas.pages(few, store.index, 512):
+    for page in sprites_atlas.lay_out_pages(few, store.index, 512):
         assert page.width <= 512 and page.height <= 512
         taken = np.zeros((page.height, page.width), int)
         for spot in page.spots:
@@ -856,7 +870,7 @@ def test_pictures_on_a_page_do_not_touch(few, store):
 
 def test_a_page_too_small_for_one_sequence_is_refused(few, store):
     with pytest.raises(FinloopError, match="do not fit on a page of 100 px"):
-        sprites_atlas.pages(few, store.index, 100)
+        sprites_atlas.lay_out_pages(few, store.index, 100)
 
 
 def test_colour_bleeds_under_the_edge_and_stays_the_same():

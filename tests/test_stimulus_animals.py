@@ -30,7 +30,7 @@ from finloop.live.door import bind_socket
 from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.inputs import json_of, open_osc, open_udp, osc_of
 from finloop.stimulus.parts import Animals as Settings
-from finloop.stimulus.recorded import NAME, Spoiled, messages
+from finloop.stimulus.recorded import NAME, ConnectionFaults, messages
 from finloop.stimulus.rules import RuleSpec, TankGeometry, aim
 from finloop.stimulus.tracker import LONGEST, MOST_AT_ONCE, Pair, calibration, parse_sightings
 
@@ -753,17 +753,17 @@ def test_a_recorded_track_speaks_for_any_tracker(count, law, y_axis):
 
 def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
     line, plain = line_of(seconds=200.0), list(messages(line_of(seconds=200.0), None, TANK_OF))
-    said = list(messages(line, None, TANK_OF, Spoiled(loss=0.2)))
+    said = list(messages(line, None, TANK_OF, ConnectionFaults(loss=0.2)))
     assert set(said) < set(plain) and 0.77 < len(said) / len(plain) < 0.83
-    said = list(messages(line, None, TANK_OF, Spoiled(jitter_s=0.05)))
+    said = list(messages(line, None, TANK_OF, ConnectionFaults(jitter_s=0.05)))
     late = [due - json.loads(text)["t"] for due, text in said]
     assert len(said) == len(plain) and 0 <= min(late) < 0.001 and 0.049 < max(late) <= 0.05
     assert [due for due, _ in said] == sorted(due for due, _ in said)
     assert [text for _, text in said] != [text for _, text in plain]  # some overtake others
-    said = list(messages(line, None, TANK_OF, Spoiled(gap_s=2.0)))
+    said = list(messages(line, None, TANK_OF, ConnectionFaults(gap_s=2.0)))
     gaps = np.diff([due for due, _ in said])
     assert (gaps > 0.05).sum() == 16 and gaps.max() == pytest.approx(2.04, abs=0.041)
-    whole = Spoiled(0.2, 0.05, 2.0, seed=3)
+    whole = ConnectionFaults(0.2, 0.05, 2.0, seed=3)
     assert list(messages(line, None, TANK_OF, whole)) == list(messages(line, None, TANK_OF, whole))
     assert list(messages(line, None, TANK_OF, whole._replace(seed=4))) != list(
         messages(line, None, TANK_OF, whole)
@@ -772,7 +772,9 @@ def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
 
 def test_fish_follow_a_spoiled_track_as_well_as_it_can_be_known():
     animals, misses, lost = animals_of(), [], 0
-    for due, text in messages(line_of(seconds=60.0), None, TANK_OF, Spoiled(0.2, 0.05, 2.0, 1)):
+    for due, text in messages(
+        line_of(seconds=60.0), None, TANK_OF, ConnectionFaults(0.2, 0.05, 2.0, 1)
+    ):
         animals.hear(text, "a", due)
         past = animals.past(NAME, due - 3)
         if due > 6 and past is None:

@@ -17,10 +17,10 @@ from finloop.base.errors import FinloopError
 from finloop.stimulus.animals import Verdict
 from finloop.stimulus.controls import (
     apply_change,
+    fade_shares,
     fade_states,
     interpolate_states,
     planned_ticks,
-    ramp,
     with_look,
 )
 from finloop.stimulus.drawn import (
@@ -160,8 +160,8 @@ def test_fish_fade_in_and_out():
     rest = [column for column in range(states.shape[2]) if column != ALPHA]
     assert np.array_equal(shown[..., rest], states[..., rest])
     assert np.all(states[..., ALPHA] == 0.5)  # what was given stays
-    assert np.array_equal(fade_states(states, 0), states) and np.all(ramp(3, 0) == 1)
-    assert np.array_equal(ramp(5, 100) > 0, [False, True, True, True, False])
+    assert np.array_equal(fade_states(states, 0), states) and np.all(fade_shares(3, 0) == 1)
+    assert np.array_equal(fade_shares(5, 100) > 0, [False, True, True, True, False])
 
 
 def test_a_look_is_a_number_in_every_state():

@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 from finloop.io.journal import save_journal
 from finloop.live.door import AppServer, Door, bind_socket
 from finloop.stimulus.apps import replay_app, session_app
-from finloop.stimulus.desk import ask, session_status
+from finloop.stimulus.desk import handle_request, session_status
 from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import frames_of, open_record, plan_again
 from finloop.stimulus.serve import parse_message
@@ -148,7 +148,7 @@ def test_no_message_of_a_page_breaks_the_session(tmp_path):
                     json.loads(text).get("do") if isinstance(text, str) and _object(text) else ""
                 )
                 if wanted not in ("start", "stop", "abort", "skip"):
-                    ask(session, text if isinstance(text, str) else None)
+                    handle_request(session, text if isinstance(text, str) else None)
             session.log.keep()
             gc.collect()
             counts.append(len(gc.get_objects()))

@@ -18,7 +18,7 @@ from finloop.stimulus.feed import message
 from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, frames_of
 from finloop.stimulus.replay import frames_of as frames_in
 from finloop.stimulus.replay import open_record, plan_again
-from finloop.stimulus.show import Dry
+from finloop.stimulus.show import DryClock
 from finloop.stimulus.summary import reactions_ms, summary, table_of, tick_errors_ms
 
 RULE = {"motion": {"rule": {"rule": "approach"}}}
@@ -286,7 +286,7 @@ def test_the_summary_tells_what_was_shown_and_how_soon(tmp_path):
 
 
 def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
-    plan, clock = plan_of({"live": {"seconds": 3.0} | RULE}), Dry()
+    plan, clock = plan_of({"live": {"seconds": 3.0} | RULE}), DryClock()
     session, _ = session_of(tmp_path, plan, clock)
     rate, width = session.scene.rate_hz, session.scene.width
     session.patient = False
@@ -315,7 +315,7 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
 
 
 def test_a_clock_that_jumps_is_told(tmp_path):
-    session, _ = session_of(tmp_path, plan_of(ALL), Dry())
+    session, _ = session_of(tmp_path, plan_of(ALL), DryClock())
     for wall in (100.0, 100.2, 400.0, 400.1, 50.0):
         session.look(wall)
     session.log.close()
@@ -324,7 +324,7 @@ def test_a_clock_that_jumps_is_told(tmp_path):
 
 
 def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
-    session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), Dry())
+    session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), DryClock())
     came = {"name": "d", "calibrated": False}
     session.display_came(came)
     record = np.array([6, 0, 0, 0, 0, 0, 0, 0.0]).tobytes()
@@ -341,7 +341,7 @@ def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
 
 
 def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
-    session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), Dry())
+    session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), DryClock())
     session.display_came({"name": "d"})
     for number, took in enumerate((4, 5, 17, 4, 40)):
         at = 10 + number / 60
@@ -351,7 +351,7 @@ def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
 
 
 def test_motions_are_kept_only_where_they_are_shown_again(tmp_path):
-    session, _ = session_of(tmp_path, plan_of(ALL), Dry())
+    session, _ = session_of(tmp_path, plan_of(ALL), DryClock())
     session.patient = False
     session.start()
     asyncio.run(session.run())
@@ -361,7 +361,7 @@ def test_motions_are_kept_only_where_they_are_shown_again(tmp_path):
 
 def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path):
     plan = plan_of({"a": {"seconds": 1.0} | GOALS}, start={"key": "space"}, repeats=2)
-    session, _ = session_of(tmp_path, plan, Dry())
+    session, _ = session_of(tmp_path, plan, DryClock())
 
     async def run_session():
         session.start()

@@ -23,9 +23,9 @@ from finloop.sprites.turn import turn_cutout
 from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
 from finloop.tank.camera import CAMERAS, VIEW_DEG, views
 from finloop.tank.display import choose_window
-from finloop.tank.light import Floor, Surface
+from finloop.tank.light import Floor, WaterSurface
 from finloop.tank.skin import Skins
-from finloop.tank.swim import film_bodies, heights
+from finloop.tank.swim import film_bodies, swimming_heights
 
 
 def straight(scale=1.0):
@@ -159,8 +159,10 @@ def test_the_mass_centre_is_where_the_list_puts_it():
 
 
 def test_it_swims_in_the_water():
-    high = heights(np.linspace(0, 100, 500), 50.0)
-    assert not np.allclose(high, heights(np.linspace(0, 100, 500), 50.0, 1))  # each by itself
+    high = swimming_heights(np.linspace(0, 100, 500), 50.0)
+    assert not np.allclose(
+        high, swimming_heights(np.linspace(0, 100, 500), 50.0, 1)
+    )  # each by itself
     assert high.min() > 12 and high.max() < 38 and np.abs(np.diff(high)).max() < 1.2
 
 
@@ -257,7 +259,7 @@ def test_the_shadow_lies_away_from_the_sun_and_the_rest_is_the_film():
 
 
 def test_water_is_clear_from_above_and_a_mirror_from_afar():
-    water = Surface(ROOM)
+    water = WaterSurface(ROOM)
     above = water.points_and_colours(1.0, np.array([100.0, -75, 5000]), False)[1]
     afar = water.points_and_colours(1.0, np.array([100.0, -9000, 200]), False)[1]
     assert np.median(above[:, 3]) < 40 < 120 < np.median(afar[:, 3])

@@ -30,7 +30,7 @@ from finloop.io.viewer import _script
 from finloop.tank.camera import views
 from finloop.tank.display import choose_window
 from finloop.tank.glb import Glb
-from finloop.tank.gltf import AnimatedFish, shapes, tank_glb, upright
+from finloop.tank.gltf import AnimatedFish, gltf_place, shapes, tank_glb
 from finloop.tank.scene import TankScene
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -171,7 +171,7 @@ def test_vtk_reads_the_scene_and_finds_the_fish_at_every_tick(count, tmp_path):
         wanted = [fish.shape_at(tick)[0].reshape(-1, 3) - ROOM.middle for fish in every]
         seen = [points for points in meshes if len(points) == len(wanted[0])]
         for points, one in zip(seen, wanted, strict=True):
-            there = np.array([upright(point / LENGTH) for point in one])
+            there = np.array([gltf_place(point / LENGTH) for point in one])
             assert np.abs(points - there).max() < 0.002
         assert sizes[0] == 4 and len(sizes) == 4 + 2 * count  # floor, water, glass, edges; shadows
 

@@ -17,7 +17,7 @@ from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import protocol_of
 from finloop.stimulus.replay import open_record
 from finloop.stimulus.session import Session
-from finloop.stimulus.show import Dry
+from finloop.stimulus.show import DryClock
 
 LIVE = {"unit": "px"}
 
@@ -62,7 +62,7 @@ def session_of(folder, plan, clock, made=None, name="toy", **more):
 
 def run_dry(folder, plan, messages=(), made=None, name="toy"):
     """The record of a session without display; messages: (time, text) of a tracker."""
-    clock = Dry(iter(messages))
+    clock = DryClock(iter(messages))
     session, sent = session_of(folder, plan, clock, made, name)
     clock.hear, session.patient = session.hear, False
     session._wanted.update(plan.conditions)  # all motions are looked at afterwards

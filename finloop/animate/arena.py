@@ -168,7 +168,7 @@ def is_area_complete(outline_px: Reals) -> bool:
     return sum(halves) / 2 >= _SETTLED * whole
 
 
-def goes_on(floor: Picture, filmed: Mask) -> bool:
+def floor_looks_alike(floor: Picture, filmed: Mask) -> bool:
     """Return whether the floor looks the same beyond the area where animals were filmed.
 
     floor: (h, w) or (h, w, 3), without animals; filmed (h, w): where they were. It does if most of
@@ -227,12 +227,12 @@ def tank_area(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None =
         tank == "filmed"
         or is_area_complete(outline_px)
         or floor is None
-        or not goes_on(floor, filmed)
+        or not floor_looks_alike(floor, filmed)
     )
     return filmed if known and (tank == "filmed" or filmed.mean() >= _ROAMS) else arena
 
 
-def where(
+def choose_fish_area(
     arena: Mask, outline_px: Reals, reach_px: float, tank: str, floor: Picture | None = None
 ) -> Mask:
     """Return where (h, w) a fish may be: `tank_area`, or with "auto" the arena if it needs that.

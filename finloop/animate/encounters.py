@@ -13,7 +13,7 @@ import pandas as pd
 
 from finloop.animate.protocols import AnyPlayer
 from finloop.base.arrays import Floats, Ints
-from finloop.base.axes import ahead_left
+from finloop.base.axes import to_body_axes
 from finloop.distance.picture import typical_length
 from finloop.edit.schema import FRAME
 
@@ -37,11 +37,11 @@ def place_outline(
     hull (p, 2): px ahead of and to the left of the mass centre; x_px, y_px, heading_deg: of the
     fish.
     """
-    turned = ahead_left(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))  # its inverse
+    turned = to_body_axes(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))  # its inverse
     return np.asarray(turned + np.array([x_px, y_px]))
 
 
-def outline(player: AnyPlayer, row: Any) -> Floats:
+def outline_on_screen(player: AnyPlayer, row: Any) -> Floats:
     """Return the outline (p, 2) on screen, x, y px, of a row of an edit list.
 
     row: one with the fields of `PlacedPicture`.
@@ -77,7 +77,9 @@ def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     columns = [edit[name].to_numpy() for name in PlacedPicture._fields]
 
     def hull_at(one: int, tick: int) -> Floats:
-        return outline(player, PlacedPicture(*(column[one * ticks + tick] for column in columns)))
+        return outline_on_screen(
+            player, PlacedPicture(*(column[one * ticks + tick] for column in columns))
+        )
 
     pairs = np.zeros(ticks, np.int64)
     for one, other in combinations(range(fish), 2):
@@ -87,7 +89,7 @@ def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     return pairs
 
 
-def nearest(where: Floats) -> Floats:
+def nearest_distances(where: Floats) -> Floats:
     """Return the distance (n,) of each of n ≥ 2 places (n, 2) from its nearest neighbour."""
     far = np.hypot(*(where[:, None] - where[None]).transpose(2, 0, 1))
     np.fill_diagonal(far, np.inf)
@@ -102,7 +104,7 @@ def measure_clearance(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]
     where = places(edit)
     if len(where) < 2:
         return {}
-    near = [nearest(tick) for tick in where.transpose(1, 0, 2)]
+    near = [nearest_distances(tick) for tick in where.transpose(1, 0, 2)]
     return {
         "overlapping_pairs_per_1000_ticks": 1000 * float(overlaps(edit, player).mean()),
         **distance_quantiles(np.concatenate(near) / player.world.motion.body_length_px),
@@ -124,7 +126,7 @@ def film_nearest(features: pd.DataFrame) -> Floats:
     where = features[["x_px", "y_px"]].to_numpy(float)
     together = [rows for rows in features.groupby("frame").indices.values() if len(rows) > 1]
     return np.concatenate(
-        [np.zeros(0), *(nearest(where[rows]) / length[rows] for rows in together)]
+        [np.zeros(0), *(nearest_distances(where[rows]) / length[rows] for rows in together)]
     )
 
 

@@ -46,7 +46,7 @@ def measure_plan(
         **turn_measures(edit),
         **picture_kind_shares(edit),
         **area_missed(edit),
-        "frames_outside": outside(edit, player),
+        "frames_outside": count_ticks_outside(edit, player),
     }
 
 
@@ -190,7 +190,7 @@ def kinematic_distances(
     }
 
 
-def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
+def count_ticks_outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     """Return the number of ticks at which any point of the drawn fish is outside the arena."""
     count, tank = 0, player.world.tank
     height, width = tank.arena.shape

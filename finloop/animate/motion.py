@@ -17,9 +17,9 @@ import scipy
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.base.axes import ahead_left
+from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
-from finloop.base.stretches import spread
+from finloop.base.stretches import spread_rows
 from finloop.features.current import through_water
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
@@ -86,7 +86,7 @@ Track = dict[str, NDArray[Any]]
 """Columns of a feature table, the rows of one track; x_px, y_px as `through_water` has them."""
 
 
-def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
+def track_kinematics(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackKinematics:
     """Return the kinematics of a track (n rows), frame by frame.
 
     delta: Δ in frames; length_px: body length; rate_hz: frames per second.
@@ -98,7 +98,7 @@ def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackK
     place = np.column_stack([track["x_px"], track["y_px"]]) / length_px
     moved = (place[after] - place[before]) / span[:, None]
     heading = np.unwrap(track["heading_deg"], period=360)
-    step = ahead_left(np.gradient(place, axis=0), np.radians(heading))
+    step = to_body_axes(np.gradient(place, axis=0), np.radians(heading))
     bend = track["bend"]
     mean = scipy.ndimage.uniform_filter1d(bend, delta + 1)
     spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
@@ -115,16 +115,20 @@ def course(track: Track, delta: int, length_px: float, rate_hz: float) -> TrackK
     )
 
 
-def courses(features: pd.DataFrame, rate_hz: float, delta: int) -> list[TrackKinematics]:
+def kinematics_of_tracks(
+    features: pd.DataFrame, rate_hz: float, delta: int
+) -> list[TrackKinematics]:
     """Return the kinematics of the film's tracks; delta: Δ in frames.
 
     rate_hz: frames per second. From a film of hours tracks spread over it are taken. Where the film
     shows no straight swimming, all of it counts as straight. FinloopError if nothing moves.
     """
     length = float(features["body_length_px"].median())
-    every = [course(track, delta, length, rate_hz) for track in _tracks(features, 2 * delta)]
+    every = [
+        track_kinematics(track, delta, length, rate_hz) for track in _tracks(features, 2 * delta)
+    ]
     if not every or max(c.speed.max() for c in every) <= 0:
-        raise too_little("swimming")
+        raise too_little_error("swimming")
     if not any((c.kind == TYPE_STRAIGHT).any() for c in every):
         every = [replace(c, kind=np.full_like(c.kind, TYPE_STRAIGHT)) for c in every]
     return every
@@ -136,13 +140,13 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> MotionStatistic
     rate_hz: frames per second. Where the film shows no turn, each track is one. FinloopError if
     nothing moves, or no heading changes.
     """
-    every = courses(features, rate_hz, delta)
+    every = kinematics_of_tracks(features, rate_hz, delta)
     runs = [run for one in every for run in runs_of(one)]
     straight = [last - first for _, kind, first, last in runs if kind == TYPE_STRAIGHT]
     turning = [run for run in runs if run[1] != TYPE_STRAIGHT]
     turns = _turns(turning, rate_hz, delta) or _turns([_whole(c) for c in every], rate_hz, delta)
     if turns is None:
-        raise too_little("turning")
+        raise too_little_error("turning")
     length = float(features["body_length_px"].median())
     return MotionStatistics(turns, np.array(straight, np.int32), rate_hz, delta, length)
 
@@ -161,13 +165,13 @@ def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
     long = np.flatnonzero(np.diff(edges) > least)
     rows = int(np.diff(edges)[long].sum())
     if rows > _LEARNT:
-        long = spread(long, max(1, len(long) * _LEARNT // rows))
+        long = spread_rows(long, max(1, len(long) * _LEARNT // rows))
     for number in long.tolist():
         here = slice(edges[number], edges[number + 1])
         yield {name: column[here] for name, column in columns.items()}
 
 
-def too_little(what: str) -> FinloopError:
+def too_little_error(what: str) -> FinloopError:
     """Return the error that the film shows too little to learn from; what: the kind of swimming."""
     return FinloopError(
         f"the film shows no {what} to learn from",

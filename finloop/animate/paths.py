@@ -31,7 +31,7 @@ class Path(NamedTuple):
     asked: Route
 
 
-def lay(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
+def lay_path(line: Line, tank: Tank, motion: MotionStatistics, mm_per_px: float | None) -> Path:
     """Return the path in px of the clip that a given line makes in the tank.
 
     mm_per_px: scale of the film, None if unknown. Without times, a line that ends where it began is

@@ -22,7 +22,7 @@ from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_list
 from finloop.edit.schema import PATH, Goal
 from finloop.edit.stretch import Swim
-from finloop.social.rule import rule_of
+from finloop.social.rule import require_rule
 
 
 class SwimTask(NamedTuple):
@@ -71,7 +71,7 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
         )
 
 
-def tasks(
+def make_tasks(
     goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
 ) -> list[SwimTask]:
     """Return the task of each of `fish` fish: goals are dealt, the first also gets the path.
@@ -144,10 +144,10 @@ class SchoolMember:
             return Rule.from_leader(plans.place_at(task.follows, self.tick))
         if not (task.zones and others.shape[1]):
             return None
-        return Rule.by_zones(others[0, :, :3], rule_of(shoaling))
+        return Rule.by_zones(others[0, :, :3], require_rule(shoaling))
 
 
-def settle(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
+def settle_fish(player: AnyPlayer, todo: Sequence[SwimTask], plans: Plans) -> list[SchoolMember]:
     """Put a fish for each task into the tank, and return them, each with a first stretch planned.
 
     All that begin a path are there before any fish plans; the others come one after the other.
@@ -178,7 +178,7 @@ def shoal(player: AnyPlayer, todo: Sequence[SwimTask], ticks: int) -> list[Swim]
     NoRoom if the tank lacks room for all of them.
     """
     plans = Plans(len(todo))
-    fish = settle(player, todo, plans)
+    fish = settle_fish(player, todo, plans)
     queue = [(one.tick, number) for number, one in enumerate(fish)]
     heapq.heapify(queue)
     while queue[0][0] < ticks:

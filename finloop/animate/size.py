@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import size_for, where
+from finloop.animate.arena import choose_fish_area, size_for
 from finloop.animate.cast import FrameHulls
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.base.arrays import Floats, Mask, Picture, Reals
@@ -42,7 +42,7 @@ def scale_film(
     hulls = outlines(reel) if len(reel.sprites) else []
     reach_px, barred = reach(hulls, filmed, p.reach_quantile)
     size = 1.0 if p.fish_scale == "auto" else p.fish_scale
-    area = where(arena, outline_px, size * reach_px, p.tank, floor)
+    area = choose_fish_area(arena, outline_px, size * reach_px, p.tank, floor)
     size = size_for(area, reach_px) if p.fish_scale == "auto" else size
     hulls_at_size = replace(filmed, scale=size * scale)
     return Sized(reel.scale_to(size), hulls_at_size, area, size * reach_px, barred)

@@ -5,7 +5,7 @@ import numpy as np
 from finloop.base.arrays import Floats, Reals
 
 
-def ahead_left(offset: Reals, heading_rad: Reals) -> Floats:
+def to_body_axes(offset: Reals, heading_rad: Reals) -> Floats:
     """Convert offsets in a picture to an animal's own axes: parts ahead and to its left (…, 2).
 
     offset (…, 2): x right and y down, in any unit, which the result keeps. heading_rad (…,):

@@ -32,7 +32,7 @@ class Line(NamedTuple):
     rows: Ints | None = None
 
 
-def checked_line(line: Line) -> Line:
+def check_line(line: Line) -> Line:
     """Return the line unchanged, or raise FinloopError that lists everything wrong with it.
 
     At least two places must differ, every number must be finite, and times must not decrease.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.stretches import spread
+from finloop.base.stretches import spread_rows
 
 MOST = 20_000  # vectors compared with all; 12 s of one core at 25,000 of 33 numbers, 3 s in cells
 RECALL = 0.99  # the least, of the `_NEAREST` nearest
@@ -52,7 +52,7 @@ class Nearest:
         index.cp.max_points_per_centroid, index.cp.niter = _PER_CELL, _ROUNDS
         index.train(vectors)
         index.add(vectors)
-        some = vectors[spread(np.arange(m), _SAMPLE)]
+        some = vectors[spread_rows(np.arange(m), _SAMPLE)]
         true = faiss.knn(some, vectors, _NEAREST + 1)[1]
         recall, index.nprobe = 0.0, 4
         while recall < RECALL and index.nprobe < cells:
@@ -102,7 +102,7 @@ def _may_have_more(near: Ints) -> Mask:
     return near[:, -1] >= 0 if near.shape[1] else np.zeros(len(near), bool)
 
 
-def parts_of(n: int, stretch: int, most: int = MOST) -> Ints:
+def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
     """Divide the n rows of a long film into parts of about `most` rows; return each row's part.
 
     The parts (n,) are numbered 0 … p − 1. Stretches of `stretch` consecutive rows go to the parts

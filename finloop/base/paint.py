@@ -54,7 +54,7 @@ class Shape:
     paint: Paint
 
 
-def paint(style: str, side: float) -> Paint:
+def parse_style(style: str, side: float) -> Paint:
     """Parse an SVG style such as "fill:red;stroke:none" to a fill and a stroke.
 
     A style with neither gives a black line of width `side` / 200; side: the longer side of the
@@ -80,7 +80,9 @@ def _colour(text: str) -> Colour | None:
     return None if text == "none" else ImageColor.getrgb(text)[:3]
 
 
-def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -> list[Shape]:
+def group_contours(
+    closed: Mapping[str, bool], styles: Mapping[str, str], side: float
+) -> list[Shape]:
     """Group contours into shapes in drawing order: `d`, `d#2`, `d#3` become the shape `d`.
 
     closed, styles: by contour id; `styles` may lack some. side: the longer side of the drawing, for
@@ -94,7 +96,7 @@ def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -
             name,
             tuple(layers),
             tuple(closed[layer] for layer in layers),
-            paint(styles.get(layers[0], ""), side),
+            parse_style(styles.get(layers[0], ""), side),
         )
         for name, layers in together.items()
     ]

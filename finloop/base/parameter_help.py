@@ -42,7 +42,7 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
     """
     yielded = set()
     for option, declared in variants(word).items():
-        texts, values = comments(word, option), values_of(word, option)
+        texts, values = read_comments(word, option), values_of(word, option)
         hints = get_type_hints(declared, include_extras=True)
         for field in fields(declared):
             text = texts.get(field.name, "")
@@ -57,7 +57,7 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
                 yield entry
 
 
-def comments(word: str, option: str) -> dict[str, str]:
+def read_comments(word: str, option: str) -> dict[str, str]:
     """Return the comment of each parameter in conf/<word>/<option>.yaml, by parameter name.
 
     A comment is the lines above the parameter and the rest of its own line. A blank line ends a
@@ -122,7 +122,7 @@ def every_parameter() -> list[ParameterHelp]:
     return [entry for word in GROUPS for entry in parameter_help(word)]
 
 
-def problems() -> list[str]:
+def find_comment_problems() -> list[str]:
     """List the parameters whose comment in conf/ lacks a meaning or the checked range."""
     found = []
     for entry in every_parameter():

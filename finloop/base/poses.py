@@ -37,7 +37,7 @@ class Poses:
 BLOCK = 1024  # frames in memory at a time
 
 
-def blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
+def iterate_blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
     """Yield the points of all frames, `block` frames at a time, each with its first frame's number.
 
     The points (frames of the block, individuals, keypoints, 3) are x [px], y [px], confidence; NaN

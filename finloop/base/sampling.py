@@ -6,7 +6,7 @@ from finloop.base.kernel import kernel
 
 
 @kernel
-def keys(t):  # type: ignore[no-untyped-def]
+def keys_weights(t):  # type: ignore[no-untyped-def]
     """Return the four weights of Keys' cubic interpolation (a = −1/2), float32.
 
     t: place in [0, 1) between pixel 0 and pixel 1. The weights are those of pixels −1, 0, 1, 2.

@@ -40,7 +40,7 @@ CONF = Path(__file__).parents[2] / "conf"
 
 
 @cache
-def usual_options() -> dict[str, str]:
+def default_variants() -> dict[str, str]:
     """Return the default variant of every group of parameters, as conf/config.yaml names it.
 
     The keys are group names in its order; the values name the files conf/<group>/<variant>.yaml.
@@ -59,7 +59,7 @@ def _load(path: Path) -> dict[str, Any]:
     return yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
 
 
-GROUPS = tuple(usual_options())
+GROUPS = tuple(default_variants())
 """All groups of parameters, in the order of conf/config.yaml."""
 WORDS = tuple(word for word in GROUPS if word != "cluster")
 """Those of the stages; `cluster` says where their work is done, which no result shows."""
@@ -118,8 +118,8 @@ def settings(word: str, **values: Any) -> Any:
     FinloopError if a name is unknown, or a value has a wrong type or is out of range; all are
     listed.
     """
-    whole = values_of(word, values.get("source", usual_options()[word])) | values
-    group, problems = check(word, variants(word), whole)
+    whole = values_of(word, values.get("source", default_variants()[word])) | values
+    group, problems = check_values(word, variants(word), whole)
     if problems:
         raise FinloopError(
             "\n    ".join(problems),
@@ -170,7 +170,7 @@ def values_of(word: str, option: str) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key != "defaults"}
 
 
-def check(
+def check_values(
     word: str, options: Mapping[str, type], values: Any
 ) -> tuple[Any, list[str]] | tuple[None, list[str]]:
     """Check a group's values; return its dataclass and no problems, or None and every problem.

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def spread(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+def spread_rows(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
     """Return at most `most` of the rows (n,), spread evenly over them, in their order."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
-def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
+def sample_stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
     """Return a random sample of whole tracks, as slices of rows in ascending order.
 
     track_ids (rows,): the track of every row, in order. Tracks are drawn until they have `most`

@@ -27,7 +27,7 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
     return 0
 
 
-def in_frames(counts: Mapping[str, int], frames: int) -> str:
+def format_frame_counts(counts: Mapping[str, int], frames: int) -> str:
     """Format counts of frames by id as text, such as "eye in 3, tail in 1 of 20 frames"."""
     return (
         ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"

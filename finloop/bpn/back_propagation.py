@@ -14,7 +14,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import for_kernels, kernel, leaf_kernel
-from finloop.bpn.held_out import COMPARED, errors
+from finloop.bpn.held_out import COMPARED, state_errors
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
@@ -24,7 +24,7 @@ from finloop.bpn.model import (
     MotionModel,
     Rows,
     input_range,
-    to_scale,
+    scale_to_unit,
 )
 from finloop.bpn.settings import BpnSettings
 
@@ -141,25 +141,25 @@ def train(
     network is untrained.
     """
     low, high = input_range(inputs)
-    x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
+    x = np.column_stack([scale_to_unit(inputs, low, high), np.ones(len(inputs))])
     t = MARGIN + (1 - 2 * MARGIN) * (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
     watched = {"train": (inputs, outputs), "held_out": held_out}
     rule = settings.batch_size, settings.learning_rate, settings.momentum
     weights = new_weights(settings.hidden_units, rng)
     velocity = np.zeros_like(weights)
-    model = model_of(weights, low, high, delta_s)
+    model = model_from_weights(weights, low, high, delta_s)
     curve = [_errors(model, watched)]
     for _ in range(settings.epochs):
         order = rng.permutation(len(x))
         learn_epoch(x[order], t[order], weights, velocity, rule)
         _check_growth(weights, settings)
-        model = model_of(weights, low, high, delta_s)
+        model = model_from_weights(weights, low, high, delta_s)
         curve.append(_errors(model, watched))
         advance()
     return model, pd.DataFrame(curve).rename_axis("epoch").reset_index()
 
 
-def model_of(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
+def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
     """Return a motion model with a copy of flat weights (see `new_weights`).
 
     low, high (4,): the inputs that are scaled to -1 and 1, in the units of INPUTS; delta_s: Δ [s].
@@ -186,6 +186,6 @@ def _errors(model: MotionModel, watched: dict[str, tuple[Floats, Floats]]) -> di
     result: dict[str, float] = {}
     for side, (inputs, outputs) in watched.items():
         parts = [model.predict(inputs[at : at + PART]) for at in range(0, len(inputs), PART)]
-        found = errors(np.concatenate(parts), outputs) if parts else {}
+        found = state_errors(np.concatenate(parts), outputs) if parts else {}
         result |= {f"{side}_{name}": found.get(name, math.nan) for name in COMPARED}
     return result

@@ -38,7 +38,7 @@ def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFra
     return pd.DataFrame(states, columns=HELD_OUT.names)
 
 
-def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
+def predict_linearly(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
     """Fit linear least squares with an intercept, and predict outputs (n, 2) for `inputs` (n, 4).
 
     train_inputs (m, 4), train_outputs (m, 2): the rows of the fit. Predictions are clipped to the
@@ -50,7 +50,7 @@ def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Float
     return np.clip(predicted, OUTPUT_LOW, OUTPUT_HIGH)
 
 
-def errors(predicted: Floats, true: Floats) -> dict[str, float]:
+def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
     """Return the errors of predicted motion area and swimming type, by name.
 
     predicted, true: (n, 2), columns OUTPUTS. area_rmse, type_rmse: root mean squares, of areas
@@ -92,13 +92,13 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
     """
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
     training = rows.inputs[train], rows.outputs[train]
-    learnt = errors(model.predict(training[0]), training[1])
+    learnt = state_errors(model.predict(training[0]), training[1])
     results = {}
     if held_out.any():
         results = {
-            "held_out": errors(model.predict(inputs), outputs),
-            "persistence": errors(inputs[:, :2], outputs),
-            "linear": errors(linear(*training, inputs), outputs),
+            "held_out": state_errors(model.predict(inputs), outputs),
+            "persistence": state_errors(inputs[:, :2], outputs),
+            "linear": state_errors(predict_linearly(*training, inputs), outputs),
         }
     skills = {
         f"{name.removesuffix('_pct')}_skill_against_{baseline}": (

@@ -67,7 +67,7 @@ class MotionModel:
         inputs: columns and units INPUTS; the result: OUTPUTS. Motion area is in 0 … 1, swimming
         type a real number in -1 … 1: `type_class` rounds it.
         """
-        scaled = to_scale(inputs, self.input_low, self.input_high)
+        scaled = scale_to_unit(inputs, self.input_low, self.input_high)
         hidden = scipy.special.expit(scaled @ self.hidden_weights + self.hidden_bias)
         raw = scipy.special.expit(hidden @ self.output_weights + self.output_bias)
         share = (raw - self.margin) / (1 - 2 * self.margin)
@@ -105,7 +105,7 @@ def motion_model(**content: Any) -> MotionModel:
     return MotionModel(**numbers, **arrays)  # type: ignore[arg-type]
 
 
-def to_scale(values: Reals, low: Floats, high: Floats) -> Floats:
+def scale_to_unit(values: Reals, low: Floats, high: Floats) -> Floats:
     """Clip values (n, k) to [low, high] and scale them to [-1, 1]; low, high: (k,)."""
     return 2 * (np.clip(np.asarray(values, float), low, high) - low) / (high - low) - 1
 
@@ -209,7 +209,7 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
     return _enough(~test, test)
 
 
-def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
+def split_rows(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
     """Return masks (n,) of the rows to learn from and of those held out, by "blocks" or "tracks".
 
     At most `p.most_rows` are learnt from: a random sample in a long film. FinloopError if the film
@@ -231,13 +231,13 @@ def split(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
 
 
 def split_or_all(rows: Rows, p: BpnSettings) -> tuple[Mask, Mask]:
-    """Return the masks (n,) of `split` by `p.held_out_by`; in too short a film hold no row out.
+    """Return the masks (n,) of `split_rows` by `p.held_out_by`; too short a film holds no row out.
 
     FinloopError if the film has no rows, or if `p` is the reason for too few rows: whole tracks, or
     blocks shorter than Δ.
     """
     try:
-        return split(rows, p.held_out_by, p)
+        return split_rows(rows, p.held_out_by, p)
     except FinloopError:
         by_user = p.held_out_by == "tracks" or p.held_out_block_deltas < 1
         if by_user or not len(rows.inputs):

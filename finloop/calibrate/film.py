@@ -58,7 +58,7 @@ class FilmShoal:
         """Return the measures (columns of `SHOAL`) of the film's first or second half."""
         return self.table[self.first_half == first]
 
-    def lessons(self, first: bool, most: int) -> Ints:
+    def fit_rows(self, first: bool, most: int) -> Ints:
         """Return rows from which zones are fitted, at most `most`, evenly spread over one half.
 
         Such a row has other fish in its frame, and a later row `horizon` frames on in the same
@@ -78,9 +78,9 @@ class FilmShoal:
         return _spread(first if len(first) else np.flatnonzero(whole), most)
 
     @property
-    def teaches(self) -> bool:
+    def suffices_for_fit(self) -> bool:
         """Whether both halves have LEAST rows for a fit, and the film at least one whole step."""
-        halves = [len(self.lessons(first, LEAST)) for first in (True, False)]
+        halves = [len(self.fit_rows(first, LEAST)) for first in (True, False)]
         return min(halves) == LEAST and len(self.whole_steps(1)) > 0
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:

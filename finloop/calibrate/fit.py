@@ -55,7 +55,7 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
     Parameters that are not "auto" stay fixed; listed radii and blind angles are tried for the
     others.
     """
-    rows, others = (film.lessons(first, p.rows) for first in (True, False))
+    rows, others = (film.fit_rows(first, p.rows) for first in (True, False))
     seen, wall, after = film.visible_neighbours(rows), wall_pull(film, rows), film.directions(rows)
     weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
@@ -264,7 +264,7 @@ def _zones(
     return Zones(inner, middle, outer, blind, *own)
 
 
-def without_company(p: CalibrateSettings) -> Zones:
+def default_zones(p: CalibrateSettings) -> Zones:
     """Return the zones for a film that shows too few fish together for a fit.
 
     They have the values of the parameters, and the paper's (COUZIN) where a parameter is "auto".

@@ -17,8 +17,8 @@ from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema, columns
 from finloop.clip.doubled import find_repeats
 from finloop.clip.fields import field_order
-from finloop.clip.light import gain, in_light, light
-from finloop.clip.shake import STILL, UNKNOWN, Shift, marks, shift, undo_shift
+from finloop.clip.light import gain, measure_light, undo_gain
+from finloop.clip.shake import STILL, UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
 RUNS, LENGTH = 8, 64  # number and length [frames] of the runs that are examined
@@ -93,7 +93,7 @@ class Clip(NamedTuple):
         return len(self.changes)
 
 
-def runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
+def spread_runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
     """Return the runs (start, stop) of successive frames, spread over a film, that are examined.
 
     Frame `stop` is not in the run. A film of at most `RUNS` × `LENGTH` frames is a single run; a
@@ -114,9 +114,9 @@ def still_tank(samples: Sequence[Picture]) -> Picture:
     few = samples[:: -(-len(samples) // _SAMPLES)]
     gains = [gain(frame, few[0]) for frame in few]
     usual = np.median(gains, axis=0)
-    few = [in_light(frame, of / usual) for frame, of in zip(few, gains, strict=True)]
-    first = marks(_median(few))
-    shifts = [shift(frame, first) for frame in few]
+    few = [undo_gain(frame, of / usual) for frame, of in zip(few, gains, strict=True)]
+    first = find_landmarks(_median(few))
+    shifts = [measure_shift(frame, first) for frame in few]
     certain = np.array([offset for offset in shifts if offset is not UNKNOWN])
     if len(certain):
         middle = Shift(*np.median(certain, axis=0))
@@ -143,16 +143,16 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
     frames from one key frame of the clip to the next.
     """
     whole = still_tank(clip.samples)
-    tank, of, last = grey(whole), marks(whole), STILL
+    tank, of, last = grey(whole), find_landmarks(whole), STILL
     rows: list[dict[str, float]] = []
     movers: list[tuple[float, float, float, float]] = []
-    for start, stop in runs(clip.frames, stride):
+    for start, stop in spread_runs(clip.frames, stride):
         before: Picture | None = None
         light_before = 1.0
         for frame, picture in enumerate(clip.read(start=start, stop=stop), start):
             here = picture.copy()  # the decoder reuses its memory
             bright = float(gain(here, tank)[0])
-            place = shift(here, of, last)
+            place = measure_shift(here, of, last)
             last = last if place is UNKNOWN else place
             row = {f"shift_{name}": value for name, value in place._asdict().items()}
             if before is not None and frame % _EVERY == 1:
@@ -202,7 +202,7 @@ def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, 
 
 def _quality(table: pd.DataFrame, clip: Clip, looked: int, movers: Floats) -> Quality:
     """Summarise the measures of all frames; `looked`: the number of examined frames."""
-    lamp = light(np.array(clip.lights), clip.rate_hz)
+    lamp = measure_light(np.array(clip.lights), clip.rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
     places = place[np.isfinite(place[:, 0])]
     far = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]

@@ -48,7 +48,7 @@ def _grid(picture: Picture) -> Floats:
     return few.reshape(few.shape[0] * few.shape[1], -1)
 
 
-def in_light(frame: Picture, gains: Floats) -> Picture:
+def undo_gain(frame: Picture, gains: Floats) -> Picture:
     """Return a frame (h, w[, 3]) in the tank's light: each channel divided by its gain, rounded.
 
     gains (1,) or (3,): brightness of the frame relative to the tank, from `gain`.
@@ -69,7 +69,7 @@ class Light(NamedTuple):
     drift_pct: float  # range of the slow part, darkest to brightest moment, over the mean
 
 
-def light(lights: Floats, rate_hz: float) -> Light:
+def measure_light(lights: Floats, rate_hz: float) -> Light:
     """Measure flicker and drift from the brightness (frames,) of successive frames, in any unit.
 
     rate_hz: frames per second. Changes slower than three seconds are drift, the rest is flicker.

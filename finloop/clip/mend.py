@@ -13,9 +13,17 @@ import numpy as np
 from finloop.base.arrays import Mask, Picture
 from finloop.clip.check import Quality, grey
 from finloop.clip.doubled import Doubled
-from finloop.clip.light import gain, in_light
+from finloop.clip.light import gain, undo_gain
 from finloop.clip.settings import File
-from finloop.clip.shake import STILL, UNKNOWN, Landmarks, Shift, marks, shift, undo_shift
+from finloop.clip.shake import (
+    STILL,
+    UNKNOWN,
+    Landmarks,
+    Shift,
+    find_landmarks,
+    measure_shift,
+    undo_shift,
+)
 from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
 
 # Share of the picture's smaller side. A camera that moves farther loses a strip of that width on
@@ -79,7 +87,7 @@ def new_pictures(take: Frames, twice: Doubled, rate_hz: float) -> Frames:
 
 
 @dataclass
-class Calm:
+class FrameCorrector:
     """Brings frames to the light and the place of the still tank (h, w) or (h, w, 3).
 
     light, place: whether to correct the light, and the place. right_px … up_px: the largest shift
@@ -100,14 +108,14 @@ class Calm:
         """Yield the frames of `take`, light and place corrected, times and numbers unchanged."""
         for time_s, (number, frame) in take:
             if self.light:
-                frame = in_light(frame, gain(frame, self.tank))
+                frame = undo_gain(frame, gain(frame, self.tank))
             if self.place:
                 frame = self._steady_frame(frame)
             yield time_s, (number, frame)
 
     def _steady_frame(self, frame: Picture) -> Picture:
-        self._marks = self._marks or marks(self.tank)
-        by = shift(grey(frame), self._marks, self._last)
+        self._marks = self._marks or find_landmarks(self.tank)
+        by = measure_shift(grey(frame), self._marks, self._last)
         by = self._last if by is UNKNOWN else by
         self._last = by
         self.right_px, self.left_px = max(self.right_px, by.x), max(self.left_px, -by.x)

@@ -16,10 +16,10 @@ import numpy as np
 from finloop.base.arrays import Mask, Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, check
 from finloop.clip.doubled import Doubled, find_repeats
-from finloop.clip.mend import Calm, field_of, new_pictures, repairs
+from finloop.clip.mend import FrameCorrector, field_of, new_pictures, repairs
 from finloop.clip.quality import Tally
 from finloop.clip.settings import ClipSettings, File
-from finloop.clip.write import ClipSource, normalise, open_source
+from finloop.clip.write import ClipSource, open_source, write_clip
 from finloop.io.footage.fields import Order
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
@@ -72,17 +72,17 @@ def make_clip(
     """Write the normalised clip of a film and its check to a folder; repair a user's own footage.
 
     The check is a table (`CHECK_NAME`) and the still tank's picture (`TANK_NAME`). A faulty clip is
-    written again, repaired. watch: reports progress. FinloopError as in `normalise`.
+    written again, repaired. watch: reports progress. FinloopError as in `write_clip`.
     """
     with watch("clip", source.facts.frames) as advance:
-        facts, tally, arena = normalise(source, p, folder, advance)
+        facts, tally, arena = write_clip(source, p, folder, advance)
     filmed, tank = _check_clip(facts, tally, folder)
     result = ClipResult(facts, tally, arena, filmed, filmed, frozenset())
     if not isinstance(p, File):
         return result
     fields: Order = ""
     twice: Doubled | None = None
-    calm: Calm | None = None
+    calm: FrameCorrector | None = None
     for kind in (_PICTURES, _TAKING):
         todo = repairs(p, result.quality, min(arena.shape)) & kind
         if "undouble" in todo and not _frame_by_frame(result.facts):
@@ -94,10 +94,10 @@ def make_clip(
         if "undouble" in todo:
             twice = find_repeats(np.array(result.tally.changes))
         if todo & _TAKING:
-            calm = Calm(tank, "even_light" in todo, "steady" in todo)
+            calm = FrameCorrector(tank, "even_light" in todo, "steady" in todo)
         again = _reopen_film(p, fields, twice, calm)
         with watch("mend", again.facts.frames) as advance:
-            facts, tally, arena = normalise(again, p, folder, advance)
+            facts, tally, arena = write_clip(again, p, folder, advance)
         if calm:
             arena = arena & calm.common_mask()
             save_mask(folder / ARENA_NAME, arena)
@@ -112,7 +112,9 @@ def _frame_by_frame(facts: VideoFacts) -> bool:
     return not retimed and len(facts.segments) == 1
 
 
-def _reopen_film(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> ClipSource:
+def _reopen_film(
+    p: File, fields: Order, twice: Doubled | None, calm: FrameCorrector | None
+) -> ClipSource:
     source = open_source(p, fields)
     facts, takes = source.facts, source.takes
     if twice is not None:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import Crf, NotNegative, Positive, check
+from finloop.base.settings import Crf, NotNegative, Positive, check_values
 from finloop.drawn.carp.settings import CarpFilm
 
 Repair = Literal["auto", "always", "never"]
@@ -94,7 +94,7 @@ class File:
             raise ValueError(f"several films: {self.path}")
         return Path(self.path).expanduser()
 
-    def each(self) -> list[tuple[str, "File"]]:
+    def settings_by_path(self) -> list[tuple[str, "File"]]:
         """Return a path and its parameters for each entry of `path`, its own values included."""
         if isinstance(self.path, str):
             return [(self.path, self)]
@@ -108,7 +108,7 @@ class File:
         """These parameters with some values of one film, or what is wrong with those."""
         if not isinstance(values.get("path"), str):
             return None, [f"a film of the list needs a path, got {values!r}"]
-        return check("clip", {"file": File}, {**vars(self), **values})
+        return check_values("clip", {"file": File}, {**vars(self), **values})
 
 
 ClipSettings = Zebrafish | Carp | File

@@ -74,7 +74,7 @@ def _small(soft: Picture) -> np.ndarray:
     return cv2.resize(soft, size, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
-def marks(tank: Picture) -> Landmarks:
+def find_landmarks(tank: Picture) -> Landmarks:
     """Return the steepest places of the still tank (h, w[, 3]), at most 60 in each of 36 tiles."""
     soft = _soft(tank)
     level = soft.astype(np.float64)
@@ -101,7 +101,7 @@ def marks(tank: Picture) -> Landmarks:
     return Landmarks(xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _small(soft))
 
 
-def shift(frame: Picture, of: Landmarks, last: Shift = STILL) -> Shift:
+def measure_shift(frame: Picture, of: Landmarks, last: Shift = STILL) -> Shift:
     """Measure the shift [px] of a frame against the still tank; `UNKNOWN` if too few marks show it.
 
     frame: (h, w[, 3]); of: the tank's marks; last: shift of the frame before, where the search

@@ -21,7 +21,7 @@ from finloop.base.parallel import prefetch
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally
 from finloop.clip.settings import CIRCLE, Carp, ClipSettings, File, Zebrafish
-from finloop.drawn.carp.film import film, fits
+from finloop.drawn.carp.film import film, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
 from finloop.io.footage import (
     Loss,
@@ -83,7 +83,7 @@ def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
     return _carp(p) if isinstance(p, Carp) else _films(p, fields)
 
 
-def normalise(
+def write_clip(
     source: ClipSource, p: ClipSettings, folder: Path, advance: Callable[[], None] = lambda: None
 ) -> tuple[VideoFacts, Tally, np.ndarray]:
     """Write clip, facts, arena, frame numbers and a carp's truth to a folder.
@@ -120,7 +120,7 @@ def normalise(
 
 
 def _carp(p: Carp) -> ClipSource:
-    if not fits(p):
+    if not is_tank_large_enough(p):
         raise FinloopError(
             came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
             f"{p.width_px}×{p.height_px} px",

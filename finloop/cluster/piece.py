@@ -108,16 +108,16 @@ class Call:
         return self._call
 
 
-def piece(home: Home, work: str, item: bytes) -> bytes:
+def run_piece(home: Home, work: str, item: bytes) -> bytes:
     """Apply the shared function to one pickled item on a worker; return the pickled result.
 
     home: of the submitting process. work: path of the file that holds the pickled function.
     FinloopError if this worker differs from `home`, or does not see the file.
     """
-    return pickle.dumps(ready(home, work)(pickle.loads(item)))
+    return pickle.dumps(load_work(home, work)(pickle.loads(item)))
 
 
-def ready(home: Home, work: str) -> Callable[[Any], Any]:
+def load_work(home: Home, work: str) -> Callable[[Any], Any]:
     """Check that this worker equals the submitting process, then load the function to apply.
 
     home: of the submitting process; its folder becomes this worker's working folder. work: path of

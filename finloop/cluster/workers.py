@@ -19,7 +19,7 @@ from uuid import uuid4
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import TRIES, worker_loss_error
-from finloop.cluster.piece import Call, Home, piece, ready
+from finloop.cluster.piece import Call, Home, load_work, run_piece
 from finloop.cluster.settings import ClusterSettings, Local
 from finloop.io.atomic import passing_file
 
@@ -111,7 +111,7 @@ class DaskWorkers:
         try:
             return dict(self.client.nthreads())
         except (OSError, CancelledError) as error:
-            raise self.gone() from error
+            raise self.lost_scheduler_error() from error
 
     @property
     def dashboard(self) -> str:
@@ -125,14 +125,14 @@ class DaskWorkers:
         with self._share_work(work) as path:
 
             def submit(item: A) -> _Task:
-                call = pickle.dumps(Call(piece, self.home, path, _pickle_bytes(item)))
+                call = pickle.dumps(Call(run_piece, self.home, path, _pickle_bytes(item)))
 
                 def fetch_result() -> Any:
                     key = f"piece-{name}-{next(number)}"
                     try:
                         return self.client.submit(pickle.loads, call, key=key, pure=False)
                     except (OSError, RuntimeError) as error:
-                        raise self.gone() from error
+                        raise self.lost_scheduler_error() from error
 
                 return _Task(self, fetch_result)
 
@@ -175,7 +175,7 @@ class DaskWorkers:
             )
         raise error
 
-    def gone(self) -> FinloopError:
+    def lost_scheduler_error(self) -> FinloopError:
         """Return the error for a scheduler that has stopped answering."""
         return FinloopError(
             f"the scheduler at {self.address} has stopped answering",
@@ -226,14 +226,14 @@ class _Task:
         try:
             return pickle.loads(self._future.result())
         except CancelledError as error:
-            raise self._workers.gone() from error
+            raise self._workers.lost_scheduler_error() from error
         except (ImportError, AttributeError) as error:
             raise self._workers.refusal(error) from error
 
 
 def _fit(need: Sequence[str], home: Home, work: str) -> None:
     """On a worker: check that it is ready, and import its modules."""
-    ready(home, work)
+    load_work(home, work)
     for name in need:
         import_module(name)
 

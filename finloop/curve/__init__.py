@@ -10,5 +10,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "dynamics": ["energy", "solve"], "filters": ["filter_bank"],
     "problem": ["Material", "Trajectory", "Problem"], "stiffness": ["connection"],
-    "wavelet": ["back", "forward", "drop_details"],
+    "wavelet": ["inverse_transform", "wavelet_transform", "drop_details"],
 })  # fmt: skip

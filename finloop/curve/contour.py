@@ -11,7 +11,7 @@ from finloop.base.drawing import Curve
 from finloop.base.errors import FinloopError
 
 
-def steps(curve: Curve) -> Floats:
+def segment_lengths(curve: Curve) -> Floats:
     """Return the segment lengths in order: (n,) for a closed curve of n points, else (n − 1,).
 
     They are in the unit of the points.
@@ -23,7 +23,7 @@ def steps(curve: Curve) -> Floats:
 
 def length(curve: Curve) -> float:
     """Return the total arc length of the polyline, in the unit of its points."""
-    return float(steps(curve).sum())
+    return float(segment_lengths(curve).sum())
 
 
 def area(curve: Curve) -> float:
@@ -45,7 +45,7 @@ def centroid(points: Floats) -> Floats:
     return points[..., 0, :] + moment / (3 * cross.sum(axis=-1)[..., None])
 
 
-def clockwise(curve: Curve) -> Curve:
+def orient_clockwise(curve: Curve) -> Curve:
     """Return the curve so that it runs clockwise on screen if it is closed; y is down.
 
     An open curve comes back unchanged.
@@ -71,7 +71,7 @@ def resample_curve(curve: Curve, n: int) -> Curve:
             f"a curve is to be resampled to {n} points", f"at least {least}", "set more points"
         )
     points = np.concatenate([curve.points, curve.points[:1]]) if curve.closed else curve.points
-    along = np.concatenate([[0.0], np.cumsum(steps(curve))])
+    along = np.concatenate([[0.0], np.cumsum(segment_lengths(curve))])
     marks = np.linspace(0.0, along[-1], n, endpoint=not curve.closed)
     x, y = (np.interp(marks, along, values) for values in points.T)
     return Curve(np.stack([x, y], axis=1), curve.closed)

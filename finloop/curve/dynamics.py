@@ -26,7 +26,7 @@ from finloop.curve.problem import (
     velocity_at_start,
 )
 from finloop.curve.stiffness import eigenvalues, stiffness
-from finloop.curve.wavelet import back, forward
+from finloop.curve.wavelet import inverse_transform, wavelet_transform
 
 
 def solve(
@@ -92,8 +92,10 @@ def solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
     """
     n, levels = len(problem.rest), options.levels
     basis = Basis(
-        lambda points: forward(points, problem.wavelet, levels),
-        lambda coefficients: back(np.asarray(coefficients, float), problem.wavelet, levels),
+        lambda points: wavelet_transform(points, problem.wavelet, levels),
+        lambda coefficients: inverse_transform(
+            np.asarray(coefficients, float), problem.wavelet, levels
+        ),
         stiffness(problem.wavelet, n, levels, problem.material.elastic).diagonal(),
     )
     return _solve_in_basis(basis, problem, options)
@@ -118,7 +120,7 @@ def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> S
         none = problem.force is None
         q = None if none else basis.to(force_at(problem, 0.0, problem.displacement))
         places, speeds = motion(modes, u, v, problem.times - problem.times[0], q)
-    facts = {f"{name}_roots": float(count) for name, count in modes.cases().items()}
+    facts = {f"{name}_roots": float(count) for name, count in modes.count_root_kinds().items()}
     return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
 
 

@@ -17,7 +17,7 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.problem import Problem, Solution, SolverOptions, force_at, velocity_at_start
 from finloop.curve.stiffness import damping, mass, stiffness
-from finloop.curve.wavelet import back, forward
+from finloop.curve.wavelet import inverse_transform, wavelet_transform
 
 ITERATIONS = 100
 """Largest number of Schulz iterations; every matrix that float64 can invert needs fewer."""
@@ -34,14 +34,14 @@ def matrices(problem: Problem, options: SolverOptions) -> tuple[csr_array, csr_a
 def _push(problem: Problem, options: SolverOptions) -> Callable[[float, Floats], Floats]:
     """Return the force Q in the wavelet basis, as a function of time and coefficients (n, d)."""
     if not callable(problem.force):
-        constant = forward(
+        constant = wavelet_transform(
             force_at(problem, 0.0, problem.displacement), problem.wavelet, options.levels
         )
         return lambda time, q: constant
 
     def push(time: float, q: Floats) -> Floats:
-        points = back(q, problem.wavelet, options.levels)
-        return forward(force_at(problem, time, points), problem.wavelet, options.levels)
+        points = inverse_transform(q, problem.wavelet, options.levels)
+        return wavelet_transform(force_at(problem, time, points), problem.wavelet, options.levels)
 
     return push
 
@@ -55,7 +55,9 @@ def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
     push, shape = _push(problem, options), problem.displacement.shape
     density = problem.material.density
     velocity = velocity_at_start(problem)
-    start = forward(np.stack([problem.displacement, velocity]), problem.wavelet, options.levels)
+    start = wavelet_transform(
+        np.stack([problem.displacement, velocity]), problem.wavelet, options.levels
+    )
 
     def slope(time: float, state: Floats) -> Floats:
         q, rate = state.reshape(2, *shape)
@@ -86,7 +88,7 @@ def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
         evaluations += result.nfev
         states.append(state)
     both = np.stack(states).reshape(-1, 2, *shape)
-    q, rate = (back(both[:, i], problem.wavelet, options.levels) for i in (0, 1))
+    q, rate = (inverse_transform(both[:, i], problem.wavelet, options.levels) for i in (0, 1))
     return Solution(q, rate, {"evaluations": float(evaluations)})
 
 
@@ -150,7 +152,7 @@ def _integrate_steps(
 ) -> Floats:
     """Return the coefficients (t, n, d), stepped by `advance(time, q, Q)`."""
     push = _push(problem, options)
-    q = forward(problem.displacement, problem.wavelet, options.levels)
+    q = wavelet_transform(problem.displacement, problem.wavelet, options.levels)
     course = [q]
     for index in range(1, len(problem.times)):
         for number in range(options.substeps):
@@ -197,7 +199,10 @@ def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
         ]
     )
     steps = options.substeps * (len(problem.times) - 1)
-    u, v = (back(values, problem.wavelet, options.levels) for values in (coefficients, rates))
+    u, v = (
+        inverse_transform(values, problem.wavelet, options.levels)
+        for values in (coefficients, rates)
+    )
     return Solution(u, v, {"steps": float(steps), **facts})
 
 

@@ -38,7 +38,7 @@ class Oscillators:
     damping: Floats
     stiffness: Floats
 
-    def cases(self) -> dict[str, int]:
+    def count_root_kinds(self) -> dict[str, int]:
         """Count the oscillators by their roots r: "real", "double" and "complex".
 
         Real roots creep, complex roots swing. If ρ = 0 every oscillator has one root, and counts as

@@ -17,7 +17,13 @@ from scipy.sparse import csr_array, eye_array
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.curve.filters import filter_bank
-from finloop.curve.wavelet import back, check, forward, most_levels, scales
+from finloop.curve.wavelet import (
+    check_transform,
+    inverse_transform,
+    most_levels,
+    scales,
+    wavelet_transform,
+)
 
 _ALMOST = 1e-6  # an eigenvalue this near a bound lies on it: tabled filters are rounded
 
@@ -137,22 +143,22 @@ def stiffness_phi(wavelet: str, n: int, elastic: float = 1.0) -> csr_array:
 
 
 def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
-    """Return the stiffness K (n, n) in the wavelet basis, in the order of `curve.wavelet.forward`.
+    """Return the stiffness K (n, n) in the wavelet basis, ordered as by `wavelet_transform`.
 
     A step at one scale is 2, 4, … steps at finer scales, so the first row of a scale gives all its
     rows. Blocks below the diagonal are transposes. FinloopError as in `first_row`, or if n cannot
     be halved `levels` times, or the wavelet is longer than the curve.
     """
-    check(n, wavelet, levels)
+    check_transform(n, wavelet, levels)
     row = first_row(wavelet, n, elastic)
     places = scales(n, levels)
     units = np.zeros((n, len(places)))
     units[[place.start for place in places], range(len(places))] = 1
-    functions = back(units, wavelet, levels)
+    functions = inverse_transform(units, wavelet, levels)
     image = np.zeros_like(functions)
     for l in np.flatnonzero(row):  # noqa: E741  # zeros stay exactly 0, unlike by FFT
         image += row[l] * np.roll(functions, l, axis=0)
-    generators = forward(image, wavelet, levels).T
+    generators = wavelet_transform(image, wavelet, levels).T
     return _symmetric(generators, places, n)
 
 

@@ -25,7 +25,7 @@ def most_levels(n: int) -> int:
     return n.bit_length() - 1
 
 
-def check(n: int, wavelet: str, levels: int) -> Floats:
+def check_transform(n: int, wavelet: str, levels: int) -> Floats:
     """Return a wavelet's filters (4, taps) after checking that they can transform n points.
 
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
@@ -54,25 +54,25 @@ def scales(n: int, levels: int) -> list[slice]:
     return [slice(0, coarse), *(slice(coarse << m, coarse << m + 1) for m in range(levels))]
 
 
-def forward(points: Floats, wavelet: str, levels: int) -> Floats:
+def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
     """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
 
     The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
-    details from coarse to fine. FinloopError as in `check`.
+    details from coarse to fine. FinloopError as in `check_transform`.
     """
-    bank = check(points.shape[-2], wavelet, levels)
+    bank = check_transform(points.shape[-2], wavelet, levels)
     out = np.array(points, np.float64, order="C")
     # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
     _analyse(out.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
     return out
 
 
-def back(coefficients: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the points (…, n, k) of wavelet coefficients (…, n, k): the inverse of `forward`.
+def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
+    """Return the points (…, n, k) of wavelet coefficients (…, n, k), undoing `wavelet_transform`.
 
-    This is Eq. 2.9. FinloopError as in `check`.
+    This is Eq. 2.9. FinloopError as in `check_transform`.
     """
-    bank = check(coefficients.shape[-2], wavelet, levels)
+    bank = check_transform(coefficients.shape[-2], wavelet, levels)
     out = np.array(coefficients, np.float64, order="C")
     _synthesise(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
     return out
@@ -92,7 +92,7 @@ def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
 
 @kernel
 def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """Transform curves (b, n, k) in place as `forward` does, filters (2, taps).
+    """Transform curves (b, n, k) in place as `wavelet_transform` does, filters (2, taps).
 
     Even and odd samples are stored separately. Every tap then adds one run of numbers to another,
     which compilers make fast for every k.
@@ -131,7 +131,7 @@ def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
 
 @kernel
 def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """Transform curves (b, n, k) in place as `back` does, filters (2, taps)."""
+    """Transform curves (b, n, k) in place as `inverse_transform` does, filters (2, taps)."""
     count, n, k = curves.shape
     taps = filters.shape[1]
     before = taps // 2 - 1
@@ -172,32 +172,33 @@ def close_by_mirroring(points: Floats) -> Floats:
     return np.concatenate([points, points[..., ::-1, :]], axis=-2)
 
 
-def control(points: Floats, wavelet: str, level: int) -> Floats:
+def control_points(points: Floats, wavelet: str, level: int) -> Floats:
     """Return the n / 2^level control points of closed curves (…, n, k), in the same unit.
 
     The result is (…, n / 2^level, k): the approximation coefficients of Eq. 2.11, divided by √2 for
     each level, the factor by which the filters scale a constant.
     """
     coarse = points.shape[-2] >> level
-    return forward(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
+    return wavelet_transform(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
 
 
-def from_control(points: Floats, wavelet: str, level: int) -> Floats:
+def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
     """Return the smooth closed curves (…, n · 2^level, k) of control points (…, n, k).
 
-    All details are 0; this inverts `control` for curves without details.
+    All details are 0; this inverts `control_points` for curves without details.
     """
     coarse = points.shape[-2]
     out = np.zeros((*points.shape[:-2], coarse << level, points.shape[-1]))
     out[..., :coarse, :] = points * 2 ** (level / 2)
-    return back(out, wavelet, level)
+    return inverse_transform(out, wavelet, level)
 
 
 def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
     """Return curves (…, n, k) rebuilt from 1/2^level as many control points (Fig. 2).
 
-    The finer details are lost. closed: False mirrors open curves first. FinloopError as in `check`.
+    The finer details are lost. closed: False mirrors open curves first. FinloopError as in
+    `check_transform`.
     """
     if not closed:
         return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]
-    return from_control(control(points, wavelet, level), wavelet, level)
+    return curves_from_control(control_points(points, wavelet, level), wavelet, level)

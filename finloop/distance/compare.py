@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 
-from finloop.base.stretches import stretches
+from finloop.base.stretches import sample_stretches
 from finloop.distance.map import (
     Block,
     Ints,
@@ -14,11 +14,11 @@ from finloop.distance.map import (
     Picture,
     PicturePairs,
     about_mean,
-    bands,
-    kinds,
-    order,
+    comparison_blocks,
+    find_similar_pairs,
+    frame_kinds,
     pair_table,
-    similar,
+    sort_by_kind_and_area,
     step_table,
     usual_steps,
 )
@@ -46,7 +46,7 @@ class PictureSource(Protocol):
         ...
 
 
-class Similar(NamedTuple):
+class FrameComparison(NamedTuple):
     """The comparison of a film's frames: similar pairs, natural steps, and how they were made.
 
     pairs: schema `PAIRS`; steps: schema `STEPS`.
@@ -57,25 +57,25 @@ class Similar(NamedTuple):
     facts: MapFacts
 
 
-def part(features: pd.DataFrame, most: int) -> Ints:
+def select_rows_to_compare(features: pd.DataFrame, most: int) -> Ints:
     """Return the feature rows (k,) to compare: all, or stretches spread over a longer film.
 
     most: the largest number of rows.
     """
     track = features["track_id"].to_numpy()
-    every = stretches(track, max(2, most // _STRETCHES), most, seed=0)
+    every = sample_stretches(track, max(2, most // _STRETCHES), most, seed=0)
     return np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in every])
 
 
-def blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
+def map_blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
     """Return the blocks of the distance map that `compare_frames` computes, one after the other.
 
-    Their rows and columns count the compared rows, sorted by `order`.
+    Their rows and columns count the compared rows, sorted by `sort_by_kind_and_area`.
     """
-    features = features.iloc[part(features, p.max_pictures)]
-    kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
-    rows = order(kind, area)
-    return list(bands(kind[rows], area[rows], p.motion_area_threshold))
+    features = features.iloc[select_rows_to_compare(features, p.max_pictures)]
+    kind, area = frame_kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
+    rows = sort_by_kind_and_area(kind, area)
+    return list(comparison_blocks(kind[rows], area[rows], p.motion_area_threshold))
 
 
 def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
@@ -92,19 +92,19 @@ def headed_steps(film: PictureSource, rows: Ints, size: int) -> Picture:
 
 def compare_frames(
     film: PictureSource, p: DistanceSettings, advance: Callable[[], object] = lambda: None
-) -> Similar:
+) -> FrameComparison:
     """Return the film's pairs of similar frames (Eqs. 5-8), and its natural steps.
 
     advance(): called after each block. In a film of more than `p.max_pictures` frames only
-    stretches are compared, see `part`.
+    stretches are compared, see `select_rows_to_compare`.
 
     FinloopError if the film does not move.
     """
-    mapped = part(film.features, p.max_pictures)
+    mapped = select_rows_to_compare(film.features, p.max_pictures)
     features = film.features.iloc[mapped]
-    kind, area = kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
+    kind, area = frame_kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
     # Pictures are in this order, so a band is a slice and needs no copy.
-    places = order(kind, area)
+    places = sort_by_kind_and_area(kind, area)
     rows = mapped[places]
     x = about_mean(film.frames(rows, p.picture_size_px, p.frame_of_reference))
     steps = step_table(features, x, np.argsort(places), step_of(film.features))
@@ -118,7 +118,9 @@ def compare_frames(
     most = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
 
     def with_progress() -> Iterator[PicturePairs]:
-        for pairs in similar(x, kind[places], area[places], p.motion_area_threshold, most):
+        for pairs in find_similar_pairs(
+            x, kind[places], area[places], p.motion_area_threshold, most
+        ):
             yield pairs
             advance()
 
@@ -130,4 +132,4 @@ def compare_frames(
         median,
         p95,
     )
-    return Similar(pair_table(with_progress(), rows), steps, facts)
+    return FrameComparison(pair_table(with_progress(), rows), steps, facts)

@@ -106,7 +106,7 @@ def pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
 # --- Eq. 5, all pairs
 
 
-def full(pictures: Picture) -> Picture:
+def full_distance_map(pictures: Picture) -> Picture:
     """Return the complete distance map (n, n) of pictures (n, …): Eq. 5 for all pairs."""
     x = pictures.reshape(len(pictures), -1)
     x = x - x.mean(axis=0)
@@ -172,7 +172,7 @@ def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) 
 # --- Eq. 6: like with like
 
 
-def kinds(features: pd.DataFrame, pose: str) -> Ints:
+def frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
     """Return a number (n,) for each row's kind: Eq. 6 compares only frames of equal kind (Eq. 7).
 
     It stands for the swimming type; in the pose FILM also for the orientation, for there pictures
@@ -182,10 +182,11 @@ def kinds(features: pd.DataFrame, pose: str) -> Ints:
     return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
 
 
-def alike(kind: Ints, area: Reals, threshold: float) -> Mask:
+def comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
     """Return which pairs (n, n) Eq. 6 compares: equal kinds (Eq. 7), similar motion areas (Eq. 8).
 
-    kind (n,): from `kinds`; area (n,): relative motion areas; threshold: their largest difference.
+    kind (n,): from `frame_kinds`; area (n,): relative motion areas; threshold: their largest
+    difference.
     """
     return (kind[:, None] == kind) & _near(area, area, threshold)
 
@@ -194,15 +195,16 @@ def _near(a: Reals, b: Reals, threshold: float) -> Mask:
     return np.abs(a.astype(float)[:, None] - b.astype(float)) <= threshold
 
 
-def order(kind: Ints, area: Reals) -> Ints:
+def sort_by_kind_and_area(kind: Ints, area: Reals) -> Ints:
     """Return row numbers (n,) sorted by kind, then motion area: Eq. 6 becomes a diagonal band."""
     return np.lexsort((area, kind))
 
 
-def bands(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
+def comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
     """Yield the blocks of the map that hold every pair a < b that Eq. 6 compares, each pair once.
 
-    kind, area (n,): of frames sorted by `order`; threshold: largest difference of motion area.
+    kind, area (n,): of frames sorted by `sort_by_kind_and_area`; threshold: largest difference of
+    motion area.
     """
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
@@ -223,17 +225,17 @@ def count_pairs(blocks: Iterable[Block]) -> int:
     return count
 
 
-def similar(
+def find_similar_pairs(
     x: Picture, kind: Ints, area: Reals, threshold: float, most: float = np.inf
 ) -> Iterator[PicturePairs]:
     """Yield, block by block, the pairs a < b that Eq. 6 compares and that are at most `most` apart.
 
-    x: from `about_mean`; kind, area (n,): of its frames, which are sorted by `order`; threshold: of
-    the motion area (Eq. 8); most: a distance (Eq. 5). Memory does not grow with the number of
-    pairs.
+    x: from `about_mean`; kind, area (n,): of its frames, which are sorted by
+    `sort_by_kind_and_area`; threshold: of the motion area (Eq. 8); most: a distance (Eq. 5). Memory
+    does not grow with the number of pairs.
     """
     norms = _norms(x)
-    for at in bands(kind, area, threshold):
+    for at in comparison_blocks(kind, area, threshold):
         block = _distance_squares(x, norms, at)
         rows, columns = (np.arange(part.start, part.stop) for part in at)
         compared = _near(area[at.rows], area[at.columns], threshold) & (rows[:, None] < columns)

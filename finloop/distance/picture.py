@@ -108,7 +108,7 @@ def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
     return mean + between * weight * (values - mean)
 
 
-def apart(a: Reals, b: Reals) -> Floats:
+def distance_pair_by_pair(a: Reals, b: Reals) -> Floats:
     """Return the picture distance (Eq. 5) between a and b, pair by pair, as (…).
 
     a, b (…, size, size, channels): values 0 … 1. The distance is the root of the summed squared
@@ -117,12 +117,12 @@ def apart(a: Reals, b: Reals) -> Floats:
     return np.linalg.norm((a - b).reshape(*np.shape(a)[:-3], -1), axis=-1).astype(float)
 
 
-def steps(pictures: Reals) -> Floats:
+def successive_distances(pictures: Reals) -> Floats:
     """Return the picture distance (n − 1,) (Eq. 5) from each picture to the next.
 
     pictures (n, size, size, channels): values 0 … 1.
     """
-    return apart(pictures[1:], pictures[:-1])
+    return distance_pair_by_pair(pictures[1:], pictures[:-1])
 
 
 def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:

@@ -15,7 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import BODY, Place, picture, places, steps, typical_length
+from finloop.distance.picture import (
+    BODY,
+    Place,
+    picture,
+    places,
+    successive_distances,
+    typical_length,
+)
 from finloop.features.table import direction_deg, orientations_of, step_of
 
 Pictures = NDArray[np.float32]
@@ -166,7 +173,7 @@ class Reel:
         step = np.full(len(some), np.nan)
         for start in range(0, len(some) - 1, _LOT):
             lot = self.frames(some[start : start + _LOT + 1], size, pose)
-            step[start : start + len(lot) - 1] = steps(lot)
+            step[start : start + len(lot) - 1] = successive_distances(lot)
         step[:-1][(np.diff(some) != 1) | ~self.goes_on[some[:-1]]] = np.nan
         return step
 

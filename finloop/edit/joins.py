@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.edit.bodies import Bodies, Body
-from finloop.edit.rest import rests
+from finloop.edit.rest import resting_rows
 from finloop.edit.schema import CUT, FRAME, INERTIAL, SPRITE
 from finloop.features.table import wrap_deg
 
@@ -109,7 +109,7 @@ def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> 
     else:
         ticks = max(p.join_time_deltas * delta, 1.0)
     fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
-    still = rests(bodies, p.rest)
+    still = resting_rows(bodies, p.rest)
     return Joins(kind, fade, ticks, bodies, helps, still)
 
 

@@ -136,7 +136,7 @@ def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[st
 def pose_measures(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
     """Return the percentage of ticks in an unfilmed pose, and in a pose the film hardly shows."""
     codes = [pose for pose in edit["pose"] if pose is not None]
-    far = int(shapes.far(np.stack(codes).astype(float)).sum()) if codes else 0
+    far = int(shapes.is_far_from_film(np.stack(codes).astype(float)).sum()) if codes else 0
     return {
         "posed_pct": 100 * len(codes) / len(edit),
         "poses_at_the_limit_pct": 100 * far / len(edit),

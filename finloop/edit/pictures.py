@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints
-from finloop.distance.picture import SPAN, apart, picture
+from finloop.distance.picture import SPAN, distance_pair_by_pair, picture
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
 from finloop.edit.schema import FRAME, SPRITE
@@ -85,7 +85,10 @@ class Pictures:
         there = its.move_to(middle, middle, 0, size)
         wanted = self.draw_body(two, there)
         plain = self.draw_body(one, own.move_to(middle, middle, 0, size))
-        return bool(apart(self.draw_body(one, there), wanted) < apart(plain, wanted))
+        return bool(
+            distance_pair_by_pair(self.draw_body(one, there), wanted)
+            < distance_pair_by_pair(plain, wanted)
+        )
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
@@ -106,7 +109,7 @@ def fade_distance(row: Any, pictures: Pictures) -> float:
 
     row: a row of an edit list as a named tuple, with `weight` > 0.
     """
-    return float(apart(_row_picture(row, pictures), _partner(row, pictures)))
+    return float(distance_pair_by_pair(_row_picture(row, pictures), _partner(row, pictures)))
 
 
 def _row_picture(row: Any, pictures: Pictures) -> Picture:
@@ -159,7 +162,7 @@ def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
     Joins, poses and cross-fades are included.
     """
     every = pairwise(draw_edit(edit, pictures))
-    return np.array([float(apart(after, before)) for before, after in every])
+    return np.array([float(distance_pair_by_pair(after, before)) for before, after in every])
 
 
 def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
@@ -202,7 +205,9 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
                 continue
         elif now.kind == SPRITE and now.source == next_sprite[before.source]:
             continue
-        distances.append(float(apart(_new(now, pictures), _next_picture(before, now, pictures))))
+        distances.append(
+            float(distance_pair_by_pair(_new(now, pictures), _next_picture(before, now, pictures)))
+        )
         ticks.append(tick)
     return np.array(distances), np.array(ticks, np.intp)
 

@@ -10,7 +10,7 @@ from finloop.base.arrays import Mask
 from finloop.edit.bodies import Bodies
 
 
-def rests(bodies: Bodies, share: float) -> Mask:
+def resting_rows(bodies: Bodies, share: float) -> Mask:
     """Return whether the animal rests at each feature row (n,).
 
     It rests where it moves, since the row before, less than `share` of the film's root mean square

@@ -79,7 +79,7 @@ class Stretch:
         """Return x, y px, heading in degrees and picture number of each tick, as (n, 4)."""
         return np.column_stack([self.way, self.pictures])
 
-    def rest(self, gone: int) -> Floats:
+    def remaining_path(self, gone: int) -> Floats:
         """Return x, y px, heading and picture number (k, 4) after the first `gone` ticks.
 
         At least the last tick remains.

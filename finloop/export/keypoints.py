@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from finloop.base.poses import BLOCK, Poses, blocks
+from finloop.base.poses import BLOCK, Poses, iterate_blocks
 
 SCORER = "finloop"
 
@@ -24,6 +24,6 @@ def deeplabcut(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
         [[SCORER], poses.individuals, poses.keypoints, ["x", "y", "likelihood"]],
         names=["scorer", "individuals", "bodyparts", "coords"],
     )
-    for start, cells in blocks(poses, block):
+    for start, cells in iterate_blocks(poses, block):
         frames = np.arange(start, start + len(cells))
         yield pd.DataFrame(cells.reshape(len(cells), -1), frames, columns)

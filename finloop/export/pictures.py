@@ -42,7 +42,7 @@ sprite is a frame, too), the sprite's name in the atlas, and places and speed in
 without a scale."""
 
 
-class Alone:
+class FishOnlyPainter:
     """Paints fish without their tank, over black and over white, which gives their alpha.
 
     Over black a pixel is F, premultiplied by alpha a; over white it is F + 255 − a.
@@ -72,7 +72,7 @@ class Alone:
         return np.concatenate([rgb, alpha], axis=2)
 
 
-def bounding_box(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
+def bounding_box(frames: Iterable[Sequence[Placed]], alone: FishOnlyPainter) -> Box:
     """Return the smallest box of the canvas that holds all fish of all ticks, and their rim.
 
     frames: the fish of every tick.
@@ -83,7 +83,9 @@ def bounding_box(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
     return Box.around(boxes).grow(RIM).within(alone.black.canvas.shape)
 
 
-def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iterator[Image]:
+def cut_out(
+    frames: Iterable[Sequence[Placed]], alone: FishOnlyPainter, crop: Box
+) -> Iterator[Image]:
     """Yield the fish of each tick without background: the part `crop`, (h, w, 4) uint8 RGBA.
 
     Its alpha is straight. The array is drawn on again: take a copy to keep it. frames: the fish of
@@ -100,11 +102,11 @@ def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iter
                 box.top - crop.top, box.left - crop.left,
                 box.bottom - crop.top, box.right - crop.left,
             )  # fmt: skip
-            frame[last.slices] = straight(alone.cut(box))
+            frame[last.slices] = straighten_alpha(alone.cut(box))
         yield frame
 
 
-def straight(pixels: Image) -> Image:
+def straighten_alpha(pixels: Image) -> Image:
     """Return premultiplied RGBA (h, w, 4) uint8 with straight alpha, the colour extended outwards.
 
     A faint pixel's own colour is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the mean
@@ -121,7 +123,7 @@ def straight(pixels: Image) -> Image:
     return np.concatenate([np.rint(colour).clip(0, 255).astype(np.uint8), pixels[..., 3:]], axis=2)
 
 
-def cycle(
+def sprite_cycle(
     sprites: pd.DataFrame, sequence: str, gallery: Gallery
 ) -> tuple[list[tuple[Placed]], int]:
     """Return the sprites of a sequence, on the spot and headed right, and half the canvas [px].
@@ -138,7 +140,7 @@ def cycle(
     return [(Placed(half, half, step, None, 0.0),) for step in steps], half
 
 
-def readable(
+def add_film_source(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
@@ -158,7 +160,7 @@ def readable(
     )
 
 
-def flat(listed: pd.DataFrame) -> pd.DataFrame:
+def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
     """Return an edit list (READABLE) without lists, for CSV: `pose` becomes pose_1, pose_2 …
 
     A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.

@@ -6,7 +6,7 @@ import pandas as pd
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.base.schema import lists_to_points
-from finloop.features.area import at_places
+from finloop.features.area import interpolate_lines
 from finloop.features.head import tail_first
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
@@ -51,7 +51,7 @@ def poses(
     rows = rows.sort_values(["frame", "individual"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)
     line = np.where(tail_first(line, rows)[:, None, None], line[:, ::-1], line)
-    places = at_places(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
+    places = interpolate_lines(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
     centre = rows[["x_px", "y_px"]].to_numpy(float)
     sure = rows["head_confidence"].to_numpy(float)[:, None]
     body = [f"body_{n}" for n in range(1, body_points + 1)]

@@ -67,7 +67,7 @@ def as_grey(pixels: Picture) -> Picture:
     return np.dstack([mono, pixels[..., -1]])
 
 
-def alike(one: Cutout, like: Likeness) -> Cutout:
+def match_cutout(one: Cutout, like: Likeness) -> Cutout:
     """Return a cut-out in the first film's size and light; its place is scaled about (0, 0)."""
     pixels = as_grey(one.pixels) if like.grey else one.pixels
     if like.gains:
@@ -100,7 +100,7 @@ def _resample(one: Cutout, scale: float) -> Cutout:
     return one._replace(x0_px=x0, y0_px=y0, pixels=drawn)
 
 
-def measured_alike(tracks: pd.DataFrame, like: Likeness) -> pd.DataFrame:
+def match_measures(tracks: pd.DataFrame, like: Likeness) -> pd.DataFrame:
     """Return rows of the table of tracks, with lengths and contrast scaled to the first film's.
 
     Columns in px are multiplied by the scale, the area by its square. Contrast, in the film's own

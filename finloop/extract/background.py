@@ -53,7 +53,7 @@ class Scene:
     @cached_property
     def tank(self) -> "LitPixels":
         """Return the pixels of the background that measure the light of a frame."""
-        return tank_of(self.background)
+        return lit_pixels(self.background)
 
 
 class LitPixels(NamedTuple):
@@ -181,10 +181,10 @@ def light(frame: Picture, background: Picture) -> float:
     It is exactly 1.0 if they differ by less than half a grey level: then nothing has to be
     converted.
     """
-    return _light(frame, tank_of(background))
+    return _light(frame, lit_pixels(background))
 
 
-def tank_of(background: Picture) -> LitPixels:
+def lit_pixels(background: Picture) -> LitPixels:
     """Return the pixels of a background that measure the light: a grid without dark ones."""
     grid = background[::_GRID, ::_GRID].astype(np.float32)
     lit = grid > 16

@@ -1,8 +1,9 @@
 """Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
 
 Three steps: `samples.survey` measures tank, noise and a typical fish on frames of the whole clip;
-`detections` streams the film once and detects the fish of each frame, on every core; `tracks` links
-them. Memory holds only some stretches of detections and the fish of `min_track_frames` frames.
+`detections` streams the film once and detects the fish of each frame, on every core; `link_tracks`
+links them. Memory holds only some stretches of detections and the fish of `min_track_frames`
+frames.
 """
 
 from collections import Counter
@@ -30,7 +31,7 @@ from finloop.extract.segment import (
     Silhouette,
     SilhouetteEdge,
     contour,
-    measure,
+    measure_fish,
     silhouettes,
 )
 from finloop.extract.settings import ExtractSettings
@@ -64,7 +65,7 @@ def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int
     return numbers.tolist()
 
 
-def follow(
+def learn_background(
     frames: Iterable[Picture], scene: Scene, rate_hz: float
 ) -> Iterator[tuple[Picture, Scene]]:
     """Yield each frame with a scene whose background OpenCV's MOG2 learns, renewed every second."""
@@ -116,7 +117,7 @@ class Detector:
         patches = list(silhouettes(frame, scene, self.arena, least, ends))
         verdicts = [judge(s, self.typical, settings) for s in patches]
         fish = [
-            measure(s, frame, scene, settings.points) if verdict == "fish" else None
+            measure_fish(s, frame, scene, settings.points) if verdict == "fish" else None
             for s, verdict in zip(patches, verdicts, strict=True)
         ]
         outlined = bool(settings.tracks_path)
@@ -162,7 +163,7 @@ def detections(
     """
     if detector.settings.background == "mog2":
         frames = film.read(start=0, stop=film.frames)
-        return (detector(*seen) for seen in follow(frames, scene, film.rate_hz))
+        return (detector(*seen) for seen in learn_background(frames, scene, film.rate_hz))
     length = min(_STRETCH, max(1, film.frames // (4 * workers.count)))
     length = max(1, length // film.stride) * film.stride
     starts = range(0, film.frames, length)
@@ -206,7 +207,7 @@ def fill_lost_frames(seen: Iterable[Detections | None], lost: list[int]) -> Iter
         yield one or Detections([], [], [])
 
 
-def tracks(
+def link_tracks(
     detections: Iterable[Detections],
     typical: Typical,
     settings: ExtractSettings,
@@ -281,7 +282,7 @@ def cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
         yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
 
 
-def rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
+def track_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
     """Return rows of the table of tracks (`tracks_schema`), one a fish, in the same order."""
     return pd.DataFrame(
         {

@@ -3,7 +3,7 @@
 A silhouette ends where the difference from the tank falls to a share of the fish's contrast. Paler
 pixels that are no noise are a fin that light passes through, the tip of a tail, a shadow, or the
 gloom around an animal that takes the light from its floor. Many fish together show which of them it
-is (`kind`). Pixels brighter than the tank are no shadow.
+is (`classify_pale`). Pixels brighter than the tank are no shadow.
 """
 
 from collections.abc import Iterable
@@ -136,7 +136,7 @@ class Side(NamedTuple):
     around: float
 
 
-def side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pale) -> Side | None:
+def pale_side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pale) -> Side | None:
     """Return the side on which the pale pixels of a fish lie; None if it has next to none.
 
     mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y. backbone: in px of the
@@ -168,7 +168,7 @@ def _middle(weight: Picture | Mask) -> Floats:
     return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
 
 
-def kind(sides: Iterable[Side | None]) -> Kind:
+def classify_pale(sides: Iterable[Side | None]) -> Kind:
     """Return whether the pale pixels about the fish of a film are fins, shadows or gloom.
 
     sides: of each fish, None where it has next to none. A shadow keeps its side of the picture,

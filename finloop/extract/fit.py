@@ -155,7 +155,7 @@ class SilhouetteFit(NamedTuple):
         return min(_MOST_NEEDED, (1 + self.chance) / 2)
 
 
-def fit(
+def fit_to_silhouettes(
     tracks: Given,
     frames: Sequence[int],
     spots: Sequence[Sequence[SilhouettePlace]],

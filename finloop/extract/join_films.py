@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.extract.alike import Likeness, alike, levels, likeness, measured_alike
+from finloop.extract.alike import Likeness, levels, likeness, match_cutout, match_measures
 from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, SCENE_NAME
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.record import load_record
-from finloop.io.several import FILMS, FilmPart, frames_at, parts_of
+from finloop.io.several import FILMS, FilmPart, frames_at_rate, parts_of
 from finloop.io.table import load_table, table_writer
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 
@@ -110,7 +110,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
 
 def _number_tracks(film: FilmTracks, like: Likeness, tracks: int) -> pd.DataFrame:
     """Scale a film's tracks to the first film's fish, and number them after `tracks` others."""
-    table = measured_alike(film.table, like)
+    table = match_measures(film.table, like)
     number = np.unique(table["track_id"], return_inverse=True)[1]
     return table.assign(track_id=(number + tracks).astype("int32"))
 
@@ -121,7 +121,7 @@ def _external_rows(film: FilmTracks, table: pd.DataFrame, like: Likeness) -> pd.
     An animal's name begins with that of its film, for every film has an animal number 1.
     """
     rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
-    rows = measured_alike(rows.reset_index(drop=True), Likeness(like.scale))
+    rows = match_measures(rows.reset_index(drop=True), Likeness(like.scale))
     names = film.part.name + "-" + rows["animal"].astype(str)
     return rows.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
 
@@ -131,7 +131,7 @@ def _load(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> FilmTr
     scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
     facts = load_facts(clip / FILMS / part.name / FACTS_NAME)
     table = load_table(home / TRACKS_NAME, tracks_schema(scene.points))
-    frames = frames_at(facts.frames, facts.frame_rate, whole.frame_rate)
+    frames = frames_at_rate(facts.frames, facts.frame_rate, whole.frame_rate)
     rows = np.flatnonzero(np.isin(table["frame"], frames))
     table = table.iloc[rows].reset_index(drop=True)
     at = part.start + np.searchsorted(frames, table["frame"])
@@ -152,4 +152,4 @@ def _copy(
         writer.copy(store, rows, keys)
         return
     for row, (track_id, frame) in zip(rows.tolist(), keys.tolist(), strict=True):
-        writer.write(alike(store[row], like)._replace(track_id=track_id, frame=frame))
+        writer.write(match_cutout(store[row], like)._replace(track_id=track_id, frame=frame))

@@ -14,7 +14,13 @@ import numpy as np
 from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.fit import FilmSize, SilhouetteFit, fit, map_poses_to_clip, refuse_other_film
+from finloop.extract.fit import (
+    FilmSize,
+    SilhouetteFit,
+    fit_to_silhouettes,
+    map_poses_to_clip,
+    refuse_other_film,
+)
 from finloop.extract.given import Given, GivenTrackLinker, Outcome
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
@@ -87,7 +93,7 @@ def check_given(
     sample = there[np.unique(spread.round().astype(int))].tolist()
     frames = read_spread(clip / CLIP_NAME, sample, colour=facts.colour)
     spots = [detector(frame, scene).spots for frame in frames]
-    agreement = fit(tracks.given, sample, spots, detector.typical.length_px)
+    agreement = fit_to_silhouettes(tracks.given, sample, spots, detector.typical.length_px)
     refuse_other_film(tracks.given, agreement, tracks.film)
     return agreement
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from finloop.extract.background import Scene
-from finloop.extract.segment import SilhouetteEdge, measure, silhouettes
+from finloop.extract.segment import SilhouetteEdge, measure_fish, silhouettes
 
 _TONE, _NOISE, _POINTS = 200, 6.0, 21
 
@@ -18,7 +18,7 @@ def _measure_one() -> None:
     film = np.asarray(cv2.ellipse(tank.copy(), (48, 24), (30, 6), 0, 0, 360, (40,), cv2.FILLED))
     scene, arena = Scene(tank, "dark", 1.0, _NOISE), np.full(tank.shape, 255, np.uint8)
     for silhouette in silhouettes(film, scene, arena, 50.0, SilhouetteEdge(0.4, 0.5, "all")):
-        measure(silhouette, film, scene, _POINTS)
+        measure_fish(silhouette, film, scene, _POINTS)
 
 
 _measure_one()

@@ -27,7 +27,7 @@ from finloop.extract.background import (
     patched_background,
     survey_noise,
 )
-from finloop.extract.fins import Fins, kind, side
+from finloop.extract.fins import Fins, classify_pale, pale_side
 from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
 
@@ -192,11 +192,11 @@ def typical_fish(
     if not lengths:
         raise _no_fish(candidates, scene, settings)
     sides = (
-        side(s.mask, (s.x0, s.y0), line, s.fins)
+        pale_side(s.mask, (s.x0, s.y0), line, s.fins)
         for s, line in zip(alike, lines, strict=True)
         if line is not None and s.fins is not None
     )
-    pale = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or kind(sides)
+    pale = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or classify_pale(sides)
     both: Fins = "brighter" if scene.polarity == "both" else "none"
     fins: Fins = "all" if pale == "fins" else both if pale == "shadow" else "none"
     contrast = float(np.median([s.contrast for s in alike]))

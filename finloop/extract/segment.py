@@ -217,7 +217,7 @@ def contour(silhouette: Silhouette) -> Edge:
     return max(chains, key=len)
 
 
-def measure(
+def measure_fish(
     silhouette: Silhouette, frame: Picture, scene: Scene, points: int
 ) -> SegmentedFish | None:
     """Measure backbone, outline and cut-out of an isolated silhouette; None without a backbone.

@@ -102,16 +102,14 @@ def extract(
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
     agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
-    follower = (
+    linker = (
         GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames) if tracks else None
     )
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
-        stream = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
-        linked = (
-            follower.tracks(stream, cuts) if follower else film.tracks(stream, typical, p, cuts)
-        )
-        for judged, fish in linked:
+        found = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
+        runs = linker.tracks(found, cuts) if linker else film.link_tracks(found, typical, p, cuts)
+        for judged, fish in runs:
             verdicts.update(judged)
             lengths.update(f.track_id for f in fish)
             advance()
@@ -119,18 +117,18 @@ def extract(
 
     with film_writer(folder, tracks_schema(p.points)) as write:
         for fish in film.batches(track_frames()):
-            write(film.rows(fish), film.cutouts(fish))
+            write(film.track_rows(fish), film.cutouts(fish))
     if not lengths:
-        if tracks and follower:
-            raise no_silhouette_error(tracks.given, follower, p.min_track_frames)
+        if tracks and linker:
+            raise no_silhouette_error(tracks.given, linker, p.min_track_frames)
         raise film.no_track_error(p, verdicts)
     tank = scene_facts(scene, typical, p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
     numbers = {}
-    if tracks and follower and agreement:
+    if tracks and linker and agreement:
         save_given(folder, tracks.given, p.points)
-        numbers = place_metrics(tracks, follower, agreement)
+        numbers = place_metrics(tracks, linker, agreement)
     return Extraction(tank, verdicts, lengths, numbers, lost)
 
 
@@ -181,7 +179,7 @@ def _refuse_small_disk(
     size = 0.0
     if fish:
         table = arrow_table(
-            film.rows(fish), tracks_schema(len(fish[0].fish.backbone.points_px)), ""
+            film.track_rows(fish), tracks_schema(len(fish[0].fish.backbone.points_px)), ""
         )
         size = 2 * (table.nbytes + sum(map(packed_size, film.cutouts(fish))))
     written = 0

@@ -23,10 +23,10 @@ _G = np.array([245, 56, 1]) / 360  # gₖ for k = 1, 2, 3
 
 def control_points(backbone: Reals) -> Floats:
     """Return the six control points (rows, 6, 2) of backbones (rows, n, 2) with equal steps."""
-    return at_places(backbone, CONTROL_ARCS * (backbone.shape[1] - 1))
+    return interpolate_lines(backbone, CONTROL_ARCS * (backbone.shape[1] - 1))
 
 
-def at_places(lines: Reals, places: Floats) -> Floats:
+def interpolate_lines(lines: Reals, places: Floats) -> Floats:
     """Return the points (rows, k, 2) of lines (rows, n, 2) at k places, linear between points.
 
     places (k,): counted in points, 0 … n − 1; 2.5 is half way between points 2 and 3.

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.base.line import PX, TRACK, Line, checked_line
+from finloop.base.line import PX, TRACK, Line, check_line
 
 
 def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
@@ -25,4 +25,4 @@ def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.pat
         )
     columns = ("x_px", "y_px", "time_s", "heading_deg")
     x, y, time, heading = (features[column].to_numpy(float)[rows] for column in columns)
-    return checked_line(Line(name, x, y, PX, time, heading, rows=rows))
+    return check_line(Line(name, x, y, PX, time, heading, rows=rows))

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.schema import lists_to_points
-from finloop.features.area import at_places
+from finloop.features.area import interpolate_lines
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import (
     delta_of,
@@ -66,7 +66,7 @@ def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
         "displacement_median_body_lengths": float(features["displacement"].median()),
         "head_confidence_min": float(features["head_confidence"].min()),
         "head_confidence_below_0_9_pct": float(100 * (features["head_confidence"] < 0.9).mean()),
-        **forwards(features),
+        **heading_agreement(features),
     }
 
 
@@ -87,7 +87,7 @@ def in_mm(
     }
 
 
-def forwards(features: pd.DataFrame) -> dict[str, float]:
+def heading_agreement(features: pd.DataFrame) -> dict[str, float]:
     """Return how well headings agree with the motion in moving rows, by name, for metrics.json.
 
     The metrics are the number of these rows, the share headed within 90° of their motion, and the
@@ -122,7 +122,7 @@ def against_truth(
     fish, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
     length = true["body_length_px"].to_numpy(float)
     lines = lists_to_points(true, "backbone")
-    lines = at_places(lines, np.linspace(0, lines.shape[1] - 1, backbones.shape[1]))
+    lines = interpolate_lines(lines, np.linspace(0, lines.shape[1] - 1, backbones.shape[1]))
     mine = backbones[pairs[:, 0]]
     swapped = _apart(mine, lines) > _apart(mine[:, ::-1], lines)
     apart = _apart(np.where(swapped[:, None, None], mine[:, ::-1], mine), lines) / length

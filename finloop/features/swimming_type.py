@@ -48,7 +48,7 @@ def thresholds(headings_deg: Sequence[Reals], bends: Sequence[Reals], span: int)
     ranges = [np.ptp(np.unwrap(one, period=360)) for one in map(np.asarray, headings_deg)]
     if max(ranges) < _TURNS_DEG:
         return BRISK
-    turns = np.concatenate([turn(one, span) for one in headings_deg])
+    turns = np.concatenate([heading_change(one, span) for one in headings_deg])
     bent = np.concatenate(list(bends))
     limits = Thresholds(*map(min, BRISK, (_seldom(turns), _seldom(bent))))
     lower = min(1.0, _seldom(score(turns, bent, limits)))
@@ -69,7 +69,7 @@ def score(turn_deg: Reals, bend: Reals, limits: Thresholds) -> Floats:
     return 0.5 * (turn_deg / limits.turn_deg + bend / limits.bend)
 
 
-def turn(heading_deg: Reals, span: int) -> Floats:
+def heading_change(heading_deg: Reals, span: int) -> Floats:
     """Return the change of heading (frames,) [°] over `span` frames around each frame, + = left.
 
     Near the ends of a track, where the span does not fit, it is shortened and the change scaled up.

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
-from finloop.features.area import at_places, bend
+from finloop.features.area import bend, interpolate_lines
 from finloop.features.current import measured_current, through_water
 from finloop.features.head import head_first, match_head_end
 from finloop.features.memory import measured_delta
 from finloop.features.settings import FeaturesSettings
-from finloop.features.swimming_type import Thresholds, swimming_type, thresholds, turn
+from finloop.features.swimming_type import Thresholds, heading_change, swimming_type, thresholds
 
 _STEPS = 5  # natural steps in Δ, as in the paper's film
 HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
@@ -103,7 +103,7 @@ def heading(backbone: Reals) -> Floats:
     It is the direction of the chord from one third of the body to the head end: that part does not
     bend.
     """
-    third = at_places(backbone, np.array([HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
+    third = interpolate_lines(backbone, np.array([HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
     dx, dy = (backbone[:, 0] - third).T
     return wrap_deg(np.degrees(np.arctan2(-dy, dx)))
 
@@ -133,9 +133,11 @@ def measure_features(
     if delta_s == "auto":
         delta_s = measured_delta([bent[one] for one in every], rate_hz)
     delta = delta_frames(delta_s, rate_hz)
-    limits = limits_of(direction, bent, every, delta, settings)
+    limits = turn_thresholds(direction, bent, every, delta, settings)
     types = [
-        swimming_type(turn(direction[one], delta), bent[one], limits, settings.turn_end_threshold)
+        swimming_type(
+            heading_change(direction[one], delta), bent[one], limits, settings.turn_end_threshold
+        )
         for one in every
     ]
     current = settings.water_current_bl_s
@@ -190,7 +192,7 @@ def _tail(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
     return (-dx * np.sin(back) - dy * np.cos(back)) / length
 
 
-def limits_of(
+def turn_thresholds(
     direction: Reals, bent: Reals, tracks: Sequence[slice], delta: int, settings: FeaturesSettings
 ) -> Thresholds:
     """Return the thresholds of turns: those of the settings; for `auto`, measured in the film.

@@ -16,7 +16,7 @@ from finloop.features.area import bend
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.model import Forecast
 from finloop.forecast.partition import Partition
-from finloop.forecast.sampling import RolloutState, Sampler, at_row, go_over, step
+from finloop.forecast.sampling import RolloutState, Sampler, draw_next_row, start_at_row, step
 from finloop.puppet.pose import Pose, steps
 
 HELD_OUT = Schema(
@@ -54,7 +54,7 @@ class Ensemble(NamedTuple):
     rank: Floats
 
 
-def ensembles(
+def predict_ensembles(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator
 ) -> Ensemble:
     """Predict the states after held-out rows, each by an ensemble built from training rows alone.
@@ -140,7 +140,7 @@ def roll_out_means(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
     return past[:, 0]
 
 
-def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict[str, float]:
+def control_slopes(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict[str, float]:
     """Return how well a fish follows controls over Δ: slopes of its motion against the control.
 
     displacement_slope, angle_slope: 1 if it does as controlled, 0 if it ignores the control; left
@@ -153,7 +153,10 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
         if not len(similar):
             continue
         control = swim.control[rng.choice(similar)]
-        state, way = RolloutState(at_row(swim, row).past, go_over(swim, row, control, rng)), []
+        state, way = (
+            RolloutState(start_at_row(swim, row).past, draw_next_row(swim, row, control, rng)),
+            [],
+        )
         for _ in range(delta):
             state = step(swim, state, control, rng)
             way.append(state.past[0, -MOTION:] * step_s)

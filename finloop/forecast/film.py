@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
-from finloop.base.axes import ahead_left
+from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
 from finloop.features.current import through_water
@@ -120,7 +120,7 @@ def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
     heading = np.radians(features["heading_deg"].to_numpy(float))
     length = typical_length(features).to_numpy(float)
     step, turn = (np.diff(values, axis=0, prepend=values[:1]) for values in (place, heading))
-    travel = ahead_left(step, np.append(heading[:1], heading[:-1])) / length[:, None]
+    travel = to_body_axes(step, np.append(heading[:1], heading[:-1])) / length[:, None]
     motion = np.column_stack([travel, np.angle(np.exp(1j * turn))]) * rate_hz
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     first = np.append(True, (np.diff(track) != 0) | (np.diff(frame) != 1))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.base.nearest import MOST, Choice, Nearest, parts_of
+from finloop.base.nearest import MOST, Choice, Nearest, assign_parts
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.settings import ForecastSettings
 
@@ -99,15 +99,15 @@ def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Int
     """Yield pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
     The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
-    another passage. They come lot by lot. In a film of several parts (`parts_of`) the neighbours of
-    a row are of one part; every few thousand rows, that part changes.
+    another passage. They come lot by lot. In a film of several parts (`assign_parts`) the
+    neighbours of a row are of one part; every few thousand rows, that part changes.
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
     space, looks = _space(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
     limits = near, passage, _SPARE * count
-    part = parts_of(film.count, _STRETCH * film.delta)[rows % film.count]
+    part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
     most = max(_MOST // parts, _FEWEST * near)
 

@@ -67,7 +67,7 @@ class RolloutState(NamedTuple):
     row: int
 
 
-def means(film: FilmStates, model: Forecast) -> Floats:
+def predict_means(film: FilmStates, model: Forecast) -> Floats:
     """Predict the next states (m, d) of all rows with their own controls; 0 where unusable."""
     mean = np.zeros_like(film.states)
     for start in range(0, len(film.rows), _LOT):
@@ -76,16 +76,16 @@ def means(film: FilmStates, model: Forecast) -> Floats:
     return mean
 
 
-def sampler(
+def build_sampler(
     film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: ForecastSettings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
     """Build the sampler, which drives a simulated fish, from a film, its network and a graph.
 
-    graph: from `neighbours.similar_rows`; mean: from `means`, None to compute it.
+    graph: from `neighbours.similar_rows`; mean: from `predict_means`, None to compute it.
     """
     rows, d = film.rows, len(film.scale)
-    mean = means(film, model) if mean is None else mean
+    mean = predict_means(film, model) if mean is None else mean
     some = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
     source = np.searchsorted(graph[0], some, "right") - 1
     differ = film.control[source] - film.control[graph[1][some]]
@@ -99,12 +99,12 @@ def sampler(
     )  # fmt: skip
 
 
-def begin(swim: Sampler, rng: np.random.Generator) -> RolloutState:
+def start_at_random_row(swim: Sampler, rng: np.random.Generator) -> RolloutState:
     """Return a fish that starts as filmed at a random usable row, all equally likely."""
-    return at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
+    return start_at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
 
 
-def at_row(swim: Sampler, row: int) -> RolloutState:
+def start_at_row(swim: Sampler, row: int) -> RolloutState:
     """Return a fish that swims as filmed at a row: its past is that of the film."""
     return RolloutState(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
 
@@ -119,24 +119,24 @@ def step(
     """
     row = state.row
     if not swim.usable[row] or rng.random() < 1 / swim.follow:
-        row = go_over(swim, row, control, rng)
+        row = draw_next_row(swim, row, control, rng)
     here = swim.control[row] if control is None else np.asarray(control, float)
-    later = follow(swim, state.past, row, 1, here)
+    later = follow_row(swim, state.past, row, 1, here)
     return RolloutState(np.concatenate([later, state.past[:-1]]), row + 1)
 
 
-def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
+def draw_next_row(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
     """Draw the row that a fish follows next: a row similar to `row`, or `row` itself.
 
     control (2,): rows with a similar control are more likely; None: the control does not matter.
     """
-    rows, chance = ways(swim, row)
+    rows, chance = next_row_weights(swim, row)
     if control is not None:
-        chance = chance * likeness(swim, rows, control)
+        chance = chance * control_likeness(swim, rows, control)
     return int(rows[np.searchsorted(np.cumsum(chance), rng.random() * chance.sum())])
 
 
-def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
+def control_likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
     """Return how alike the controls of rows (k,) are to a control (2,): 1 for the most similar row.
 
     With q the squared difference of a row's control, in units of `swim.obey`: exp(−½ (q − least
@@ -146,7 +146,7 @@ def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
     return np.exp(-0.5 * (square - square.min(initial=np.inf)))
 
 
-def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
+def next_row_weights(swim: Sampler, row: int) -> tuple[Ints, Floats]:
     """Return the rows (k,) that a fish at `row` may follow next, and their weights (k,) in a draw.
 
     The weights (Metropolis) let all rows be visited equally often; their sum may be below 1. The
@@ -169,10 +169,10 @@ def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
 
 def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
     """Let a fish swim freely; return its states (ticks, d) and the rows (ticks,) they follow."""
-    (past, row), states, rows, n = begin(swim, rng), [], [], 0
+    (past, row), states, rows, n = start_at_random_row(swim, rng), [], [], 0
     while n < ticks:
-        row = go_over(swim, row, None, rng)
-        later = follow(swim, past, row, int(rng.geometric(1 / swim.follow)), swim.control[row])
+        row = draw_next_row(swim, row, None, rng)
+        later = follow_row(swim, past, row, int(rng.geometric(1 / swim.follow)), swim.control[row])
         past = np.concatenate([later, past])[: len(past)]
         states.append(later[::-1])
         rows.append(row + 1 + np.arange(len(later)))
@@ -182,7 +182,7 @@ def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Float
 
 
 @finite_kernel
-def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
+def follow_row(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """Return the next states (ticks, d) of a fish that follows a film row, the last tick first.
 
     They are fewer if the row's film ends. past (L + 1, d): the present first. control (2,): of the

@@ -11,6 +11,6 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "clock": ["gamma_fit"], "cycles": ["film_of_regions", "film_of_swim"],
     "film": ["GaitContours", "Keys"],
-    "model": ["Gait", "Layout", "at_phases", "four_keys"], "outline": ["track_outlines", "swim"],
-    "period": ["Period"],
+    "model": ["Gait", "Layout", "at_phases", "four_keys"], "outline": ["track_outlines",
+    "swim_contours"], "period": ["Period"],
 })  # fmt: skip

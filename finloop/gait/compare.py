@@ -16,7 +16,7 @@ import scipy
 from finloop.base.arrays import Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.gait.descriptor import contour, per_coefficient
-from finloop.gait.film import GaitContours, check, samples_of
+from finloop.gait.film import GaitContours, check_phases, samples_of
 from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
@@ -64,7 +64,7 @@ def compare(
     remaining frames cannot be fitted; if all are, the last error is raised. FinloopError as in
     `gait.fit.fit`.
     """
-    check(film)
+    check_phases(film)
     scheme, masks = holdouts(film)
     rows: list[dict[str, Any]] = []
     problem: FinloopError | None = None

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from finloop.base.arrays import Floats
-from finloop.gait.feet import align_phase, feet
+from finloop.gait.feet import align_phase, foot_positions
 from finloop.gait.film import GaitContours, hip_offsets
 from finloop.gait.limbs import Limbs, Region, limbs
-from finloop.gait.outline import TrackContours, steady
+from finloop.gait.outline import TrackContours, join_steady_frames
 from finloop.gait.period import Period, fill_gaps, period, require_periodic
 
 OUTLINE = "outline"
@@ -23,7 +23,7 @@ def film_of_swim(swim: TrackContours) -> GaitContours:
 
     FinloopError if no motion repeats.
     """
-    points, phase = steady([swim])
+    points, phase = join_steady_frames([swim])
     return GaitContours({OUTLINE: points}, phase, 1.0, "mirror")
 
 
@@ -46,7 +46,7 @@ def film_of_regions(
     contours = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
     beat = _beat(contours, frame_rate_hz)
     steady = {name: points[beat.steady] for name, points in contours.points.items()}
-    phase = align_phase(beat.phase[beat.steady], feet(steady), split)
+    phase = align_phase(beat.phase[beat.steady], foot_positions(steady), split)
     film = GaitContours(steady, phase, contours.length_px, "swap").complete()
     return replace(film, offsets=hip_offsets(film)), beat, contours
 

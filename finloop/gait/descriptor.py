@@ -10,12 +10,12 @@ import numpy as np
 from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
 from finloop.curve.wavelet import (
-    back,
     close_by_mirroring,
     drop_details,
-    forward,
+    inverse_transform,
     most_levels,
     scales,
+    wavelet_transform,
 )
 from finloop.gait.clock import clock
 
@@ -35,13 +35,13 @@ def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -
     coarse: number of coefficients in the approximation, a power of two.
     """
     points = points if closed else close_by_mirroring(points)
-    return forward(points, wavelet, levels_of(points.shape[-2], coarse, closed))
+    return wavelet_transform(points, wavelet, levels_of(points.shape[-2], coarse, closed))
 
 
 def contour(coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True) -> Points:
     """Return contours (…, n, 2) from their wavelet coefficients: the inverse of `descriptor`."""
     levels = levels_of(coefficients.shape[-2], coarse, closed)
-    return back(coefficients, wavelet, levels)[..., :n, :]
+    return inverse_transform(coefficients, wavelet, levels)[..., :n, :]
 
 
 def scale_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:

@@ -18,7 +18,7 @@ REACH = 0.06  # cycles: half width of the search for key 1
 STEPS = 61
 
 
-def feet(limbs: Mapping[str, Floats]) -> Floats:
+def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
     """Return how far ahead each foot is, (frames, limbs): x, in the unit of the contours, or NaN.
 
     limbs: contours (frames, n, 2) by id, x ahead and y down. A foot is the lowest 1/FOOT of the

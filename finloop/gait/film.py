@@ -31,7 +31,7 @@ class GaitContours:
     symmetry: Symmetry
     offsets: Mapping[str, Points] | None = None
 
-    def later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
+    def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
         """Return what contours of this animal look like half a cycle later, by its symmetry."""
         return half_later(contours, self.symmetry, Layout(offsets=self.offsets))
 
@@ -69,7 +69,7 @@ class Keys:
         return start[name], end[name]
 
 
-def check(film: GaitContours) -> None:
+def check_phases(film: GaitContours) -> None:
     """Raise FinloopError if the film covers less than half a cycle, or its phase does not rise."""
     if len(film.phase) < 3 or (np.diff(film.phase) <= 0).any():
         raise FinloopError(
@@ -121,7 +121,7 @@ def keys_of(film: GaitContours, split: float) -> Keys:
     near a key; the message names all such contours.
     """
     phase, here = film.phase, film.contours
-    there = film.later(here)
+    there = film.contours_half_cycle_later(here)
     step = float(np.median(np.diff(phase)))
     keys: list[dict[str, Points]] = []
     lacking = []
@@ -147,7 +147,7 @@ def keys_of(film: GaitContours, split: float) -> Keys:
             f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
             "use more cycles, or omit the contours that the film does not show",
         )
-    return Keys(keys[0], keys[1], film.later(keys[0]))
+    return Keys(keys[0], keys[1], film.contours_half_cycle_later(keys[0]))
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def samples_of(
     By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet,
     coarse: of the descriptor.
     """
-    later = film.later(film.contours)
+    later = film.contours_half_cycle_later(film.contours)
     second = np.mod(film.phase, 1.0) >= 0.5
     which, tau = subcycle(np.mod(film.phase, 0.5), split)
     out = dict[str, list[Samples]]()

@@ -13,7 +13,7 @@ from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
 from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.descriptor import contour, descriptor, scale_slices
-from finloop.gait.film import GaitContours, Keys, Samples, check, keys_of, samples_of
+from finloop.gait.film import GaitContours, Keys, Samples, check_phases, keys_of, samples_of
 from finloop.gait.model import POOLED, Gait, Layout, cycle, subcycle
 
 Gammas = dict[str, dict[str, tuple[float, ...]]]
@@ -130,7 +130,7 @@ def corrected_keys(
                 (keys.second, linear.second, short.second),
             )
         )
-        keys = Keys(first, second, film.later(first))
+        keys = Keys(first, second, film.contours_half_cycle_later(first))
         subcycles = subcycles_of(keys, samples, wavelet, coarse)
     return keys, subcycles
 
@@ -155,7 +155,7 @@ def _smooth(
             bend = (_bends(own_tau) @ size).reshape(-1, *model.end.shape)
             coefficients = model.predict(own_tau, np.zeros(1)) + bend
             out[name][which == sub] = contour(coefficients, points.shape[1], wavelet, coarse)
-    later, second = film.later(out), np.mod(film.phase, 1.0) >= 0.5
+    later, second = film.contours_half_cycle_later(out), np.mod(film.phase, 1.0) >= 0.5
     return {
         name: np.where(
             np.isfinite(points), np.where(second[:, None, None], later[name], out[name]), np.nan
@@ -183,7 +183,7 @@ def fit(
     """Fit a gait to the contours of a film; return the gait and its key frames.
 
     The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
-    to all contours together. FinloopError as in `check` and `corrected_keys`.
+    to all contours together. FinloopError as in `check_phases` and `corrected_keys`.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def fit(
     per_scale
         Fit one γ for each scale instead of one for all.
     """
-    check(film)
+    check_phases(film)
     keys, subcycles = corrected_keys(film, split, wavelet, coarse)
     still = LEAST_MOTION * film.body_length
     gamma = gammas_of(subcycles, per_scale, still)

@@ -73,7 +73,7 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
     }
 
 
-def path(stack: Points) -> Points:
+def foot_displacement(stack: Points) -> Points:
     """Return how far the foot of a limb (f, n, 2) moves in x since the first frame: (f,)."""
     return np.concatenate([[0.0], np.cumsum([_step(*pair) for pair in pairwise(stack)])])
 
@@ -97,7 +97,7 @@ def _paths(limbs: Mapping[str, Points], support: Support) -> Paths:
     paths: Paths = {}
     for name, stack in limbs.items():
         if runs := supports(support.get(name, ()), len(stack)):
-            paths[name] = [(run, path(stack[run % len(stack)])) for run in runs]
+            paths[name] = [(run, foot_displacement(stack[run % len(stack)])) for run in runs]
     return paths
 
 

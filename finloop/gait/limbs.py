@@ -18,7 +18,7 @@ import skimage
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, area, centroid, clockwise, resample_curve
+from finloop.curve.contour import Curve, area, centroid, orient_clockwise, resample_curve
 from finloop.gait.model import partner
 from finloop.gait.period import fill_gaps
 
@@ -68,7 +68,7 @@ def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
     curves = [curve for curve in curves if len(curve.points) > 3]
     if not curves:
         return EMPTY
-    largest = clockwise(max(curves, key=lambda curve: abs(area(curve))))
+    largest = orient_clockwise(max(curves, key=lambda curve: abs(area(curve))))
     return Curve(largest.points + np.array([columns[0] - pad, rows[0] - pad]), True)
 
 
@@ -135,7 +135,7 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
     FFT. The start may lie between two points. Point 0 is the uppermost of the mean shape: the hip
     or the shoulder.
     """
-    curves = [clockwise(region) if isinstance(region, Curve) else None for region in regions]
+    curves = [orient_clockwise(region) if isinstance(region, Curve) else None for region in regions]
     there = [k for k, curve in enumerate(curves) if curve is not None]
     out = np.full((len(curves), n, 2), np.nan)
     fine = np.stack(

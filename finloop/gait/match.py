@@ -13,7 +13,7 @@ import numpy as np
 from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
-from finloop.curve.contour import Curve, clockwise, resample_curve
+from finloop.curve.contour import Curve, orient_clockwise, resample_curve
 from finloop.gait.model import Symmetry, partner, reversal
 
 UPRIGHT = 0.02
@@ -39,7 +39,7 @@ def match_poses(
                 "contours that are closed in every pose, left and right, or open in every pose",
                 "close all of them, or none",
             )
-        model = first.get(twin, resample_curve(clockwise(curve), points).points)
+        model = first.get(twin, resample_curve(orient_clockwise(curve), points).points)
         first[name] = renumber_curve(model, curve) if twin in first else model
         second[name] = renumber_curve(model, key2.curves[name])
     return first, second
@@ -55,7 +55,7 @@ def renumber_curve(model: Points, curve: Curve) -> Points:
         points = resample_curve(curve, n).points
         ways = [points, points[::-1]]
         return max(ways, key=lambda way: float(likeness(a @ _complex(way).conj())))
-    points = resample_curve(clockwise(curve), n * FINE).points
+    points = resample_curve(orient_clockwise(curve), n * FINE).points
     ways = [points[start::FINE] for start in range(FINE)]
     # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
     b = np.stack([_complex(way) for way in ways])

@@ -17,7 +17,7 @@ import pandas as pd
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
-from finloop.curve.contour import Curve, centroid, clockwise
+from finloop.curve.contour import Curve, centroid, orient_clockwise
 from finloop.features.head import tail_first
 from finloop.gait.period import Period, assess, period, remove_beat, with_phase_zero
 
@@ -59,7 +59,7 @@ def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats,
     return outline.astype(float), np.where(tail_leads, backbone[:, ::-1], backbone)
 
 
-def swim(
+def swim_contours(
     outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS
 ) -> TrackContours:
     """Return a fish's contours in the body frame and its tail beat, for consecutive frames.
@@ -71,7 +71,7 @@ def swim(
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
     centre, angle = pose(points, backbone_px)
     own = in_body_frame(points, centre, angle) / length
-    beat = period(sideways(own), frame_rate_hz, -tail(own))
+    beat = period(midline_sideways(own), frame_rate_hz, -tail(own))
     if not beat.cycles:
         return TrackContours(own, beat, length)
     smooth = remove_beat(np.column_stack([centre, angle]), beat.phase)
@@ -85,7 +85,7 @@ def swim(
     return TrackContours(straightened, with_phase_zero(steady, -tail(straightened)), length)
 
 
-def steady(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
+def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
     """Join the steady frames of periodic tracks: return contours (f, n, 2) and their phases (f,).
 
     Phases are in cycles and rise. Each stretch of steady frames begins a new cycle, so the phase
@@ -124,7 +124,7 @@ def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     """
     out = np.empty((len(outline_px), n, 2))
     for outline, snout, row in zip(outline_px, snout_px, out, strict=True):
-        ring = clockwise(Curve(outline, True)).points
+        ring = orient_clockwise(Curve(outline, True)).points
         ends = np.roll(ring, -1, axis=0)
         way = ends - ring
         square = np.maximum((way**2).sum(axis=1), 1e-12)
@@ -163,7 +163,7 @@ def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
     return (points - centre[:, None]) @ turn
 
 
-def sideways(points: Floats) -> Floats:
+def midline_sideways(points: Floats) -> Floats:
     """Return the midline's sideways position (frames, n / 2 + 1), snout to tail, + to the right.
 
     points (frames, n, 2): contours in the body frame, whose unit the result has. It is the mean of

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import check
+from finloop.base.settings import check_values
 from finloop.gait.model import Gait
 
 DECIMALS = 6
@@ -32,7 +32,7 @@ def gait_of(content: Any) -> Gait:
 
     ValueError, with all problems, if the content is no gait.
     """
-    gait, problems = check("gait", {"default": Gait}, content)
+    gait, problems = check_values("gait", {"default": Gait}, content)
     if gait is None:
         raise ValueError("no gait: " + "; ".join(problems))
     return gait

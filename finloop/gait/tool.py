@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
-from finloop.base.tool import frame_rate, in_frames, run_tool
+from finloop.base.tool import format_frame_counts, frame_rate, run_tool
 from finloop.gait.model import Gait
 from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer
@@ -110,9 +110,9 @@ def summary(result: Transfer, gait: Gait, seconds: float) -> str:
             " are left and right, or the keys, exchanged?"
         )
     if folded := morph.count_fold_frames():
-        lines.append("folds: " + in_frames(folded, frames))
+        lines.append("folds: " + format_frame_counts(folded, frames))
     if result.outside:
-        lines.append("leaves the picture: " + in_frames(result.outside, frames))
+        lines.append("leaves the picture: " + format_frame_counts(result.outside, frames))
     return "\n  ".join(lines)
 
 

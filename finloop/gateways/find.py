@@ -211,7 +211,7 @@ def _ways_out(
     return table.assign(rank=table.groupby("row").cumcount() + 1)
 
 
-def nearest(
+def gateways_without_threshold(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: GatewaysSettings
 ) -> pd.DataFrame:  # fmt: skip
     """Return the gateways (schema `GATEWAYS`) that there would be without a distance threshold."""
@@ -225,8 +225,8 @@ def numbers(
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of the gateways, by their names in metrics.json.
 
-    table: from `gateways`; every: from `nearest`; rate_hz: frames per second; step: the median
-    natural step.
+    table: from `gateways`; every: from `gateways_without_threshold`; rate_hz: frames per second;
+    step: the median natural step.
     """
     result: dict[str, float] = {}
     for word in (IN, OUT):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.base.stretches import spread
+from finloop.base.stretches import spread_rows
 from finloop.identity.joins import Pairs, Tracks
 
 # scikit-learn is imported where it is used: the import takes a second, and plots do not need it.
@@ -42,7 +42,7 @@ def descriptors(
     so are all components together.
     """
     rows = np.arange(len(measures))
-    some = pictures(spread(rows, _PICTURES)).astype(float)
+    some = pictures(spread_rows(rows, _PICTURES)).astype(float)
     count = min(components, *(side - 1 for side in some.shape))
     if count < 1:
         return _spread(measures)
@@ -102,7 +102,7 @@ def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnaly
         return None
     from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
-    learnt = spread(learnt, _TRACKS)
+    learnt = spread_rows(learnt, _TRACKS)
     label = np.repeat(learnt, [len(tracks[i]) for i in learnt])
     tells = LinearDiscriminantAnalysis(solver="eigen", shrinkage=_SHRUNK)
     return tells.fit(np.concatenate([tracks[i] for i in learnt]), label)

@@ -11,12 +11,20 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
-from finloop.base.stretches import spread
+from finloop.base.stretches import spread_rows
 from finloop.distance.picture import BODY
 from finloop.distance.reel import Reel
 from finloop.features.head import tail_first
 from finloop.identity import appearance, motion
-from finloop.identity.joins import Chains, Pairs, TrackJoins, at_once, best, in_passes, later
+from finloop.identity.joins import (
+    Chains,
+    Pairs,
+    TrackJoins,
+    best_joins,
+    in_passes,
+    simultaneous_pairs,
+    successor_pairs,
+)
 from finloop.identity.settings import IdentitySettings
 
 IDENTITIES = Schema(
@@ -163,7 +171,7 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
         [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
     )
     segment = np.array([film.segment[rows[0]] for rows in parts])
-    some = [spread(rows, p.looked_at) for rows in parts]
+    some = [spread_rows(rows, p.looked_at) for rows in parts]
     every = np.concatenate(some)
     looks = appearance.descriptors(
         film.measures[every],
@@ -174,9 +182,13 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
 
     def scores(chains: Chains) -> tuple[Pairs, Floats]:
         between = motion.ends_of(ends, chains)
-        pairs = later(between.start, between.stop, segment[[chain[0] for chain in chains]])
+        pairs = successor_pairs(
+            between.start, between.stop, segment[[chain[0] for chain in chains]]
+        )
         looks = [np.concatenate([by_track[k] for k in chain]) for chain in chains]
-        look_ratio = appearance.log_ratios(looks, at_once(between.start, between.stop), pairs)
+        look_ratio = appearance.log_ratios(
+            looks, simultaneous_pairs(between.start, between.stop), pairs
+        )
         return pairs, motion.log_ratios(between, drift, pairs) + look_ratio
 
     rng = np.random.default_rng(p.seed)
@@ -184,7 +196,9 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
         len(parts),
         scores,
         p.sure,
-        partial(best, strangers=p.new_animal_probability, least=p.min_join_probability, rng=rng),
+        partial(
+            best_joins, strangers=p.new_animal_probability, least=p.min_join_probability, rng=rng
+        ),
     )
 
 

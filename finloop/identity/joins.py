@@ -37,7 +37,7 @@ class TrackJoins(NamedTuple):
     probability: Floats
 
 
-def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> Pairs:
+def successor_pairs(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> Pairs:
     """Pair every track with the `most` that begin soonest after its end, in its segment.
 
     start, stop (n,): first and last frame of each track; segment (n,): its part of the film between
@@ -50,7 +50,7 @@ def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> P
     )
 
 
-def at_once(start: Reals, stop: Reals) -> Pairs:
+def simultaneous_pairs(start: Reals, stop: Reals) -> Pairs:
     """Return all pairs a < b of tracks that have a frame in common.
 
     start, stop (n,): first and last frame of each track.
@@ -69,7 +69,7 @@ def _ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
     return Pairs(np.repeat(np.arange(len(order)), count), order[np.repeat(low, count) + offset])
 
 
-def best(
+def best_joins(
     tracks: int, pairs: Pairs, log_ratio: Floats, strangers: float, least: float,
     rng: np.random.Generator,
 ) -> TrackJoins:  # fmt: skip
@@ -105,7 +105,7 @@ def in_passes(
 
     Tracks that a join of at least the probability `sure` connects are one chain in the next pass:
     then more of an animal is visible, and fewer ends are open. scores: returns pairs of chains and
-    the log ratio of a join of each; best_of: `best`, for a number of chains.
+    the log ratio of a join of each; best_of: `best_joins`, for a number of chains.
     """
     before, probability = np.full(tracks, -1), np.ones(tracks)
     chains: Chains = [[track] for track in range(tracks)]

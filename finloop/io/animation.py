@@ -16,7 +16,7 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
-from finloop.base.paint import paint_layers, shapes
+from finloop.base.paint import group_contours, paint_layers
 from finloop.base.parallel import Threads, ordered_map
 from finloop.io.animation_lottie import to_lottie
 from finloop.io.animation_svg import to_svg
@@ -64,7 +64,7 @@ def writer(path: Path) -> "Writer":
     )
 
 
-def plain(morph: Morph) -> dict[str, Any]:
+def to_plain(morph: Morph) -> dict[str, Any]:
     """Convert a morph to plain values: `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`.
 
     tau: 0 = the first drawing, 1 = the second. x, y: in units of the first drawing.
@@ -83,7 +83,7 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None
 
 
 def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    _save_json(path, plain(morph))
+    _save_json(path, to_plain(morph))
 
 
 def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
@@ -110,7 +110,7 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> Non
 
 def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterator[Picture]:
     """Yield the picture (h, w, 3) of every frame; paint equal frames once."""
-    forms = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
+    forms = group_contours(morph.closed, morph.styles, max(morph.width, morph.height))
 
     def paint_frame(frame: int) -> Picture:
         contours = [(form, [morph.layers[name][frame] for name in form.layers]) for form in forms]

@@ -9,14 +9,14 @@ from math import ceil
 from typing import Any
 
 from finloop.base.drawing import Morph
-from finloop.base.paint import Colour, Paint, Shape, shapes
+from finloop.base.paint import Colour, Paint, Shape, group_contours
 
 Json = dict[str, Any]
 
 
 def to_lottie(morph: Morph, frame_rate: Fraction) -> Json:
     """Convert a morph to Lottie, a dictionary for `json.dumps`; frame_rate: frames per second."""
-    what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
+    what = group_contours(morph.closed, morph.styles, max(morph.width, morph.height))
     return {
         "v": "5.7.0", "fr": float(frame_rate), "ip": 0, "op": len(morph.tau),
         "w": ceil(morph.width), "h": ceil(morph.height), "nm": "morph", "ddd": 0, "assets": [],

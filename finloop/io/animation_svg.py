@@ -7,7 +7,7 @@ import numpy as np
 
 from finloop.base.arrays import Ints
 from finloop.base.drawing import Morph
-from finloop.base.paint import Paint, Shape, shapes
+from finloop.base.paint import Paint, Shape, group_contours
 
 
 def to_svg(morph: Morph, frame_rate: Fraction) -> str:
@@ -27,7 +27,7 @@ def to_svg(morph: Morph, frame_rate: Fraction) -> str:
         f'<g transform="scale({1 / grid:.10g})" stroke-linejoin="round" stroke-linecap="round"'
         ' fill-rule="evenodd">',
     ]
-    for shape in shapes(morph.closed, morph.styles, max(morph.width, morph.height)):
+    for shape in group_contours(morph.closed, morph.styles, max(morph.width, morph.height)):
         frames, style = _frames(morph, shape, grid), _style(shape.paint, grid)
         lines.append(
             f"<path id={quoteattr(shape.name)} {style} d={quoteattr(frames[0])}>"

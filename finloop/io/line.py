@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.base.line import MM, PX, TANK, Line, checked_line
+from finloop.base.line import MM, PX, TANK, Line, check_line
 from finloop.io.svg import load_svg
 
 _WANTED = (
@@ -27,14 +27,14 @@ def load_line(path: Path, unit: str) -> Line:
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
-        return checked_line(_line_from_drawing(path, unit))
+        return check_line(_line_from_drawing(path, unit))
     if suffix not in (".csv", ".parquet"):
         raise FinloopError(
             f"{path} is no file that finloop can read a path from",
             "a file .csv, .parquet or .svg; or a track of the film, such as track:8",
             "save the path as one of these, or correct matching.path",
         )
-    return checked_line(_line_from_table(path, _table(path, suffix), unit))
+    return check_line(_line_from_table(path, _table(path, suffix), unit))
 
 
 def _table(path: Path, suffix: str) -> pa.Table:

@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import check, variants
+from finloop.base.settings import check_values, variants
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
@@ -31,13 +31,13 @@ def parameters(word: str, values: Mapping[str, Any]) -> Any:
     word: such as "extract". values: those of params.yaml, by stage word. FinloopError lists all
     parameters that are refused, by dotted name.
     """
-    group, problems = check(word, variants(word), values.get(word, {}))
+    group, problems = check_values(word, variants(word), values.get(word, {}))
     if problems:
-        raise refusal(problems)
+        raise refusal_error(problems)
     return group
 
 
-def refusal(problems: list[str]) -> FinloopError:
+def refusal_error(problems: list[str]) -> FinloopError:
     """Return one error that lists all refused parameters; problems: a sentence on each."""
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
     return FinloopError(

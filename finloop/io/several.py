@@ -51,7 +51,7 @@ def all_parts(clip: Path) -> list[FilmPart]:
     return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
 
 
-def folders(clip: Path) -> list[tuple[str, Path]]:
+def film_folders(clip: Path) -> list[tuple[str, Path]]:
     """Return each readable film's name and relative folder, below that of the clip or the tracks.
 
     clip: the folder of the clip. A single film has the name "" and the path ".": it lies in those
@@ -82,7 +82,7 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     for part in parts:
         if not part.error:
             own = facts[part.name]
-            ticks = frames_at(own.frames, own.frame_rate, rate)
+            ticks = frames_at_rate(own.frames, own.frame_rate, rate)
             cuts = np.searchsorted(ticks, np.array(own.segments)) + start
             segments += [(int(a), int(b)) for a, b in cuts if a < b]
             part = part._replace(start=start, stop=start + len(ticks))
@@ -103,7 +103,7 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     return whole
 
 
-def frames_at(frames: int, rate: Fraction, common: Fraction) -> Frames:
+def frames_at_rate(frames: int, rate: Fraction, common: Fraction) -> Frames:
     """Return which of a film's frames each tick of a lower, common rate shows: (ticks,).
 
     frames: their number. rate, common: of the film and of the ticks, per second.

@@ -123,7 +123,7 @@ def _tidy(root: ElementTree.Element) -> None:
     root.append(hidden)
 
 
-def target(path: Path, element: ElementTree.Element) -> str | None:
+def use_target(path: Path, element: ElementTree.Element) -> str | None:
     """Return the id of the shape that a `use` shows; None for another element or an empty `use`.
 
     path: of the SVG, for messages. FinloopError if the shape is in another file.
@@ -155,12 +155,12 @@ def _count(path: Path, root: ElementTree.Element) -> None:
             raise FinloopError(
                 f"{path} holds a <use> that shows itself",
                 "shapes that do not contain themselves",
-                f"remove the <use> of {target(path, element) or element.get('id')!r}",
+                f"remove the <use> of {use_target(path, element) or element.get('id')!r}",
             )
         if depth > MOST_NESTED:
             _too_many(path)
         open_.add(key)
-        target_of = by_id.get(target(path, element) or "")
+        target_of = by_id.get(use_target(path, element) or "")
         parts = [*element, *([] if target_of is None else [target_of])]
         total = _weight(element) + sum(count(part, depth + 1) for part in parts)
         open_.discard(key)

@@ -14,7 +14,13 @@ from finloop.features.table import delta_of
 from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.settings import JumpsSettings
 from finloop.jumps.sides import handedness, sides_apart
-from finloop.jumps.signature import Straight, blocks, parts, signatures, standardize
+from finloop.jumps.signature import (
+    StraightPictures,
+    blocks,
+    signature_parts,
+    signatures,
+    standardize,
+)
 from finloop.jumps.source import RowSource
 from finloop.jumps.visible import VisibleDistance
 
@@ -46,9 +52,9 @@ def film_jumps(
     """
     reel, _ = source.film()
     track = reel.features["track_id"].to_numpy()
-    row_parts = parts(source, settings, workers)
+    row_parts = signature_parts(source, settings, workers)
     block = max(1, round(settings.block * delta_of(reel.features)))
-    sides = sides_apart(Straight(source, settings.look_px), track)
+    sides = sides_apart(StraightPictures(source, settings.look_px), track)
     hand = handedness(row_parts, block)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)

@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
-from finloop.base.nearest import Nearest, parts_of
+from finloop.base.nearest import Nearest, assign_parts
 from finloop.jumps.table import JUMPS
 
 _STRETCH = 8  # times `least`: rows of a stretch, which are all of one part of the film
@@ -24,7 +24,7 @@ class Search:
 
     targets (m, d): signatures of the n rows, then of their mirror images if these are searched;
     goals: numbers of the targets to which a jump may lead; index: of these; track (n,): ids,
-    rising; part (n,): the film's part, from `parts_of`.
+    rising; part (n,): the film's part, from `assign_parts`.
     """
 
     targets: Floats
@@ -48,7 +48,7 @@ class Search:
         stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
         goals = np.flatnonzero(np.tile(stays, 1 + mirror))
         index = Nearest.from_vectors(targets[goals])
-        part = parts_of(len(track), _STRETCH * least)
+        part = assign_parts(len(track), _STRETCH * least)
         return cls(targets, goals, index, np.asarray(track), part, count, least)
 
     @property

@@ -3,14 +3,14 @@
 import numpy as np
 
 from finloop.base.arrays import Ints
-from finloop.base.stretches import spread
-from finloop.distance.picture import apart
-from finloop.jumps.signature import SignatureParts, Straight
+from finloop.base.stretches import spread_rows
+from finloop.distance.picture import distance_pair_by_pair
+from finloop.jumps.signature import SignatureParts, StraightPictures
 
 _ROWS = 300  # most pictures that are compared
 
 
-def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
+def sides_apart(straight: StraightPictures, track: Ints, seed: int = 0) -> float:
     """Return how much a fish differs from its mirror image, over how much its pictures differ.
 
     1 or less: the sides are alike. All pictures are drawn in one posture; their distance is
@@ -19,10 +19,12 @@ def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
     """
     n = len(track)
     rng = np.random.default_rng(seed)
-    rows = spread(np.arange(n), _ROWS)
+    rows = spread_rows(np.arange(n), _ROWS)
     first, last = np.searchsorted(track, track[rows]), np.searchsorted(track, track[rows], "right")
     own, random = straight(rows), straight(rng.integers(first, last))
-    mirror, usual = (float(np.median(apart(own, against))) for against in (own[:, ::-1], random))
+    mirror, usual = (
+        float(np.median(distance_pair_by_pair(own, against))) for against in (own[:, ::-1], random)
+    )
     return mirror / max(usual, 1e-12)
 
 

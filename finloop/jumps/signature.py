@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import svds
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
-from finloop.base.axes import ahead_left
+from finloop.base.axes import to_body_axes
 from finloop.base.parallel import Workers, ordered_map
-from finloop.base.stretches import spread
+from finloop.base.stretches import spread_rows
 from finloop.distance.reel import Reel
 from finloop.features.current import through_water
 from finloop.features.table import delta_of
@@ -39,7 +39,7 @@ class SignatureParts(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Straight:
+class StraightPictures:
     """Draws rows in one straight posture, headed right: pictures differ in light and skin only.
 
     The posture is the film's mean posture, which is its own mirror image. size: px across a
@@ -63,9 +63,9 @@ class Straight:
         ])  # fmt: skip
 
 
-def _components(straight: Straight, n: int, count: int, workers: Workers) -> Floats:
+def _components(straight: StraightPictures, n: int, count: int, workers: Workers) -> Floats:
     """Return principal components (2, n, count) of straight pictures and their mirror images."""
-    sample = straight(spread(np.arange(n), _SAMPLE))
+    sample = straight(spread_rows(np.arange(n), _SAMPLE))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
     count = min(count, min(both.shape) - 1)
@@ -74,7 +74,7 @@ def _components(straight: Straight, n: int, count: int, workers: Workers) -> Flo
     return np.concatenate(list(lots), axis=1).astype(float)
 
 
-def _along(straight: Straight, mean: Reals, axes: Floats, rows: Ints) -> Floats:
+def _along(straight: StraightPictures, mean: Reals, axes: Floats, rows: Ints) -> Floats:
     """Project straight pictures of rows (k,) and their mirror images on axes, (2, k, count)."""
     lot = straight(rows)
     sides = (lot, lot[:, ::-1])
@@ -86,13 +86,13 @@ def blocks(n: int, most: int) -> list[Ints]:
     return np.split(np.arange(n), range(most, n, most))
 
 
-def parts(source: RowSource, settings: JumpsSettings, workers: Workers) -> SignatureParts:
+def signature_parts(source: RowSource, settings: JumpsSettings, workers: Workers) -> SignatureParts:
     """Compute the signature parts pose, change, motion, look of all rows and mirror images."""
     reel, poses = source.film()
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
-    change = np.stack([slope(codes, reel.goes_on, span) for codes in pose])
-    straight = Straight(source, settings.look_px)
+    change = np.stack([change_per_row(codes, reel.goes_on, span) for codes in pose])
+    straight = StraightPictures(source, settings.look_px)
     look = _components(straight, len(reel), settings.look_numbers, workers)
     return SignatureParts(pose, change, film_motion(reel, span), look)
 
@@ -133,7 +133,7 @@ def deviation(part: Floats, each: bool = False) -> Floats:
     return np.sqrt(np.maximum(total, 1e-24))
 
 
-def slope(values: Floats, goes_on: Mask, span: int) -> Floats:
+def change_per_row(values: Floats, goes_on: Mask, span: int) -> Floats:
     """Return the change (n, k) per row of values (n, k), from `span` rows before to `span` after.
 
     goes_on (n,): whether the next row is of the same track. Near a track's end the span is shorter,
@@ -161,11 +161,12 @@ def film_motion(reel: Reel, span: int) -> Floats:
 def motion(place: Floats, heading_deg: Floats, goes_on: Mask, span: int) -> Floats:
     """Return the speeds (n, 3): ahead and to the left [body lengths a row], turning [° a row].
 
-    place (n, 2): x, y in body lengths; heading_deg (n,): anticlockwise; goes_on, span: see `slope`.
+    place (n, 2): x, y in body lengths; heading_deg (n,): anticlockwise; goes_on, span: see
+    `change_per_row`.
     """
     unwrapped = np.concatenate([
         np.unwrap(track, period=360)
         for track in np.split(heading_deg, np.flatnonzero(~goes_on)[:-1] + 1)
     ])  # fmt: skip
-    velocity = slope(np.column_stack([place, unwrapped]), goes_on, span)
-    return np.column_stack([ahead_left(velocity[:, :2], np.radians(heading_deg)), velocity[:, 2]])
+    velocity = change_per_row(np.column_stack([place, unwrapped]), goes_on, span)
+    return np.column_stack([to_body_axes(velocity[:, :2], np.radians(heading_deg)), velocity[:, 2]])

@@ -10,11 +10,11 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.parallel import Workers, ordered_map
-from finloop.distance.picture import SPAN, apart
+from finloop.distance.picture import SPAN, distance_pair_by_pair
 from finloop.jumps.signature import blocks
 from finloop.jumps.source import Pictures, RowSource
 from finloop.puppet import draw
-from finloop.puppet.pairs import PictureSet, apart_in_pose, nearest_in_pose
+from finloop.puppet.pairs import PictureSet, distances_in_pose, nearest_in_pose
 
 _LOT = 1000  # pictures at a time
 
@@ -42,7 +42,7 @@ class VisibleDistance:
         source.keep()
         ends = np.stack(reel.step_ends)
         step = [
-            apart(*pictures[some].astype(np.float32) / 255)
+            distance_pair_by_pair(*pictures[some].astype(np.float32) / 255)
             for some in np.array_split(ends, 1 + ends.shape[1] // _LOT, axis=1)
         ]
         natural = float(np.median(np.concatenate(step)))
@@ -58,7 +58,7 @@ class VisibleDistance:
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
         parts = np.array_split(np.arange(len(rows)), numba.get_num_threads())
         with ThreadPoolExecutor(len(parts)) as pool:  # a kernel holds no lock
-            steps = pool.map(lambda k: apart_in_pose(film, rows[k], to[k], mirrored[k]), parts)
+            steps = pool.map(lambda k: distances_in_pose(film, rows[k], to[k], mirrored[k]), parts)
             return np.concatenate(list(steps)) / self.natural
 
     def best(self, near: pd.DataFrame, count: int) -> Floats:

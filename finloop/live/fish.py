@@ -136,7 +136,7 @@ class LiveFish:
         Its columns are x, y px, heading and number of the picture, as in `Company`.
         """
         last = self._choices[-1].stretch
-        return last.rest(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
+        return last.remaining_path(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
     def _around(self, tick: int) -> Floats:
         """Return the other fish (n, m, 4), as `Plans.others` does, from one of its own ticks on."""

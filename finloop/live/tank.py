@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from finloop.animate.arena import goal_name
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.world import World
 from finloop.base.errors import FinloopError
@@ -16,7 +16,7 @@ from finloop.live.choice import RuleTask
 from finloop.live.fish import Floats, Ghost, LiveFish
 from finloop.live.modes import Modes
 from finloop.social.leader import contradiction
-from finloop.social.rule import rule_of
+from finloop.social.rule import require_rule
 
 
 def rehearse(player: AnyPlayer) -> None:
@@ -28,7 +28,7 @@ def rehearse(player: AnyPlayer) -> None:
     y, x = (side[[0, -1]].astype(float) for side in np.nonzero(world.tank.legal))
     if np.hypot(x[1] - x[0], y[1] - y[0]) > world.touch_px:
         line = Line("a rehearsal", x, y, PX)
-        route = lay(line, world.tank, world.motion, None).route
+        route = lay_path(line, world.tank, world.motion, None).route
         player.plan(player.begin(rng), route, rng)
 
 
@@ -147,7 +147,7 @@ class LiveTank:
             self.send(which, float(x[-1]), float(y[-1]))
             return
         line = Line("the drawn path", x, y, PX, closed=closed)
-        route = lay(line, world.tank, world.motion, None).route
+        route = lay_path(line, world.tank, world.motion, None).route
         for number in self._fish_numbers(which):
             self.fish[number].follow(route)
 
@@ -162,7 +162,7 @@ class LiveTank:
         FinloopError where the film gives no rule for it, or in a mode of the paper.
         """
         self._refuse_in_paper("company")
-        rule = rule_of(self.shoaling)
+        rule = require_rule(self.shoaling)
         for number in self._fish_numbers(which):
             self.fish[number].obey(RuleTask(rule))
 
@@ -206,7 +206,7 @@ class LiveTank:
             if fish.order is not None and fish.order.shoaling is not None:
                 fish.order = RuleTask(self.shoaling)
 
-    def lack(self, mode: str) -> str:
+    def describe_lack(self, mode: str) -> str:
         """Return why the tank cannot switch to a mode now, as a sentence; "" if it can."""
         if mode not in self.players:
             return "the film shows too little for it"
@@ -223,7 +223,7 @@ class LiveTank:
         """
         if mode in self.players:
             most = self.players[mode].most_fish
-            if self.lack(mode):
+            if self.describe_lack(mode):
                 raise self._paper_alone(f"{len(self.fish)} fish", mode)
             if most is not None:
                 for fish in self.fish:

@@ -175,7 +175,7 @@ class View:
         return [
             {
                 "name": mode, "title": facts.title, "says": f"{facts.sentence} ({facts.source})",
-                "colour": facts.colour, "lack": self.tank.lack(mode),
+                "colour": facts.colour, "lack": self.tank.describe_lack(mode),
             }
             for mode, facts in MODES.items()
         ]  # fmt: skip

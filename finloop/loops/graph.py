@@ -150,7 +150,7 @@ def _never_ends(
     return more & np.append(endless_rows(more, end, start, ends[to])[1:], False)
 
 
-def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
+def can_play_for_ever(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
     """Return whether the film can play for ever after each feature row (n,).
 
     track_id (n,): of every row.

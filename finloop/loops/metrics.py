@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.distance.map import Ints, MapFacts
-from finloop.loops.graph import LoopGraph, goes_on, in_component
+from finloop.loops.graph import LoopGraph, can_play_for_ever, in_component
 from finloop.loops.search import PairCounts
 
 
@@ -39,7 +39,7 @@ def numbers(
         "largest_component_film_pct": float(100 * largest[mapped].mean()),
         "largest_component_tracks": int(np.unique(track[largest]).size),
         "dead_ends": int((~graph.endless).sum()),
-        "endless_film_pct": float(100 * goes_on(graph, track)[mapped].mean()),
+        "endless_film_pct": float(100 * can_play_for_ever(graph, track)[mapped].mean()),
         "seam_median_steps": float(np.median(seam)),
         "seam_p95_steps": float(np.quantile(seam, 0.95)),
         "seams_above_p95_of_natural_pct": float(100 * (loops["distance"] > facts.step_p95).mean()),

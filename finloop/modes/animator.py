@@ -165,7 +165,7 @@ class ModeAssets(NamedTuple):
     cast: Cast
 
 
-def basis_of(made: FilmData, p: AnimateSettings) -> ModeAssets:
+def prepare_mode_assets(made: FilmData, p: AnimateSettings) -> ModeAssets:
     """Return what the paper's modes share: film at its drawn size, tank, pictures, outlines.
 
     made: data of the film; p: the group `animate` of the parameters.

@@ -21,7 +21,7 @@ from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import orientation, wrap_deg
 from finloop.loops.settings import LoopsSettings
-from finloop.modes.animator import FilmData, PaperAnimator, basis_of, make_animator
+from finloop.modes.animator import FilmData, PaperAnimator, make_animator, prepare_mode_assets
 from finloop.modes.hybrid_settings import HybridSettings
 from finloop.modes.loops import Loops, Starts, Ways, add_verdict_counts, first_end, make_loop_player
 from finloop.modes.network import Network, make_network
@@ -206,7 +206,7 @@ def hybrid_animator(
     made: data of the film; model: the trained network; loops, gateways: tables of both, the latter
     with columns of `GATEWAYS`; p: the group `animate`; q: the groups of the three modes.
     """
-    basis = basis_of(made, p)
+    basis = prepare_mode_assets(made, p)
     network, sprites = make_network(made, basis, model, q[0])
     play = make_loop_player(made, basis, loops, q[1])
     gates = Gateways(gateways, made.map_facts.step_median, play)

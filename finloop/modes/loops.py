@@ -30,9 +30,9 @@ from finloop.modes.animator import (
     FilmData,
     ModeAssets,
     PaperAnimator,
-    basis_of,
     loop_film,
     make_animator,
+    prepare_mode_assets,
 )
 from finloop.modes.matching import NothingToUse
 from finloop.plan.graph import MotionGraph
@@ -355,7 +355,7 @@ def loops_animator(
 
     made: data of the film; loops: rows a, b and distance of each loop; p: the group `animate`.
     """
-    basis = basis_of(made, p)
+    basis = prepare_mode_assets(made, p)
     mode = make_loop_player(made, basis, loops, q)
     if not mode.can_play:
         raise no_loops_error("loops")

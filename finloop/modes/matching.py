@@ -11,15 +11,15 @@ from finloop.animate.arena import place_goals, tank
 from finloop.animate.cast import Cast
 from finloop.animate.company import Plans
 from finloop.animate.motion import learn
-from finloop.animate.paths import Path, lay
+from finloop.animate.paths import Path, lay_path
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import (
     SwimTask,
     deal,
+    make_tasks,
     refuse_meetings,
-    settle,
+    settle_fish,
     shoal,
-    tasks,
 )
 from finloop.animate.size import head_ahead_px, scale_film
 from finloop.base.arrays import Ints, Mask, Picture, Reals
@@ -44,7 +44,7 @@ from finloop.plan.sources import FilmSource, PredictionSource
 from finloop.plan.world import FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.social.leader import leaders
-from finloop.social.rule import Shoaling, rule_of
+from finloop.social.rule import Shoaling, require_rule
 
 NO_SPRITES: Ints = np.zeros(0, np.intp)
 
@@ -117,7 +117,7 @@ class MatchingAnimator:
         """
         p = self.world.settings
         if p.rule == "zones" and p.fish > 1:
-            rule_of(self.player.shoaling)
+            require_rule(self.player.shoaling)
         if not self.seekers:
             return []
         world = self.world
@@ -135,7 +135,7 @@ class MatchingAnimator:
         FinloopError if the rules contradict each other.
         """
         p = self.world.settings
-        every = by_rule(tasks([], p.fish, np.random.default_rng()), p)
+        every = add_rules(make_tasks([], p.fish, np.random.default_rng()), p)
         return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
 
     @property
@@ -162,7 +162,7 @@ class MatchingAnimator:
     ) -> list[SwimTask]:
         """Return the tasks of all fish by the rules; goals are dealt to `seekers`."""
         p = self.world.settings
-        todo = by_rule(tasks([], p.fish, rng), p)
+        todo = add_rules(make_tasks([], p.fish, rng), p)
         if seekers:
             for fish, lot in zip(seekers, deal(goals, len(seekers)), strict=True):
                 todo[fish] = todo[fish]._replace(goals=lot)
@@ -190,9 +190,9 @@ class MatchingAnimator:
         """
         p = self.world.settings
         if p.fish > 1:
-            settle(self.player, self.tasks(goals), Plans(p.fish))
+            settle_fish(self.player, self.tasks(goals), Plans(p.fish))
             for number in range(p.trials):
-                settle(self.player, self._trial(number), Plans(p.fish))
+                settle_fish(self.player, self._trial(number), Plans(p.fish))
 
     def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
         """Return an animation to `goals`: each fish's stretches, and the edit list (`EDIT`).
@@ -256,7 +256,8 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
         predicted = PredictionSource(world, sampler, rarity)
     player = Planner(world, by_film, predicted, cast, how, made.shoaling, made.sprite_rows)
     paths = tuple(
-        None if line is None else lay(line, water, motion, made.mm_per_px) for line in made.lines
+        None if line is None else lay_path(line, water, motion, made.mm_per_px)
+        for line in made.lines
     )
     return MatchingAnimator(player, pictures, float(made.steps["headed"].median()), reach_px, paths)
 
@@ -265,7 +266,7 @@ class NothingToUse(FinloopError):
     """The error that the film shows too little for a mode."""
 
 
-def by_rule(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
+def add_rules(todo: Sequence[SwimTask], p: AllSettings) -> list[SwimTask]:
     """Return the tasks with each fish's rule of the parameters filled in: a leader, or zones.
 
     todo: of all fish; the parameters number fish from 1. FinloopError if the rules contradict each

@@ -28,9 +28,9 @@ from finloop.modes.animator import (
     FilmData,
     ModeAssets,
     PaperAnimator,
-    basis_of,
     loop_film,
     make_animator,
+    prepare_mode_assets,
 )
 from finloop.modes.network_settings import NetworkSettings
 from finloop.modes.phases import Phases, learn_phases
@@ -293,7 +293,7 @@ def network_animator(
 
     made: data of the film; model: the trained network; p, q: the groups `animate` and `network`.
     """
-    basis = basis_of(made, p)
+    basis = prepare_mode_assets(made, p)
     mode, sprites = make_network(made, basis, model, q)
     return make_animator(made, basis, mode, loop_film(made, basis, NO_LOOPS), sprites, p, q.join)
 

@@ -13,7 +13,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.motion import TYPE_STRAIGHT, Run, TrackKinematics, courses, runs_of, too_little
+from finloop.animate.motion import (
+    TYPE_STRAIGHT,
+    Run,
+    TrackKinematics,
+    kinematics_of_tracks,
+    runs_of,
+    too_little_error,
+)
 from finloop.base.arrays import Floats
 from finloop.edit.schema import ACCELERATE, DECELERATE, FILM, SLIDE, STATES, STRAIGHT, TURN
 from finloop.modes.network_settings import NetworkSettings
@@ -45,7 +52,7 @@ def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: NetworkS
 
     rate_hz: frames per second; delta: Δ in frames; p: what counts as sliding, steady and fast.
     """
-    every = courses(features, rate_hz, delta)
+    every = kinematics_of_tracks(features, rate_hz, delta)
     beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in every])
     still = p.still_tail_ratio * float(np.quantile(beating, 0.9))
     speeds = np.concatenate([c.speed for c in every])
@@ -70,7 +77,7 @@ def _phases(
                 rows.append((label, came, b - a, begins, c.speed[a:b] - begins, drifted))
             came = label
     if not rows:
-        raise too_little("straight swimming")
+        raise too_little_error("straight swimming")
     state, before, ticks, first_speed, change, drift = zip(*rows, strict=True)
     return Phases(
         np.array(state, np.int8), np.array(before, np.int8), np.array(ticks, np.int32),

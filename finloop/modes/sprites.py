@@ -26,7 +26,7 @@ class TurnFrames:
     peak: int
     hold_deg: float
 
-    def back(self, depth: int) -> int:
+    def place_after_peak(self, depth: int) -> int:
         """Return the first place after the peak whose bend is at most that at `depth`.
 
         depth: a place up to the peak. The turn goes on there after its deepest bend; the last place
@@ -36,10 +36,10 @@ class TurnFrames:
         after = shallow[shallow > self.peak]
         return int(after[0]) if after.size else len(self.number) - 1
 
-    def undone(self, sprite: int) -> Ints:
+    def straightening_sprites(self, sprite: int) -> Ints:
         """Return the numbers (k,) of the sprites that undo the bend that `sprite` shows."""
         place = int(np.flatnonzero(self.number == sprite)[0])
-        return self.number[place + 1 if place > self.peak else self.back(place) :]
+        return self.number[place + 1 if place > self.peak else self.place_after_peak(place) :]
 
     def steps(self, depth: int, held: int) -> tuple[Ints, Floats]:
         """Return numbers (k,) of a turn's sprites, and the change of heading up to each.
@@ -48,7 +48,7 @@ class TurnFrames:
         degrees ≥ 0 as filmed, are from the sprite before; the first is 0, as straight swimming
         comes before it.
         """
-        back, degrees = self.back(depth), self.degrees
+        back, degrees = self.place_after_peak(depth), self.degrees
         frames = np.r_[0 : depth + 1, np.full(held, depth), back : len(self.number)]
         changes = np.r_[
             0.0, degrees[:depth], np.full(held, self.hold_deg), degrees[depth], degrees[back:-1]
@@ -133,7 +133,7 @@ def start_from_bend(
         return plan
     step = np.diff(plan.share, prepend=0.0)
     here = np.flatnonzero(plan.frames == sprite)
-    undone = turns[bent].undone(sprite)
+    undone = turns[bent].straightening_sprites(sprite)
     if bent != side:
         frames = np.concatenate([undone[::2], plan.frames])
         step = np.concatenate([np.full(len(frames) - len(step), plan.floor), step])

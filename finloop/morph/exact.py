@@ -66,7 +66,7 @@ def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: floa
 
 
 @kernel
-def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
+def segments_meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
     """Return whether the segments ab and cd share a point, without rounding errors.
 
     points (n, 2): corners of a polygon; a, b, c, d: rows of the segments' ends. The bounding boxes

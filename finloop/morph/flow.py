@@ -8,7 +8,7 @@ Between poses the vertices move straight. A step counts only if it is proved fre
   round before it vanishes, and keeps it simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987).
   The tangential part of this form spreads the vertices evenly. Each step restores the area. The
   theorems hold for smooth curves; for polygons each step is checked.
-- `ears_off`, closed: a polygon of more than three corners has a corner whose triangle with its two
+- `cut_ears`, closed: a polygon of more than three corners has a corner whose triangle with its two
   neighbours is empty (two ears theorem, Meisters 1975). Moved onto the opposite side, it leaves
   one corner less. Every polygon ends as a triangle. This is not pretty, so it only takes over
   where `shorten_polygon` fails.
@@ -139,7 +139,7 @@ def _implicit_step(points: Points, step: float) -> Points:
     return out
 
 
-def ears_off(points: Points) -> tuple[Points, bool]:
+def cut_ears(points: Points) -> tuple[Points, bool]:
     """Return poses (k, n, 2) from a simple polygon (n, 2) to a triangle, and whether it is one.
 
     Each step straightens one corner (an "ear") and restores the area, so k is n − 2. Only rounding

@@ -17,7 +17,7 @@ import numpy as np
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.morph.exact import meet, turns_back
+from finloop.morph.exact import segments_meet, turns_back
 
 BLOCK = 16  # edges
 _ROUNDING = 64 * 2.0**-52  # margin for a coefficient halved DEPTH times: twice the rounding error
@@ -153,7 +153,7 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
                     if not _overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
                         continue
                     i_next, j_next = i + 1, j + 1 if j + 1 < n else 0
-                    if meet(points, i, i_next, j, j_next):
+                    if segments_meet(points, i, i_next, j, j_next):
                         count += 1
                         if first_only:
                             return count

@@ -18,7 +18,7 @@ from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
 from finloop.morph.folds import folds, stays_simple
 from finloop.morph.linear import linear, physical
-from finloop.morph.simple import simple
+from finloop.morph.simple import simple_frames
 
 METHODS = ("linear", "physical", "simple")
 DIGITS = (6, 9, 12)  # significant digits of the larger side: the grid is 1e-5 of it or finer
@@ -82,7 +82,7 @@ def morph(
     make: dict[str, Callable[[Curve, Curve], Points]] = {
         "linear": lambda a, b: linear(a, b, frames, points, *scales),
         "physical": lambda a, b: physical(a, b, frames, points, *physics),
-        "simple": lambda a, b: simple(a, b, frames, points),
+        "simple": lambda a, b: simple_frames(a, b, frames, points),
     }
     stacks = {
         name: _contour(name, curve, b.curves[name], side, make[method])

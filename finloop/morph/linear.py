@@ -9,7 +9,7 @@ from finloop.base.arrays import Points
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import solve
 from finloop.curve.problem import Material, Problem
-from finloop.curve.wavelet import close_by_mirroring, control, from_control
+from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
 from finloop.morph.match import match_curves
 
 FADE = 0.25
@@ -24,14 +24,14 @@ def linear(
     A(τ) = (1 − τ) Aˢ + τ Aᵈ, with A the points of both curves. With a level, A are the control
     points for 1/2^level of the points, so the ends are coarse versions of the curves, and `points`
     is a power of two. FinloopError if one curve is open and the other closed, or, with a level, as
-    in `curve.wavelet.check`.
+    in `curve.wavelet.check_transform`.
     """
     ends = np.stack(match_curves(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
     if level is None:
         return (1 - tau) * ends[0] + tau * ends[1]
-    coarse = control(ends if a.closed else close_by_mirroring(ends), wavelet, level)
-    return from_control((1 - tau) * coarse[0] + tau * coarse[1], wavelet, level)[:, :points]
+    coarse = control_points(ends if a.closed else close_by_mirroring(ends), wavelet, level)
+    return curves_from_control((1 - tau) * coarse[0] + tau * coarse[1], wavelet, level)[:, :points]
 
 
 def physical(

@@ -20,7 +20,7 @@ from finloop.base.kernel import kernel
 from finloop.curve.contour import Curve
 from finloop.morph.flow import (
     area,
-    ears_off,
+    cut_ears,
     join_plain_ends,
     resize_polygon,
     shorten_polygon,
@@ -47,7 +47,7 @@ class SimpleMorph:
     proved: bool
 
 
-def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
+def simple_frames(a: Curve, b: Curve, frames: int, points: int) -> Points:
     """Return frames (frames, points, 2) from curve a to b, ends included; none meets itself.
 
     FinloopError if one curve is open and the other closed, or a curve, resampled, meets itself.
@@ -58,7 +58,7 @@ def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
     """Return a morph from a to b without folds, the kind of its path, and whether it is proved.
 
-    points: of every frame. FinloopError as in `simple`.
+    points: of every frame. FinloopError as in `simple_frames`.
     """
     first, second = match_curves(a, b, points)
     closed = a.closed
@@ -160,7 +160,7 @@ def _plainer(points: Points, closed: bool) -> Points:
     else:
         poses, plain = shorten_polygon(points)
         if not plain:
-            poses, plain = ears_off(points)
+            poses, plain = cut_ears(points)
     if not plain:
         raise FinloopError(
             "a curve whose parts are too near each other to stay separate while it moves",

@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from finloop.base.drawing import Morph
-from finloop.base.tool import frame_rate, in_frames, run_tool
+from finloop.base.tool import format_frame_counts, frame_rate, run_tool
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.svg import load_svg
 from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
@@ -39,7 +39,7 @@ def summary(result: Morph) -> str:
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
     if folded := result.count_fold_frames():
-        return text + f"folds: {in_frames(folded, frames)}"
+        return text + f"folds: {format_frame_counts(folded, frames)}"
     if all(result.continuous.values()):
         return text + "no folds, neither in a frame nor between frames"
     unproved = ", ".join(name for name, proved in result.continuous.items() if not proved)

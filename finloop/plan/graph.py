@@ -162,13 +162,13 @@ def mean_step_px(rows: NDArray[np.void]) -> float:
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
-def farthest(film: MotionGraph, most: int) -> Floats:
+def farthest_distances(film: MotionGraph, most: int) -> Floats:
     """Return the largest distance (most + 1,), px, that the fish cover in 0, 1 … `most` ticks.
 
     Between two powers of two it is the value of the next one.
     """
     rows, far = film.rows[: film.filmed], np.zeros(most + 1)
-    run, ticks = runs(rows["has_next"]), 1
+    run, ticks = ticks_to_film_end(rows["has_next"]), 1
     while ticks < 2 * most:
         first = np.flatnonzero(run >= ticks)
         off = (rows[axis][first + ticks] - rows[axis][first] for axis in "xy")
@@ -209,7 +209,7 @@ def prediction_graph(film: MotionGraph, sampler: Sampler) -> MotionGraph:
     return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)
 
 
-def runs(more: Mask) -> NDArray[np.int64]:
+def ticks_to_film_end(more: Mask) -> NDArray[np.int64]:
     """Return how many ticks (n,) the film goes on from each row; more (n,): if a row is next."""
     stops = np.append(np.flatnonzero(~more[:-1]), len(more) - 1)
     here = np.arange(len(more))
@@ -236,9 +236,11 @@ def without_dead_ends(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
     n, m = len(more), len(sampler.usable)
     shown = np.zeros(m + 1, bool)
     shown[:n] = sampler.usable[:n] & more[:m]
-    part = parts(shown, sampler.start, sampler.to)
+    part = connected_parts(shown, sampler.start, sampler.to)
     order = np.argsort(part, kind="stable")
-    leads = np.append(leading(shown, sampler.start, sampler.to, (part, order)), False) & shown
+    leads = (
+        np.append(mark_leading_rows(shown, sampler.start, sampler.to, (part, order)), False) & shown
+    )
     usable = leads[:-1] & leads[1:]
     start, to = filter_edges(leads, usable, sampler.start, sampler.to)
     still = np.resize(rests, m)  # mirror images rest, too
@@ -286,7 +288,7 @@ def _next(shown, row, edge, start, to):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def parts(shown, start, to):  # type: ignore[no-untyped-def]
+def connected_parts(shown, start, to):  # type: ignore[no-untyped-def]
     """Return the number (m,) of the strongly connected part that each row is in (Tarjan 1972).
 
     shown (m + 1,): rows that may be used; start, to: the similar rows of each, as in `Sampler`. A
@@ -328,11 +330,11 @@ def parts(shown, start, to):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def leading(shown, start, to, numbered):  # type: ignore[no-untyped-def]
+def mark_leading_rows(shown, start, to, numbered):  # type: ignore[no-untyped-def]
     """Return which rows (m,) lead to the largest strongly connected part, its own rows included.
 
-    shown, start, to: as in `parts`; numbered: the part of each row (m,), and the rows (m,) in the
-    order of their parts.
+    shown, start, to: as in `connected_parts`; numbered: the part of each row (m,), and the rows
+    (m,) in the order of their parts.
     """
     part, order = numbered
     m = len(part)

@@ -119,7 +119,7 @@ def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def direction(at, way):  # type: ignore[no-untyped-def]
+def heading_vector(at, way):  # type: ignore[no-untyped-def]
     """Return cosine and sine of the heading of a way (dtype `WAY`) that shows row `at`."""
     angle = np.radians(at.heading + way.rot)
     return np.cos(angle), np.sin(angle)

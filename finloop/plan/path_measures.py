@@ -15,7 +15,7 @@ from finloop.base.schema import Column, Schema, columns
 from finloop.edit.schema import PATH
 from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
-from finloop.plan.graph import MotionGraph, runs
+from finloop.plan.graph import MotionGraph, ticks_to_film_end
 from finloop.plan.world import FilmWorld
 
 PATH_ROWS = Schema(
@@ -124,21 +124,23 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
-class Limits(NamedTuple):
+class SwimmingLimits(NamedTuple):
     """What the film's fish hardly exceed: bends, radians per body length; speed, body lengths/s."""
 
     bend: float
     speed: float
 
 
-def limits(film: MotionGraph, world: FilmWorld) -> Limits:
+def swimming_limits(film: MotionGraph, world: FilmWorld) -> SwimmingLimits:
     """Return the sharpest bend (a high quantile) and the highest speed of the film's fish."""
     motion = world.motion
     bend = film_turning(film, motion.delta, motion.body_length_px, _BEND)
-    return Limits(bend, world.brisk.fastest)
+    return SwimmingLimits(bend, world.brisk.fastest)
 
 
-def where_left(followed: pd.DataFrame, path: Path, world: FilmWorld, most: Limits) -> pd.DataFrame:
+def find_departures(
+    followed: pd.DataFrame, path: Path, world: FilmWorld, most: SwimmingLimits
+) -> pd.DataFrame:
     """Return where a fish left its path by more than `path_max_offset_bl`, columns of `LEFT`.
 
     followed: columns of `PATH_ROWS`; most: what the film's fish can swim. On a path with times also
@@ -161,7 +163,9 @@ def where_left(followed: pd.DataFrame, path: Path, world: FilmWorld, most: Limit
     return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
 
 
-def _why(along: Floats, ticks: tuple[int, int], path: Path, world: FilmWorld, most: Limits) -> str:
+def _why(
+    along: Floats, ticks: tuple[int, int], path: Path, world: FilmWorld, most: SwimmingLimits
+) -> str:
     """Return what of the path, a body length before and after, no fish can swim."""
     length, asked = world.motion.body_length_px, path.asked
     at = np.arange(along[0] - length, along[1] + length, 0.1 * length)
@@ -199,7 +203,7 @@ def film_turning(film: MotionGraph, delta: int, length_px: float, quantile: floa
     delta: Δ in ticks; length_px: body length; quantile: 0-1. 0 where the film is too short.
     """
     rows = film.rows[: film.filmed]
-    first = np.flatnonzero(runs(rows["has_next"]) >= 2 * delta)
+    first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= 2 * delta)
     if not len(first):
         return 0.0
     places = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]

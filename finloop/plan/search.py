@@ -29,8 +29,8 @@ from finloop.plan.graph import MotionGraph
 from finloop.plan.objectives import (
     Objective,
     cost_of_time,
-    direction,
     estimate_cost_to_come,
+    heading_vector,
     timed_targets,
 )
 from finloop.plan.search_graph import SearchGraph
@@ -274,7 +274,7 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
         way.terms[TIME] = cost_of_time(way, start, objective, weights)
         way.terms[TO_COME] = 0.0
         if way.leads and not ends:
-            turned, lead = direction(rows[way.row], way), graph.leads[way.row]
+            turned, lead = heading_vector(rows[way.row], way), graph.leads[way.row]
             way.terms[TO_COME] = estimate_cost_to_come(
                 lead, way, turned, objective, (weights, asked)
             )
@@ -298,7 +298,7 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
             if not objective.route.x.size:
                 repeat = _repeat_of(beam, way, way.row, start, weights)
             branch = Branch(way.total + repeat, way.first, s, -1, repeat)
-            m = keep(beam.branches, m, branch, found.over)
+            m = insert_branch(beam.branches, m, branch, found.over)
     for s in range(n):  # by now most jumps cost more than the best branches
         if beam.ways[s].leads:
             m = _jumps(graph, s, (beam, m, found), start, objective, (weights, asked))
@@ -319,7 +319,7 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
     # A jump changes neither the place nor, if the body can be turned, the heading: the cost to come
     # to a goal is the same after all of them.
     same = film.body and not objective.route.x.size
-    turned, to_come = direction(film.rows[way.row], way), way.terms[TO_COME]
+    turned, to_come = heading_vector(film.rows[way.row], way), way.terms[TO_COME]
     so_far, least = way.total - to_come, to_come if same else 0.0
     for e in range(first, last):
         jump, worst = graph.jumps[e], np.inf
@@ -331,7 +331,7 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
             break  # those that follow cost as much, or more
         if not same:
             if not film.body:
-                turned = direction(film.rows[jump.to], way)
+                turned = heading_vector(film.rows[jump.to], way)
             lead = graph.leads[jump.to]
             to_come = estimate_cost_to_come(lead, way, turned, objective, by)
         total += to_come
@@ -339,7 +339,7 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
             found.over[way.first] = True
             continue
         repeat = _repeat_of(beam, way, jump.to, start, weights)
-        n = keep(branches, n, Branch(total + repeat, way.first, s, e, repeat), found.over)
+        n = insert_branch(branches, n, Branch(total + repeat, way.first, s, e, repeat), found.over)
     return n
 
 
@@ -380,7 +380,7 @@ def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
+def insert_branch(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
     """Insert a branch if it is among the best; return how many branches there are then.
 
     branches: changed in place, n of them filled, their totals rising; over (candidates,): set where

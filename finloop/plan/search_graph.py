@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Ints
-from finloop.base.axes import ahead_left
+from finloop.base.axes import to_body_axes
 from finloop.base.kernel import kernel
 from finloop.plan.cost import CostWeights
-from finloop.plan.graph import MotionGraph, runs
+from finloop.plan.graph import MotionGraph, ticks_to_film_end
 from finloop.plan.walls import Bounds
 
 JUMP = np.dtype([("cost", "f8"), ("to", "i8")])
@@ -48,14 +48,14 @@ def search_graph(
     jumps = np.zeros(len(film.to), JUMP)
     _cheapest_first(film, weights, jumps)
     rows = film.rows
-    here, run = np.arange(len(rows)), runs(rows["has_next"])
+    here, run = np.arange(len(rows)), ticks_to_film_end(rows["has_next"])
     ends = np.append(np.flatnonzero(rows["jump_slot"] >= 0), 2 * len(rows))
     leg = np.minimum(run, ends[np.searchsorted(ends, here + weights.stride)] - here)
     leads = np.zeros(len(rows), LEAD)
     leads["ticks"] = np.minimum(run, reach)
     for part, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):
         offset = np.column_stack([rows[axis][here + ticks] - rows[axis] for axis in "xy"])
-        leads[part + "ahead"], leads[part + "left"] = ahead_left(
+        leads[part + "ahead"], leads[part + "left"] = to_body_axes(
             offset, np.radians(rows["heading"])
         ).T
         leads[part + "far"] = np.hypot(*offset.T)

@@ -14,7 +14,7 @@ from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import FILM, FORECAST, TERMS
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
-from finloop.forecast.sampling import Sampler, at_row, follow, ways
+from finloop.forecast.sampling import Sampler, follow_row, next_row_weights, start_at_row
 from finloop.plan.advance import Pace, arrival, extend_by_film, predicted_way
 from finloop.plan.cost import RARITY, Rarity
 from finloop.plan.graph import MotionGraph, prediction_graph
@@ -138,7 +138,7 @@ class PredictionSource:
         """
         film = self.graph.film
         fish, _ = self._with_past(fish)
-        rows = ways(self.sampler, fish.row)[0].astype(np.int64)
+        rows = next_row_weights(self.sampler, fish.row)[0].astype(np.int64)
         rows = rows[film.recurrent[rows]]
         if not len(rows):
             return None
@@ -156,7 +156,7 @@ class PredictionSource:
         """Return how the predictions of a run, begun at the fish's next tick, move it."""
         film, row = self.graph.film, run.row
         fish, past = self._with_past(fish)
-        states = follow(self.sampler, past, row, run.ticks, self.sampler.control[row])
+        states = follow_row(self.sampler, past, row, run.ticks, self.sampler.control[row])
         states = np.ascontiguousarray(states[::-1])
         begins = predicted_way(states, np.array([fish.x, fish.y, fish.heading]), self._pace)
         last = row + len(states)
@@ -172,7 +172,7 @@ class PredictionSource:
         if fish.past is not None:
             return fish, fish.past
         row = int(self._near[fish.row])
-        return replace(fish, row=row), at_row(self.sampler, row).past
+        return replace(fish, row=row), start_at_row(self.sampler, row).past
 
 
 def _start(fish: Fish, place: tuple[float, float, int], lag: float, along: float) -> SearchStart:

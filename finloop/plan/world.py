@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.company import NO_DISCS, Discs
-from finloop.animate.motion import courses
+from finloop.animate.motion import kinematics_of_tracks
 from finloop.animate.world import World
 from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg
 from finloop.plan.cost import CostWeights, Steering, Tempo
-from finloop.plan.graph import MotionGraph, farthest, runs
+from finloop.plan.graph import MotionGraph, farthest_distances, ticks_to_film_end
 from finloop.plan.matching_settings import AllSettings
 from finloop.plan.walls import Bounds, bounds_of
 from finloop.social.walls import Walls
@@ -59,7 +59,7 @@ class FilmWorld(World):
     @cached_property
     def farthest(self) -> Floats:
         """Return the largest distance (t,), px, that the film's fish cover in 0, 1, 2 … ticks."""
-        return farthest(self.film, self.ticks(2 * self.settings.give_way) + 2)
+        return farthest_distances(self.film, self.ticks(2 * self.settings.give_way) + 2)
 
     @cached_property
     def tempo(self) -> Tempo:
@@ -86,7 +86,7 @@ class FilmWorld(World):
     def turn_spread_deg(self) -> float:
         """Return the standard deviation of the film's turns over Δ, degrees."""
         rows, delta = self.film.rows[: self.film.filmed], self.motion.delta
-        first = np.flatnonzero(runs(rows["has_next"]) >= delta)
+        first = np.flatnonzero(ticks_to_film_end(rows["has_next"]) >= delta)
         if not len(first):
             return 0.0
         turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
@@ -125,7 +125,7 @@ def learn_brisk(features: pd.DataFrame, rate_hz: float, delta: int, p: AllSettin
 
     rate_hz: frames per second; delta: Δ in frames.
     """
-    every = courses(features, rate_hz, delta)
+    every = kinematics_of_tracks(features, rate_hz, delta)
     turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in every]
     speeds = np.concatenate([c.speed for c in every])
     return Brisk(

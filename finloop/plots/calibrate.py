@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from finloop.social.measures import MEASURES, values
+from finloop.social.measures import MEASURES, measure_values
 
 _LABELS = {
     "neighbour_distance": "nearest neighbour (body lengths)",
@@ -28,7 +28,7 @@ def distributions(shoals: Mapping[str, pd.DataFrame]) -> Figure:
     figure = Figure(figsize=(12, 6.4), layout="constrained")
     grid = figure.subplots(2, 3)
     for axes, name in zip(grid.flat, MEASURES, strict=False):
-        lots = {shoal: values(table, name) for shoal, table in shoals.items()}
+        lots = {shoal: measure_values(table, name) for shoal, table in shoals.items()}
         every = np.concatenate(list(lots.values()))
         axes.set(xlabel=_LABELS[name], ylabel="density")
         if not len(every):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutouts
 from finloop.base.schema import lists_to_points
-from finloop.base.stretches import spread
+from finloop.base.stretches import spread_rows
 from finloop.features.area import closed_spline, control_points
 from finloop.features.head import tail_first
 from finloop.features.metrics import longest_track
@@ -56,7 +56,7 @@ def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
     figure, axes = over_tank(background, 0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
     every = features["track_id"].unique()
-    some = spread(np.arange(len(every)), _WAYS)
+    some = spread_rows(np.arange(len(every)), _WAYS)
     sample = features[features["track_id"].isin(every[some])]
     for number, (_, track) in enumerate(sample.groupby("track_id")):
         colour = colours[number % len(colours)]

@@ -134,7 +134,7 @@ def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
     """
     inside = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     late = (np.mod(film.phase, 1) >= 0.5)[inside, None, None]
-    later = film.later(film.contours)
+    later = film.contours_half_cycle_later(film.contours)
     frames = {n: np.where(late, later[n][inside], of[inside]) for n, of in film.contours.items()}
     names = list(film.contours)
     columns = min(4, len(names))

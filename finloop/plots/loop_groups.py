@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Mask
-from finloop.loops.graph import LoopGraph, goes_on, in_component
+from finloop.loops.graph import LoopGraph, can_play_for_ever, in_component
 from finloop.loops.search import groups
 from finloop.plots.loops import arc_points, sample
 
@@ -154,7 +154,7 @@ def _count(number: int, noun: str) -> str:
 def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_hz: float) -> None:
     track_id, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
     rows = len(track_id)
-    endless, largest = goes_on(graph, track_id), in_component(graph, rows)
+    endless, largest = can_play_for_ever(graph, track_id), in_component(graph, rows)
     state = np.where(largest, 0, np.where(endless, 1, 2))
     axes.imshow(
         state[None], aspect="auto", extent=(0, rows / rate_hz, 0, 1), interpolation="nearest",

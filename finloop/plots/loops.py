@@ -161,7 +161,7 @@ def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Examp
         yield Example(last, natural, instead, words)
 
 
-def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
+def separate_loops(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
     """Return the first `count` loops whose ends are more than `rows` from the ends of earlier ones.
 
     The result holds positions in the table `loops`.

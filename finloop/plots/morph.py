@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.drawing import Morph
-from finloop.base.paint import paint_layers, shapes
+from finloop.base.paint import group_contours, paint_layers
 
 Picture = NDArray[np.uint8]
 _BAR = 22  # px above a row, for its name
@@ -23,7 +23,7 @@ def sheet(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Pic
 
 def _row(name: str, morph: Morph, columns: int, size: int) -> Picture:
     side = max(morph.width, morph.height)
-    what = shapes(morph.closed, morph.styles, side)
+    what = group_contours(morph.closed, morph.styles, side)
     tiles = []
     for frame in np.linspace(0, len(morph.tau) - 1, columns).round().astype(int):
         contours = [

@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 
 from finloop.edit.schema import FRAME, SPOT, Goal, by_fish
 from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank
-from finloop.render.marks import aims, goal_ticks, parts, rgb, write
+from finloop.render.marks import goal_stretches, goal_ticks, rgb, tick_categories, write
 from finloop.render.painter import Painter, Placed
 
 _WANDERING = "0.35"
@@ -30,7 +30,7 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     Diamonds: gateways (A, B of Fig. 17).
     """
     figure, axes = over_tank(background, 0.45, below=0.5)
-    names, colours = parts(edit)
+    names, colours = tick_categories(edit)
     way, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
     later = np.flatnonzero(fish[1:] == fish[:-1]) + 1
     steps = np.stack([way[later - 1], way[later]], axis=1)
@@ -47,7 +47,7 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     axes.plot(starts["x_px"], starts["y_px"], "o", mfc="white", mec="black", ms=7, zorder=4)
     reached = {
         name: own["time_s"].iloc[stop]
-        for own in by_fish(edit) for name, _, stop in aims(own) if stop < len(own)
+        for own in by_fish(edit) for name, _, stop in goal_stretches(own) if stop < len(own)
     }  # fmt: skip
     for goal in goals:
         when = f"{goal.name}  {reached[goal.name]:.1f} s" if goal.name in reached else goal.name
@@ -139,12 +139,14 @@ def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]
     """
     start, ticks = liveliest(edit, TICKS), len(edit)
     switched = [
-        tick for switch in switches(edit, tracks, SWITCHES) for tick in around(switch, ticks)
+        tick
+        for switch in switches(edit, tracks, SWITCHES)
+        for tick in ticks_around_switch(switch, ticks)
     ]
     return {"contact_sheet": [*range(start, min(start + TICKS, ticks))], "switches": switched}
 
 
-def around(tick: int, ticks: int) -> range:
+def ticks_around_switch(tick: int, ticks: int) -> range:
     """Return the ticks to draw around a switch: BEFORE ticks before it, and AFTER from it on.
 
     ticks: length of the animation, in which the result lies.
@@ -160,7 +162,7 @@ def tiles(
 
     rows: the fish to draw in each of these ticks; half_px: half the width of a tile in the tank.
     """
-    names, colours = parts(edit)
+    names, colours = tick_categories(edit)
     out = []
     for tick, row in zip(ticks, rows, strict=True):
         painter.show(row)

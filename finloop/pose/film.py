@@ -15,7 +15,7 @@ from finloop.features.memory import memory_frames
 from finloop.pose.settings import PoseSettings
 from finloop.puppet.pose import Pose, poses_from_features
 from finloop.puppet.shapes import PoseShapes
-from finloop.puppet.tail import Tail, tail_spread, trunk
+from finloop.puppet.tail import Tail, align_body_and_tail, tail_spread
 
 POSES = Schema(
     Column("track_id", "int32", "1"),
@@ -96,7 +96,7 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
     apart = p.separate_tail == "yes" or (p.separate_tail == "auto" and spread > p.tail_spread)
     if apart:
         how = Tail(p.tail_width_ratio, p.tail_smoothing, p.tail_body, p.tail_whole)
-        lines = trunk(tracks, lines, how)
+        lines = align_body_and_tail(tracks, lines, how)
     pose = poses_from_features(features, lines)
     shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them

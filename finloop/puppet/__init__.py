@@ -8,7 +8,7 @@ in one pose differ in light and skin, not in shape.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "drawing": ["Laid", "blend", "draw"], "pose": ["Pose", "poses_from_features"],
+    "drawing": ["PosedPicture", "blend", "draw"], "pose": ["Pose", "poses_from_features"],
     "shapes": ["PoseShapes"], "strip": ["PlacedBackbone"],
-    "tail": ["Tail", "tail_spread", "trunk"],
+    "tail": ["Tail", "tail_spread", "align_body_and_tail"],
 })  # fmt: skip

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.distance.picture import blur_for_shrinking
-from finloop.puppet.lay import How, paint, plan
+from finloop.puppet.lay import DrawingMode, paint, plan
 from finloop.puppet.pose import Pose
 from finloop.puppet.strip import PlacedBackbone
 
@@ -42,12 +42,12 @@ def draw(
     sharp
         Keys' cubic filter, as in `render.painter`; else a linear one, as in `distance.picture`.
     """
-    source = line(pose, cutout.x0_px, cutout.y0_px)
-    strip = Laid(cutout.pixels, source, line(target), mirrored, sharp)
+    source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
+    strip = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
     return strip.in_box((0, 0, *size))
 
 
-class Laid:
+class PosedPicture:
     """A film's picture planned in another pose; `in_box` draws any part of the new picture.
 
     box: rows and columns [px] that the animal may cover, half open: top, left, bottom, right.
@@ -67,7 +67,7 @@ class Laid:
         `draw`.
         """
         across = source.size_px / target.size_px
-        self._how = How(across, mirrored, sharp)
+        self._how = DrawingMode(across, mirrored, sharp)
         self._film = blur_for_shrinking(pixels.astype(np.float32), 1 / across)
         self._plan = plan(self._film, source, target, self._how)
         self.box: tuple[int, int, int, int] = self._plan.box
@@ -91,7 +91,7 @@ def blend(first: Premultiplied, second: Premultiplied, weight: float) -> Premult
     return cv2.addWeighted(first, 1 - weight, second, weight, 0)
 
 
-def line(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
+def place_backbone(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> PlacedBackbone:
     """Return one pose's backbone, placed in a picture whose first pixel is at (x0_px, y0_px)."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
     return PlacedBackbone(

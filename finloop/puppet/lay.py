@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_kernel, finite_leaf
-from finloop.base.sampling import keys
+from finloop.base.sampling import keys_weights
 from finloop.puppet.strip import (
     HIDDEN,
     LEAST,
     PlacedBackbone,
     Strip,
+    cross_sections,
     squeeze_offset,
-    strip,
     unsqueeze_offset,
 )
 
@@ -25,7 +25,7 @@ _STRIDE = 2.0  # px between the places where alpha is sampled
 _UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)
 
 
-class How(NamedTuple):
+class DrawingMode(NamedTuple):
     """The way in which a picture is drawn in another pose.
 
     across: px of film per px of the new picture; mirrored: whether left is drawn as right; sharp:
@@ -53,13 +53,13 @@ class StripLayout(NamedTuple):
 
 @finite_kernel
 def plan(
-    film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, how: How
+    film: NDArray[np.float32], source: PlacedBackbone, target: PlacedBackbone, how: DrawingMode
 ) -> StripLayout:
     """Plan how to draw a film's picture along another backbone: both strips, and the area to draw.
 
     film: (h, w, c) 0 … 255, alpha last; source, target: the backbone in it and in the new picture.
     """
-    there, here = strip(source), strip(target)
+    there, here = cross_sections(source), cross_sections(target)
     reach = _reach(film, there) / how.across
     low_x = low_y = HIDDEN
     high_x = high_y = -HIDDEN
@@ -91,7 +91,7 @@ def _least(limits, i):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def paint(
-    canvas: NDArray[np.float32], film: NDArray[np.float32], to: StripLayout, how: How,
+    canvas: NDArray[np.float32], film: NDArray[np.float32], to: StripLayout, how: DrawingMode,
     corner: tuple[int, int],
 ) -> None:  # fmt: skip
     """Draw the film's picture into the canvas as planned; `corner`: its first row and column.
@@ -254,7 +254,7 @@ def _linear(film, u, v):  # type: ignore[no-untyped-def]
 def _cubic(film, u, v):  # type: ignore[no-untyped-def]
     """Return the same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
     column, row = math.floor(u), math.floor(v)
-    across, down = keys(u - column), keys(v - row)
+    across, down = keys_weights(u - column), keys_weights(v - row)
     red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)
     # Where alpha overshoots, the colour is scaled with it: no fringe.
     share = min(_UNIT, _ONE / max(alpha, _ONE))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_kernel
-from finloop.puppet.lay import How, paint, plan
+from finloop.puppet.lay import DrawingMode, paint, plan
 from finloop.puppet.strip import PlacedBackbone
 
 
@@ -24,7 +24,7 @@ class PictureSet(NamedTuple):
 
 
 @finite_kernel
-def apart_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
+def distances_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
     """Return the distances (k,) of pictures `rows` and `to`, (k,), drawn in one pose (Eq. 5).
 
     The distance is Euclidean, of pixels 0 … 1. Pictures `to` are drawn in the postures of `rows`,
@@ -42,7 +42,7 @@ def apart_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Flo
 def nearest_in_pose(
     film: PictureSet, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
-    """Return the distances (k,) of `apart_in_pose`, −1 for pairs that cannot be among the best.
+    """Return the distances (k,) of `distances_in_pose`, −1 for pairs that cannot be among the best.
 
     Each row keeps its `count` cheapest pairs. A pair costs its least cost plus the square of
     (distance / unit). rows: (k,), rising. to: the second pictures, whether they are mirrored, and
@@ -82,7 +82,7 @@ def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
     here = PlacedBackbone(middle, middle, 0.0, size_px, postures[row])
     there = PlacedBackbone(middle, middle, 0.0, size_px, postures[to])
     picture, partner = pictures[row], pictures[to].astype(np.float32)
-    how = How(1.0, mirrored, False)
+    how = DrawingMode(1.0, mirrored, False)
     canvas[:] = 0
     # No literals: numba would compile all kernels of `paint` again for them.
     paint(canvas, partner, plan(partner, there, here, how), how, (np.int64(0), np.int64(0)))

@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from finloop.base.arrays import Floats, Points, Reals
-from finloop.base.axes import ahead_left
+from finloop.base.axes import to_body_axes
 from finloop.distance.picture import typical_length
 
 _AHEAD, _LEFT, _STEPS = 0, 1, 2
@@ -120,8 +120,8 @@ def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     """Return the poses (k) of the rows of a feature table.
 
     features: track_id, x_px, y_px, heading_deg, body_length_px. backbones: (k, n + 1, 2) px, head
-    first, as `features.table.measure_features` gives them, or `puppet.tail.trunk` for an animal
-    with a thin tail.
+    first, as `features.table.measure_features` gives them, or `puppet.tail.align_body_and_tail` for
+    an animal with a thin tail.
     """
     lines = np.asarray(backbones, float)
     way = -np.diff(lines, axis=1)
@@ -131,6 +131,6 @@ def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     angles = np.arctan2(-way[..., 1], way[..., 0]) - heading[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the other angles continue from the head
     length = np.hypot(way[..., 0], way[..., 1]) / size[:, None]
-    head = ahead_left((lines[:, 0] - np.stack([x, y], -1)) / size[:, None], heading)
+    head = to_body_axes((lines[:, 0] - np.stack([x, y], -1)) / size[:, None], heading)
     posture = np.concatenate([head, np.unwrap(angles, axis=1), length], 1)
     return Pose(x, y, heading, size, posture)

@@ -13,7 +13,7 @@ import scipy
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
-from finloop.base.stretches import spread
+from finloop.base.stretches import spread_rows
 from finloop.puppet.pose import bends, mirror_posture, steps
 
 _SAMPLE = 50_000  # postures whose nearest neighbours are searched; that suffices for a quantile
@@ -82,7 +82,7 @@ class PoseShapes:
         total = float(variance.sum())
         enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
         codes = apart @ shapes[:enough].T
-        some = codes[spread(np.arange(len(codes)), _SAMPLE)]
+        some = codes[spread_rows(np.arange(len(codes)), _SAMPLE)]
         nearest = scipy.spatial.cKDTree(codes).query(some, k=2)[0][:, 1]
         gap = float(np.quantile(nearest, gap_quantile))
         return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
@@ -124,7 +124,7 @@ class PoseShapes:
         codes, clamped = self.nearest_codes(self.encode(postures))
         return NearestPostures(np.where(clamped[..., None], self.decode(codes), postures), clamped)
 
-    def far(self, codes: Floats) -> Mask:
+    def is_far_from_film(self, codes: Floats) -> Mask:
         """Return whether (…) codes (…, c) are about `gap` or more away from all filmed ones."""
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 

@@ -49,7 +49,7 @@ class Strip(NamedTuple):
 
 
 @finite_kernel
-def strip(line: PlacedBackbone) -> Strip:
+def cross_sections(line: PlacedBackbone) -> Strip:
     """Return the cross-sections along a backbone and straight on beyond its ends."""
     n = len(line.posture) // 2 - 1
     bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]

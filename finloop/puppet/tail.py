@@ -33,8 +33,8 @@ class Tail(NamedTuple):
 def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
     """Return how much the visible tail varies: its length's quantile 0.95 less 0.05, over all rows.
 
-    The unit is the median length of the body without the tail. tracks, backbones: see `trunk`;
-    thin: see `Tail`.
+    The unit is the median length of the body without the tail. tracks, backbones: see
+    `align_body_and_tail`; thin: see `Tail`.
     """
     end = _body_end(_half_widths(tracks, backbones), thin)
     step, last = _steps(backbones.astype(float)), backbones.shape[1] - 1
@@ -42,7 +42,7 @@ def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
     return float((high - low) / max(np.median(end * step), 1e-9))
 
 
-def trunk(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
+def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
     """Return backbones (k, n, 2) px of body and tail; a point has the same place in all rows.
 
     The head comes first. The first points divide the body, the others the whole tail; where no tail

@@ -49,7 +49,7 @@ class Scores(NamedTuple):
     block: Ints
     cluster: Ints
 
-    def each(self) -> Iterator["Scores"]:
+    def split_by_block(self) -> Iterator["Scores"]:
         """Yield the scores of each block that contains both film and animation windows."""
         for number in np.unique(self.block):
             here = (self.block == number) & np.isfinite(self.score)
@@ -64,7 +64,7 @@ def auc(scores: Scores) -> Auc:
     At least one block must contain both film and animation windows.
     """
     values, pairs, parts = [], [], []
-    for part in scores.each():
+    for part in scores.split_by_block():
         film, copy = part.score[~part.animation], part.score[part.animation]
         above = np.empty(len(part.score))  # DeLong's components: the share of pairs in right order
         above[part.animation] = _share_below(copy, film)
@@ -106,7 +106,7 @@ def roc(scores: Scores, points: int = 51) -> pd.DataFrame:
     """
     alarms = np.linspace(0, 1, points)
     curves, pairs = [], []
-    for part in scores.each():
+    for part in scores.split_by_block():
         film, copy = np.sort(part.score[~part.animation]), part.score[part.animation]
         every = np.unique(part.score)[::-1]
         x = 1 - np.searchsorted(film, every, "left") / len(film)

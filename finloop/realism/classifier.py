@@ -29,7 +29,9 @@ class Answers(NamedTuple):
     shuffled: dict[str, Scores]
 
 
-def answers(film: Windows, copy: Windows, p: RealismSettings, channels: tuple[int, ...]) -> Answers:
+def score_held_out_windows(
+    film: Windows, copy: Windows, p: RealismSettings, channels: tuple[int, ...]
+) -> Answers:
     """Train a classifier per block and return the scores of the windows that it did not learn from.
 
     film, copy: windows of film and of animation; channels: indices of the CHANNELS to use. A block

@@ -10,7 +10,7 @@ from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.features.table import delta_of
 from finloop.realism.auc import Auc, Scores, auc
-from finloop.realism.classifier import answers
+from finloop.realism.classifier import score_held_out_windows
 from finloop.realism.instrument import Swimming
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
@@ -21,9 +21,9 @@ from finloop.realism.windows import (
     Cutting,
     Ticks,
     Windows,
-    cutting,
+    convert_to_frames,
+    cut_windows,
     equal_blocks,
-    windows,
 )
 
 Sides = dict[str, tuple[Windows, Windows]]
@@ -53,9 +53,9 @@ class Sample:
     def cut(self) -> Cutting:
         """The length, stride and step of the windows, in frames."""
         p = self.p
-        return cutting(p.window_deltas, p.stride, p.step, self.delta)
+        return convert_to_frames(p.window_deltas, p.stride, p.step, self.delta)
 
-    def windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
+    def cut_windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
         """Cut film or animation into windows, each assigned to a block of the film's time.
 
         swimming: n measured ticks; film: the blocks of the film's time; part (n,): True for the
@@ -77,7 +77,7 @@ class Sample:
             part if part is not None else np.ones(len(swimming.row), bool),
         )
         selection = Ticks(ticks.block[every], ticks.near[every], ticks.cluster[every])
-        result = windows(table[every], selection, self.cut, self.rate_hz, self.largest)
+        result = cut_windows(table[every], selection, self.cut, self.rate_hz, self.largest)
         return Windows(
             result.x, np.flatnonzero(every)[result.first], result.block, result.near, result.cluster
         )
@@ -89,10 +89,10 @@ class Sample:
         """
         return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, times)
 
-    def beside(self, animation: Swimming) -> tuple[Windows, Windows]:
+    def windows_beside_film(self, animation: Swimming) -> tuple[Windows, Windows]:
         """Return the windows of the film and the windows of an animation made from it."""
         blocks = self.blocks()
-        return self.windows(self.film, blocks), self.windows(animation, blocks)
+        return self.cut_windows(self.film, blocks), self.cut_windows(animation, blocks)
 
     def halves(self) -> tuple[Windows, Windows]:
         """Return the windows of the film's first half and those of its second half.
@@ -103,9 +103,11 @@ class Sample:
         """
         blocks = self.blocks(2)
         early = self.frame_s[self.film.row] < blocks.edges[self.p.cross_validation_folds]
-        return self.windows(self.film, blocks, early), self.windows(self.film, blocks, ~early)
+        return self.cut_windows(self.film, blocks, early), self.cut_windows(
+            self.film, blocks, ~early
+        )
 
-    def sides(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
+    def comparison_windows(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
         """Return the two sets of windows of every comparison, by name.
 
         The names are the modes, each beside the film; HALVES, the film's halves; AGAIN, the film as
@@ -115,9 +117,12 @@ class Sample:
         film, blocks = self.film, self.blocks()
         before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
         return {
-            **{mode: self.beside(animation) for mode, animation in measured.items()},
+            **{mode: self.windows_beside_film(animation) for mode, animation in measured.items()},
             HALVES: self.halves(),
-            AGAIN: (self.windows(replace(film, table=before), blocks), self.windows(film, blocks)),
+            AGAIN: (
+                self.cut_windows(replace(film, table=before), blocks),
+                self.cut_windows(film, blocks),
+            ),
         }
 
 
@@ -153,16 +158,20 @@ def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = Tr
     sides: the film's windows first; alone: whether to classify by each channel by itself, too.
     FinloopError if a block has too few windows of either set to test and to learn from.
     """
-    refuse(sides, p)
+    require_enough_windows(sides, p)
     every = tuple(range(len(CHANNELS)))
-    answer = answers(*sides, p, every)
+    answer = score_held_out_windows(*sides, p, every)
     whole = auc(answer.scores)
-    single = {CHANNELS[part]: auc(answers(*sides, p, (part,)).scores) for part in every if alone}
+    single = {
+        CHANNELS[part]: auc(score_held_out_windows(*sides, p, (part,)).scores)
+        for part in every
+        if alone
+    }
     importance = {name: whole.value - auc(part).value for name, part in answer.shuffled.items()}
     return Verdict(whole, single, importance, answer.scores)
 
 
-def refuse(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
+def require_enough_windows(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
     """Raise FinloopError if the windows are too few to train and test a classifier in every block.
 
     sides: windows of the film, and of what is compared with it.
@@ -194,7 +203,7 @@ def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["compared", "channel", "auc", "low", "high", "lost"])
 
 
-def numbers(verdicts: dict[str, Verdict]) -> dict[str, float]:
+def auc_metrics(verdicts: dict[str, Verdict]) -> dict[str, float]:
     """Return the areas as flat metrics: `<name>_auc` with its interval, `<name>_<channel>_auc`.
 
     verdicts: by the name of the comparison. The ends of the interval are `<name>_auc_low` and

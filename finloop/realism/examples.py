@@ -59,7 +59,7 @@ class WindowPair(NamedTuple):
     score: float
 
 
-def worst(
+def most_false_windows(
     film: Windows, animation: Windows, score: Floats, count: int, length: int
 ) -> list[WindowPair]:
     """Return the animation windows with the highest scores, each with the most similar film window.
@@ -105,7 +105,9 @@ class WindowPool:
         film, animation = pair
         cut = self.sample.cut
         score = verdict.scores.score[len(film.x) :]
-        for example in worst(film, animation, score, self.sample.p.examples, cut.length):
+        for example in most_false_windows(
+            film, animation, score, self.sample.p.examples, cut.length
+        ):
             edit = [
                 self._window(mode, animation, example.animation).assign(side=ANIMATION),
                 self._window(FILM, film, example.film).assign(side=FILM),

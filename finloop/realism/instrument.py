@@ -18,7 +18,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints, Picture
 from finloop.edit.schema import FRAME
 from finloop.extract.background import Scene
-from finloop.extract.film import Detections, Detector, rows, tracks
+from finloop.extract.film import Detections, Detector, link_tracks, track_rows
 from finloop.extract.samples import Typical
 from finloop.extract.segment import SegmentedFish
 from finloop.extract.settings import ExtractSettings
@@ -109,11 +109,11 @@ class Instrument:
         cuts: ticks at which another fish begins. The table is empty where extraction follows no
         fish.
         """
-        pieces = tracks(self.detections(fish), self.typical, self.extract, cuts)
+        pieces = link_tracks(self.detections(fish), self.typical, self.extract, cuts)
         fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]
         if not fish_frames:
             return FEATURES.empty()
-        table = rows(fish_frames).sort_values(["track_id", "frame"], ignore_index=True)
+        table = track_rows(fish_frames).sort_values(["track_id", "frame"], ignore_index=True)
         return measure_features(table, self.rate_hz, self.features)[0]
 
 

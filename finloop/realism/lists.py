@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from finloop.base.stretches import stretches
+from finloop.base.stretches import sample_stretches
 from finloop.edit.filmed import as_filmed
 from finloop.edit.schema import by_fish
 
@@ -27,7 +27,7 @@ def film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
     rows: list[np.ndarray] = []
-    parts = stretches(tracks["track_id"].to_numpy(), longest, most, seed)
+    parts = sample_stretches(tracks["track_id"].to_numpy(), longest, most, seed)
     for part in parts:
         rows.append(np.arange(part.start, part.stop))
         if sum(map(len, rows)) >= longest or part is parts[-1]:

@@ -20,7 +20,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.axes import ahead_left
+from finloop.base.axes import to_body_axes
 from finloop.features.current import through_water
 
 CHANNELS = ("forward", "sideways", "turning", "area")
@@ -94,7 +94,7 @@ class Cutting(NamedTuple):
     step: int
 
 
-def cutting(window: float, stride: float, step: float, delta: int) -> Cutting:
+def convert_to_frames(window: float, stride: float, step: float, delta: int) -> Cutting:
     """Convert window, stride and step from Δ to whole frames; a window is a whole number of steps.
 
     delta: Δ in frames.
@@ -103,7 +103,7 @@ def cutting(window: float, stride: float, step: float, delta: int) -> Cutting:
     return Cutting(step * max(1, round(window * delta / step)), max(1, round(stride * delta)), step)
 
 
-def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
+def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
     """Return the CHANNELS (ticks − 1, 4) of one track, from each tick to the next.
 
     They are forward and sideways speed in BL/s, turning speed in °/s, and motion area relative to
@@ -114,7 +114,7 @@ def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
     angle = np.radians((heading[1:] + heading[:-1]) / 2)
     return np.column_stack([
-        ahead_left(travel, angle),
+        to_body_axes(travel, angle),
         np.diff(heading) * rate_hz,
         track["motion_area"].to_numpy(float)[1:] / largest,
     ])  # fmt: skip
@@ -131,7 +131,7 @@ class Ticks(NamedTuple):
     cluster: Ints
 
 
-def windows(
+def cut_windows(
     table: pd.DataFrame, ticks: Ticks, cut: Cutting, rate_hz: float, largest: float
 ) -> Windows:
     """Cut a table of swimming into windows of channels; no window crosses from track to track.
@@ -142,7 +142,7 @@ def windows(
     x, first = [], []
     start = 0
     for _, track in table.groupby("track_id", sort=False):
-        moves = channels(track, rate_hz, largest)
+        moves = track_channels(track, rate_hz, largest)
         begins = np.arange(0, len(moves) - cut.length + 1, cut.stride)
         if len(begins):
             inside = moves[begins[:, None] + np.arange(cut.length)]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from finloop.base.kernel import kernel, leaf_kernel
-from finloop.base.sampling import keys
+from finloop.base.sampling import keys_weights
 
 _ONE = np.float32(1)
 
@@ -17,7 +17,7 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
     column, row = math.floor(u), math.floor(v)
     red = green = blue = alpha = np.float32(0)
     if near[row, column]:
-        across, down = keys(u - column), keys(v - row)
+        across, down = keys_weights(u - column), keys_weights(v - row)
         for j in range(4):
             r = g = b = a = np.float32(0)
             line = pixels[row - 1 + j]
@@ -114,7 +114,7 @@ def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def over(canvas, drawn):  # type: ignore[no-untyped-def]
+def lay_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
     """Lay a premultiplied picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3) uint8."""
     height, width, channels = drawn.shape
     for y in range(height):

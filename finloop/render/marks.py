@@ -39,7 +39,7 @@ _FONT, _REGULAR, _BOLD = cv2.FontFace("sans"), 400, 700
 _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
-def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
+def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
     """Return the category (ticks,) of each tick of an edit list, and each category's "#RRGGBB".
 
     The category is what a tick shows; where all show the same, its state.
@@ -51,7 +51,7 @@ def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
     return names, {name: colours[name] for name in colours if (names == name).any()}
 
 
-def aims(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
+def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
     """Return the stretches to each goal in turn: its name ("" = wandering), first tick, end.
 
     The end is the tick after the last one.
@@ -108,7 +108,7 @@ class MarkPainter:
         self._painter, self._goals = painter, {goal.name: goal for goal in goals}
         self._size = max(9, round(height / 36))
         self._line = max(1, round(height / 450))
-        names, colours = parts(edit)
+        names, colours = tick_categories(edit)
         colour, pale = [rgb(colours[name]) for name in names], (_pale(painter.floor), 1)
         pens = [
             (own, self._line) if goal else pale
@@ -118,7 +118,7 @@ class MarkPainter:
         self._courses = [
             MarkedTrack(
                 places[rows], [pens[row] for row in rows],
-                {first: name for name, first, _ in aims(edit.iloc[rows])},
+                {first: name for name, first, _ in goal_stretches(edit.iloc[rows])},
             )
             for rows in edit.groupby("fish").indices.values()
         ]  # fmt: skip

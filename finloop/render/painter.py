@@ -33,8 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.puppet import Laid, PlacedBackbone, blend
-from finloop.render.lay import lay, over
+from finloop.puppet import PlacedBackbone, PosedPicture, blend
+from finloop.render.lay import lay, lay_pixels
 
 Image = NDArray[np.uint8]
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
@@ -117,10 +117,10 @@ class Bent(NamedTuple):
     size_px: float
     mirrored: bool
 
-    def lay_at(self, x_px: float, y_px: float) -> Laid:
+    def lay_at(self, x_px: float, y_px: float) -> PosedPicture:
         """Return the picture in its new posture, its mass centre at (x_px, y_px) of the canvas."""
         target = PlacedBackbone(x_px, y_px, self.heading_rad, self.size_px, self.posture)
-        return Laid(self.picture.pixels, self.source, target, self.mirrored)
+        return PosedPicture(self.picture.pixels, self.source, target, self.mirrored)
 
 
 def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
@@ -259,14 +259,14 @@ class Painter:
         self.touch(box)
         return box
 
-    def _draw_bent(self, fish: Laid, other: Laid | None, share: float) -> Box:
+    def _draw_bent(self, fish: PosedPicture, other: PosedPicture | None, share: float) -> Box:
         boxes = [Box(*one.box) for one in (fish, other) if one is not None]
         box = Box.around(boxes).within(self.canvas.shape)
         if not box.empty:
             drawn = fish.in_box(box)
             if other is not None:
                 drawn = blend(drawn, other.in_box(box), share)
-            over(self.canvas[box.slices], drawn)
+            lay_pixels(self.canvas[box.slices], drawn)
         return box
 
 

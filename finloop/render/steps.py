@@ -69,7 +69,7 @@ def film_steps(
     return np.array(found)
 
 
-def step_numbers(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
+def step_metrics(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
     """Return metrics that compare an animation's changes from frame to frame with the film's.
 
     drawn: from `FrameChangeMeter`, the first one NaN; film: from `film_steps`; both in grey levels.

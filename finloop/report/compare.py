@@ -113,13 +113,13 @@ def _is_word(value: object) -> bool:
     return not isinstance(value, Real) or isinstance(value, bool) or value != value
 
 
-def words(key: str) -> str:
+def metric_label(key: str) -> str:
     """Return the page's name of a metric or parameter, for its key `<stage>.<name>`."""
     names = {objective.key: objective.words for objective in OBJECTIVES}
     return names.get(key, key.partition(".")[2].replace("_", " "))
 
 
-def parallel(table: Comparison) -> go.Figure:
+def draw_parallel_axes(table: Comparison) -> go.Figure:
     """Draw one line per experiment across axes of parameters and measures; the best are coloured.
 
     An experiment that lacks a measure is left out: its line would leave the chart at that axis.
@@ -128,7 +128,7 @@ def parallel(table: Comparison) -> go.Figure:
     whole = measures.notna().all(axis=1)
     axes = []
     for name, column in [*table.parameters[whole].items(), *measures[whole].items()]:
-        axis: dict[str, Any] = {"label": words(str(name))}
+        axis: dict[str, Any] = {"label": metric_label(str(name))}
         if any(map(_is_word, column)):  # a tick for each value
             column, texts = rank_values(column)
             axis |= {"tickvals": list(range(len(texts))), "ticktext": texts}
@@ -145,7 +145,7 @@ def parallel(table: Comparison) -> go.Figure:
     )
 
 
-def curves(table: Comparison) -> go.Figure | None:
+def draw_parameter_effects(table: Comparison) -> go.Figure | None:
     """Draw each measure against the one parameter that differs, in a panel each.
 
     Returns None if several parameters differ, or none.
@@ -165,7 +165,7 @@ def curves(table: Comparison) -> go.Figure | None:
             hovertemplate="%{y}<extra></extra>",
         )  # fmt: skip
     figure.update_xaxes(tickvals=list(range(len(texts))), ticktext=texts, **_AXIS)
-    figure.update_xaxes(title=words(str(parameter)), row=rows)
+    figure.update_xaxes(title=metric_label(str(parameter)), row=rows)
     figure.update_yaxes(**_AXIS)
     figure.update_annotations(font_size=12)
     return figure.update_layout(**_LAYOUT, height=80 + 230 * rows)
@@ -206,7 +206,7 @@ def as_table(table: Comparison) -> Table:
 
     Numbers have about four digits.
     """
-    columns = ["experiment", *table.parameters, *map(words, table.measures), "best"]
+    columns = ["experiment", *table.parameters, *map(metric_label, table.measures), "best"]
     rows = [
         [
             str(name),
@@ -224,8 +224,10 @@ def html(table: Comparison, title: str, why: str) -> str:
 
     title: heading of the page; why: the text below it.
     """
-    charts = [("Parameters and measures, one line per complete experiment", parallel(table))]
-    if each := curves(table):
+    charts = [
+        ("Parameters and measures, one line per complete experiment", draw_parallel_axes(table))
+    ]
+    if each := draw_parameter_effects(table):
         charts.insert(0, ("Effect of the parameter, one panel per measure", each))
     charts += [
         (f"{y.words.capitalize()} against {x.words}", scatter(table, x, y))

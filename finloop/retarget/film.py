@@ -13,12 +13,12 @@ from finloop.edit.joins import Joins, JoinTimes, joins
 from finloop.edit.pictures import Pictures
 from finloop.features.table import delta_of
 from finloop.jumps.settings import JumpsSettings as Weights
-from finloop.jumps.signature import slope
+from finloop.jumps.signature import change_per_row
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 from finloop.retarget.edit import RowSequence, edit_list, film_codes
 from finloop.retarget.motion import RecordedMotion, motion_of
-from finloop.retarget.place import find_placement, mirror_points, outside, scale_of
+from finloop.retarget.place import find_placement, find_points_outside, mirror_points, scale_of
 from finloop.retarget.posture import (
     align_postures,
     asked_postures,
@@ -26,7 +26,7 @@ from finloop.retarget.posture import (
     chord_share,
     on_body,
 )
-from finloop.retarget.rows import FilmRows, cheapest
+from finloop.retarget.rows import FilmRows, cheapest_rows
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import Track
 
@@ -137,7 +137,7 @@ def retarget_track(
         **{f"apart_{name}_pct": 100 * float(table["apart"].quantile(q))
            for name, q in (("median", 0.5), ("p95", 0.95))},
         "clamped_pct": 100 * float(way.clamped.mean()),
-        "outside_ticks": int(outside(way.pose.backbone_px(), film.arena).any(1).sum()),
+        "outside_ticks": int(find_points_outside(way.pose.backbone_px(), film.arena).any(1).sum()),
         "switches": len(sources.switch),
         "switches_per_s": len(sources.switch) / (len(edit) / film.rate_hz),
         "stay_median_s": float(np.median(stay)),
@@ -233,7 +233,7 @@ def _sources(way: _Way, rows: FilmRows, film: RetargetData, p: RetargetSettings)
     place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
     codes = way.codes if way.has_postures else None
     asked = rows.query_vectors(place, np.unwrap(pose.heading_rad), codes)
-    numbers = cheapest(rows, asked, p.candidates, p.switch, delta_of(film.reel.features))
+    numbers = cheapest_rows(rows, asked, p.candidates, p.switch, delta_of(film.reel.features))
     return RowSequence.from_rows(numbers, rows.follows, len(film.reel))
 
 
@@ -255,7 +255,7 @@ def _way_rad(place: Points, span: int, still_px: float) -> Floats:
 
     While the point hardly moves, the heading is interpolated.
     """
-    speed = slope(place, np.arange(len(place)) < len(place) - 1, span)
+    speed = change_per_row(place, np.arange(len(place)) < len(place) - 1, span)
     moves = np.flatnonzero(np.hypot(*speed.T) > still_px)
     if not len(moves):
         return np.zeros(len(place))

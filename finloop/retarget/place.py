@@ -36,7 +36,7 @@ def mirror_points(points: Points, width_px: int) -> Points:
     return np.stack([width_px - 1 - points[..., 0], points[..., 1]], -1)
 
 
-def outside(points: Points, arena: Mask) -> Mask:
+def find_points_outside(points: Points, arena: Mask) -> Mask:
     """Return which points (…, 2) px are not in the arena (h, w): (…) bool."""
     column, row = np.moveaxis(_pixels(points), -1, 0)
     there = (row >= 0) & (row < arena.shape[0]) & (column >= 0) & (column < arena.shape[1])
@@ -73,7 +73,7 @@ def find_placement(
             "(retarget.placement=shrink), or let it leave the tank (retarget.placement=given)",
         )
     small, large = 0.0, 1.0
-    best = shift_into(smaller(bodies, small), arena, length_px)
+    best = shift_into(shrink_path(bodies, small), arena, length_px)
     if best is None:
         raise FinloopError(
             "the fish does not fit into the tank, even if its path shrinks to a point",
@@ -83,13 +83,13 @@ def find_placement(
         )
     for _ in range(_ROUNDS):
         middle = (small + large) / 2
-        shift = shift_into(smaller(bodies, middle), arena, length_px)
+        shift = shift_into(shrink_path(bodies, middle), arena, length_px)
         small, large = (middle, large) if shift is not None else (small, middle)
         best = best if shift is None else shift
     return best, small
 
 
-def smaller(bodies: Points, size: float) -> Points:
+def shrink_path(bodies: Points, size: float) -> Points:
     """Return points (T, k, 2) on a path of `size` times the size; each body keeps its own."""
     centre = bodies.mean(1, keepdims=True)
     return bodies + (size - 1) * (centre - centre.mean(0))

@@ -15,7 +15,7 @@ from finloop.base.nearest import Nearest
 from finloop.distance.reel import Reel
 from finloop.features.table import delta_of
 from finloop.jumps.settings import JumpsSettings as Weights
-from finloop.jumps.signature import deviation, film_motion, motion, slope
+from finloop.jumps.signature import change_per_row, deviation, film_motion, motion
 from finloop.pose.film import FilmPoses
 
 _BEAM = 4  # times the candidates: the sequences kept for the next tick
@@ -51,7 +51,7 @@ class FilmRows:
         n, span = len(reel), max(1, round(delta_of(reel.features) / 4))
         sides = len(look) // n
         pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
-        change = np.stack([slope(one, reel.goes_on, span) for one in pose])
+        change = np.stack([change_per_row(one, reel.goes_on, span) for one in pose])
         speed = film_motion(reel, span)
         scales = [
             weights.pose_weight / deviation(pose),
@@ -101,7 +101,7 @@ class FilmRows:
         goes_on = np.arange(len(place)) < len(place) - 1
         parts = [motion(place, np.degrees(heading_rad), goes_on, self.span)]
         if codes is not None:
-            parts = [codes, slope(codes, goes_on, self.span), *parts]
+            parts = [codes, change_per_row(codes, goes_on, self.span), *parts]
         scaled = [one * scale for one, scale in zip(parts, self.scales, strict=True)]
         return np.concatenate(scaled, axis=-1)
 
@@ -111,7 +111,9 @@ def _flat(parts: list[Floats]) -> Floats:
     return whole.reshape(-1, whole.shape[-1])
 
 
-def cheapest(rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int) -> Ints:
+def cheapest_rows(
+    rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int
+) -> Ints:
     """Return the numbers (T,) of rows that follow the requested motion at the least cost.
 
     asked (T, d): of `query_vectors`; candidates: nearest rows tried at a tick, besides those that

@@ -11,7 +11,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.extract.backbone import resample
 from finloop.extract.fit import HEADS, TAILS, keypoint
-from finloop.features.area import at_places
+from finloop.features.area import interpolate_lines
 from finloop.retarget.settings import RetargetSettings
 
 _CENTRES = ("centre", "center", "centroid", "mass", "wcentroid")
@@ -63,7 +63,7 @@ def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> T
         inner = np.arange(steps + 1) / steps
         at = inner[(inner >= first - 1e-9) & (inner <= last + 1e-9)]
         share = (at - first) / (last - first)
-        line = lines(points[:, order], share, name)
+        line = resample_body_lines(points[:, order], share, name)
     else:
         heads = [keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
         single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
@@ -88,7 +88,7 @@ def track_from_backbones(name: str, rate_hz: float, frame: Ints, line: Floats, s
     """
     at = np.arange(steps + 1) / steps
     place = at * (line.shape[1] - 1)
-    points = at_places(line, place)
+    points = interpolate_lines(line, place)
     return Track(name, rate_hz, frame, points, at, _length_px(line, np.array([0.0, 1.0])))
 
 
@@ -168,7 +168,7 @@ def _plain(name: str) -> str:
     return "".join(one for one in name.lower() if one.isalpha())
 
 
-def lines(points: Floats, share: Floats, name: str) -> Floats:
+def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
     """Return points (t, m, 2) px at shares (m,) of the curve through each frame's k points.
 
     points (t, k, 2) px, in order along the body; share: 0 = first, 1 = last point; name: for
@@ -191,7 +191,7 @@ def lines(points: Floats, share: Floats, name: str) -> Floats:
         dense = curve(np.linspace(0, way[-1], _FINE * len(share) + 1))
         ratio.append(way[-1] / max(float(np.hypot(*(some[-1] - some[0]))), 1e-9))
         even = resample(dense, _FINE * len(share) + 1)
-        places[t] = at_places(even[None], share * (len(even) - 1))[0]
+        places[t] = interpolate_lines(even[None], share * (len(even) - 1))[0]
     if ratio and np.median(ratio) > _ZIGZAG:
         raise FinloopError(
             f"the line through the points of {name} is {np.median(ratio):.1f} times as long as the "

@@ -103,7 +103,7 @@ def slots_of(values: Complex, index: Ints, fish: Ints, shape: tuple[int, int]) -
     return slots
 
 
-def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
+def wasserstein_distances(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
     """Return how far two groups differ: the Wasserstein distance of each measure, in its unit.
 
     one, other: columns of `SHOAL`. Polarisation counts once a frame. A measure that a group lacks
@@ -112,21 +112,23 @@ def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
     return {
         name: wasserstein_distance(a, b)
         for name in MEASURES
-        if len(a := values(one, name)) and len(b := values(other, name))
+        if len(a := measure_values(one, name)) and len(b := measure_values(other, name))
     }
 
 
-def beside(films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+def compare_groups(
+    films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]
+) -> pd.DataFrame:
     """Compare each group with each film: one row per group, film and measure.
 
     films, shoals: name → table of `SHOAL`. Columns: shoal, beside (the film), measure, median (of
-    the group), distance (`apart`).
+    the group), distance (`wasserstein_distances`).
     """
     rows = [
-        (shoal, film, name, float(np.median(values(table, name))), distance)
+        (shoal, film, name, float(np.median(measure_values(table, name))), distance)
         for shoal, table in shoals.items()
         for film, filmed in films.items()
-        for name, distance in apart(filmed, table).items()
+        for name, distance in wasserstein_distances(filmed, table).items()
     ]
     return pd.DataFrame(rows, columns=["shoal", "beside", "measure", "median", "distance"])
 
@@ -142,7 +144,7 @@ def middle(frame: Ints) -> float:
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 
 
-def values(table: pd.DataFrame, name: str) -> Floats:
+def measure_values(table: pd.DataFrame, name: str) -> Floats:
     """Return the values (k,) of one measure without its missing ones; polarisation once a frame.
 
     table: columns of `SHOAL`; name: one of MEASURES.

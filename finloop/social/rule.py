@@ -30,7 +30,7 @@ class Shoaling:
     alike: int
 
 
-def rule_of(shoaling: Shoaling | None) -> Shoaling:
+def require_rule(shoaling: Shoaling | None) -> Shoaling:
     """Return the rule itself; raise FinloopError if it is None or has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(

@@ -49,7 +49,7 @@ class AtlasPage(NamedTuple):
     spots: list[AtlasSlot]
 
 
-def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
+def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[AtlasPage]:
     """Return atlas pages, at most page_px wide and high, with every sprite in every orientation.
 
     sprites: schema `SPRITES`; index: that of sprites.arrow, with the size [px] of each sprite in
@@ -122,7 +122,9 @@ def _shelves(spots: list[AtlasSlot], width: int, height: int) -> AtlasPage | Non
     return AtlasPage(right, y + shelf + PADDING, [places[spot.name] for spot in spots])
 
 
-def picture(page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def draw_page(
+    page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]
+) -> NDArray[np.uint8]:
     """Draw an atlas page: its picture (height, width, 4), RGBA with straight alpha.
 
     pixels(sprite, orientation): returns the premultiplied picture (h, w, 2 or 4) of one sprite.
@@ -135,7 +137,7 @@ def picture(page: AtlasPage, pixels: Callable[[int, int], NDArray[np.uint8]]) ->
     return straight_alpha(canvas)
 
 
-def png(rgba: NDArray[np.uint8]) -> bytes:
+def encode_png(rgba: NDArray[np.uint8]) -> bytes:
     """Return the bytes of a PNG file of an RGBA picture (h, w, 4).
 
     The file is smaller than OpenCV's default but takes longer to make.
@@ -165,13 +167,13 @@ def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.dstack([colour, alpha])
 
 
-def document(
+def page_json(
     atlas: list[AtlasPage], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
 ) -> dict[str, Any]:
     """Return the JSON of page `number`: its sprites' rectangles, its sequences, each step's motion.
 
-    sprites, index: as for `pages`; rate_hz: frames per second. All sprites have the same untrimmed
-    size; its middle is within a pixel of the mass centre.
+    sprites, index: as for `lay_out_pages`; rate_hz: frames per second. All sprites have the same
+    untrimmed size; its middle is within a pixel of the mass centre.
     """
     page, reach = atlas[number], _reach(sprites, index)
     duration = round(1000 / rate_hz)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask, Reals
 from finloop.features.swimming_type import STRAIGHT
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.swimmers import smooth, spans
+from finloop.sprites.swimmers import smooth, unbroken_row_slices
 
 
 def beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
@@ -77,7 +77,7 @@ def slides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.Dat
     return pd.DataFrame()
 
 
-def calm(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
+def substitute_beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
     """Return glides that replace a missing tail beat: a row each, with the columns of `slides`.
 
     delta: Δ in frames. The glides are of straight swimming, else of any swimming, else of any
@@ -98,7 +98,7 @@ def _straight(
     Each item is a track, a length, the windows' first rows in that track and in `table`.
     """
     fine = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
-    for span in spans(table):
+    for span in unbroken_row_slices(table):
         for n in range(least, min(most, span.stop - span.start - 1) + 1):
             start = np.flatnonzero(sliding_window_view(fine[span], n + 1).all(1))
             if start.size:
@@ -158,7 +158,7 @@ def turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataF
     of_side = _Bends(side, bend, float(bend[turning].max()))
     rows = [
         turn
-        for span in spans(table)
+        for span in unbroken_row_slices(table)
         for peak in _peaks(bend[span], turning[span])
         if (turn := _turn(table, of_side, span, span.start + peak, settings)) is not None
     ]
@@ -169,7 +169,7 @@ def turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataF
     return pd.DataFrame()
 
 
-def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
+def substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
     """Return the bends that replace a missing whole turn to one side: a row each.
 
     side: 1 = left, −1 = right. Columns: start (row of `table`), length (frames), and weaker: the
@@ -178,7 +178,7 @@ def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
     """
     bend = side * table["bend"].to_numpy()
     rows = []
-    for span in spans(table):
+    for span in unbroken_row_slices(table):
         inside = bend[span.start : span.stop - 1]  # a frame of the track follows
         low = span.start + np.flatnonzero(_minimal(inside))
         for first, last in pairwise(low.tolist()):

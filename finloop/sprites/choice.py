@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import apart, steps
+from finloop.distance.picture import distance_pair_by_pair, successive_distances
 from finloop.features.swimming_type import STRAIGHT
-from finloop.sprites.candidates import beats, bends, calm, slides, turns
+from finloop.sprites.candidates import beats, slides, substitute_beats, substitute_turns, turns
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.stretch import SIDES, WORDS, FrameRun, cycle_heading, from_text
+from finloop.sprites.stretch import SIDES, WORDS, FrameRun, cycle_heading, parse_frame_run
 
 _SAMPLE = 200  # frames that give the clip's median sharpness; more do not change it
 
@@ -61,7 +61,7 @@ def choose(
     for word in WORDS:
         text = getattr(settings, f"{word}_frames")
         if text is not None:
-            stretches[word] = [from_text(table, word, text, settings.hold)]
+            stretches[word] = [parse_frame_run(table, word, text, settings.hold)]
             continue
         if word in SIDES:
             candidates = turns(table, SIDES[word], settings)
@@ -69,16 +69,16 @@ def choose(
             candidates = (beats if word == "straight" else slides)(table, delta, settings)
         stretches[word] = best(word, candidates)
     if not stretches["straight"]:
-        stretches["straight"] = best("straight", calm(table, delta, settings))
+        stretches["straight"] = best("straight", substitute_beats(table, delta, settings))
         stands_in.add("straight")
     if not (stretches["left"] or stretches["right"]):
         for word, side in SIDES.items():
-            stretches[word] = best(word, bends(table, side))
+            stretches[word] = best(word, substitute_turns(table, side))
             stands_in.add(word)
     _check(stretches)
     choices = {
         word: Choice(s, stands_in=word in stands_in)
-        for word, s in combination(table, stretches, settings).items()
+        for word, s in choose_combination(table, stretches, settings).items()
     }
     if "slide" not in choices:  # nothing glides: the straightest there is
         choices["slide"] = choices["straight"]
@@ -151,7 +151,9 @@ def closure(pictures: Reals) -> float:
     pictures (n + 1, size, size, channels): the n frames of the loop and the frame after them. At 1
     the loop closes as smoothly as the film plays on.
     """
-    return float(apart(pictures[-1], pictures[0])) / max(float(np.median(steps(pictures))), 1e-9)
+    return float(distance_pair_by_pair(pictures[-1], pictures[0])) / max(
+        float(np.median(successive_distances(pictures))), 1e-9
+    )
 
 
 def sharpness(pictures: Reals) -> Floats:
@@ -163,7 +165,7 @@ def sharpness(pictures: Reals) -> Floats:
     return (down**2 + right**2).sum((1, 2, 3)) / np.maximum(pictures[..., -1].sum((1, 2)), 1e-9)
 
 
-def combination(
+def choose_combination(
     table: pd.DataFrame, stretches: dict[str, Sequence[FrameRun]], settings: SpritesSettings
 ) -> dict[str, FrameRun]:
     """Return the best frames of each sequence: least faults together, and few changes of animal.

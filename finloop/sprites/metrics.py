@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from finloop.distance.picture import apart, steps
+from finloop.distance.picture import distance_pair_by_pair, successive_distances
 from finloop.features.metrics import table1
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import orientations_of
@@ -38,7 +38,7 @@ def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def complete(table: pd.DataFrame) -> int:
+def count_complete_orientations(table: pd.DataFrame) -> int:
     """Count the orientations (rows) of a Table 1 that show straight swimming and both turns."""
     return int((table[["straight_pct", "left_pct", "right_pct"]] > 0).all(axis=1).sum())
 
@@ -62,8 +62,10 @@ def numbers(
         "scale_min": sprites["scale"].min(),
         "scale_max": sprites["scale"].max(),
         "mirrored_turns": sum(sequences[word]["mirrored"].any() for word in SIDES),
-        "orientations_with_all_types_before": complete(table1(features)),
-        "orientations_with_all_types_after": complete(table1_after(sprites, features)),
+        "orientations_with_all_types_before": count_complete_orientations(table1(features)),
+        "orientations_with_all_types_after": count_complete_orientations(
+            table1_after(sprites, features)
+        ),
         "tail_beat_hz": rate_hz / len(sequences["straight"]),
     }
     for word, rows in sequences.items():
@@ -91,9 +93,9 @@ def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> 
     pictures = look(more, cycle_heading(table, rows[0], n)) if goes_on else None
     result = {f"{word}_tail_swing_body_lengths": float(np.ptp(tail))}
     if pictures is not None:
-        median = max(float(np.median(steps(pictures))), 1e-9)
+        median = max(float(np.median(successive_distances(pictures))), 1e-9)
         result[f"{word}_closure_last_to_first"] = (
-            float(apart(pictures[n - 1], pictures[0])) / median
+            float(distance_pair_by_pair(pictures[n - 1], pictures[0])) / median
         )
         result[f"{word}_closure_after_last_to_first"] = closure(pictures)
     return result

@@ -38,7 +38,7 @@ class FrameRun:
         return sum(self.faults.values())
 
 
-def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
+def parse_frame_run(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
     """Parse the frames that `sprites.<word>_frames` gives to a sequence, as "track:first-last".
 
     table: from `swimmers`; hold: see `phases`. FinloopError if the form is wrong, if there are no

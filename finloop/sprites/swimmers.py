@@ -90,7 +90,7 @@ def _alone(table: pd.DataFrame) -> Floats:
     return nearest
 
 
-def spans(table: pd.DataFrame) -> Iterator[slice]:
+def unbroken_row_slices(table: pd.DataFrame) -> Iterator[slice]:
     """Yield, as a slice of rows, each run of successive frames of one track."""
     broken = (np.diff(table["track_id"]) != 0) | (np.diff(table["frame"]) != 1)
     edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(table)]

@@ -32,7 +32,9 @@ def session_app(
         "/animals": (room.track, MOST_TRACKERS, True),
     }
     pages = {"/": experimenter_page(), "/show": display_page()}
-    return app(door, pages, sockets, lambda: [session.run(), beat(session), *inputs()], fail)
+    return app(
+        door, pages, sockets, lambda: [session.run(), save_log_regularly(session), *inputs()], fail
+    )
 
 
 def replay_app(
@@ -59,7 +61,7 @@ def calibration_app(door: Door, room: CalibrationHub, fail: Callable[[Any], None
     return app(door, {"/": display_page()}, sockets, list, fail)
 
 
-async def beat(session: Session, every_s: float = 0.5) -> None:
+async def save_log_regularly(session: Session, every_s: float = 0.5) -> None:
     """Write the log to disk and check the computer's clock every `every_s`, until cancelled."""
     with contextlib.suppress(asyncio.CancelledError):
         while True:

@@ -40,10 +40,10 @@ def apply_change(states: States, change: Change | None, ticks: int | None = None
         return np.repeat(states[:1], len(states) if ticks is None else ticks, axis=0)
     if change.reversed:
         states = states[::-1]
-    return states if change.speed == 1 else faster(states, change.speed)[:ticks]
+    return states if change.speed == 1 else change_playback_rate(states, change.speed)[:ticks]
 
 
-def faster(states: States, speed: float) -> States:
+def change_playback_rate(states: States, speed: float) -> States:
     """Return the motion (ticks, fish, F) at `speed` times its playback rate; below 1, slower."""
     count = math.floor((len(states) - 1) / speed + 1e-9) + 1
     return interpolate_states(states, speed * np.arange(count, dtype=float))
@@ -69,7 +69,7 @@ def interpolate_states(states: States, at: Floats) -> States:
     return np.where(comes[..., None], nearer, made)
 
 
-def ramp(count: int, ticks: int) -> NDArray[np.float32]:
+def fade_shares(count: int, ticks: int) -> NDArray[np.float32]:
     """Return shares (count,) of alpha, tick by tick: 0 to 1 in `ticks` ticks, at the end to 0."""
     if ticks <= 0:
         return np.ones(count, np.float32)
@@ -80,7 +80,7 @@ def ramp(count: int, ticks: int) -> NDArray[np.float32]:
 def fade_states(states: States, ticks: int) -> States:
     """Return the states (n, fish, F), faded in over `ticks` ticks and out over the last ones."""
     made = states.copy()
-    made[..., ALPHA] *= ramp(len(states), ticks)[:, None]
+    made[..., ALPHA] *= fade_shares(len(states), ticks)[:, None]
     return made
 
 

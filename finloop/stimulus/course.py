@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.paths import lay
+from finloop.animate.paths import lay_path
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route
 from finloop.animate.world import World
@@ -23,7 +23,13 @@ from finloop.io.line import load_line
 from finloop.live.fish import LiveFish
 from finloop.live.tank import LiveTank
 from finloop.stimulus.animals import LiveAnimals
-from finloop.stimulus.controls import apply_change, fade_states, planned_ticks, ramp, with_look
+from finloop.stimulus.controls import (
+    apply_change,
+    fade_shares,
+    fade_states,
+    planned_ticks,
+    with_look,
+)
 from finloop.stimulus.drawn import ALPHA, FIELDS, LOOK, PARTNER, PICTURE, drawn_of
 from finloop.stimulus.order import Trial
 from finloop.stimulus.protocol import Condition, Protocol
@@ -204,7 +210,7 @@ def cue_of(plan: Protocol, trial: Trial) -> Cue:
 def route_of(scene: TrialContext, path: Path) -> Route:
     """Return the route along the path in a file, laid out in the tank, without the file's times."""
     line, world = load_line(path, TANK), scene.world
-    return lay(line._replace(time_s=None), world.tank, world.motion, scene.mm_per_px).route
+    return lay_path(line._replace(time_s=None), world.tank, world.motion, scene.mm_per_px).route
 
 
 class Goals:
@@ -247,7 +253,7 @@ class Reaction:
         self._tank = tank_of(scene, cue, seed)
         self._aims: list[Aim | None] = [None] * len(self._tank.fish)
         fade = round(cue.fade_s * scene.rate_hz)
-        self._ramp = ramp(scene.ticks(cue.condition.seconds), fade)
+        self._ramp = fade_shares(scene.ticks(cue.condition.seconds), fade)
         self.states: list[States] = []
         self.keeps = True  # keeps all states, for a trial that repeats them; else the last ones
 

@@ -44,7 +44,7 @@ _ASKED: TypeAdapter[Any] = TypeAdapter(
 )
 
 
-def ask(session: Session, text: str | None) -> bool:
+def handle_request(session: Session, text: str | None) -> bool:
     """Carry out a request of the experimenter's page, a JSON text; return whether it was valid."""
     try:
         asked = _ASKED.validate_json(text or "")
@@ -126,7 +126,7 @@ async def attend(session: Session, connection: WebSocket) -> None:
             content = await connection.receive()
             if content["type"] == "websocket.disconnect":
                 break
-            if not ask(session, content.get("text")):
+            if not handle_request(session, content.get("text")):
                 session.numbers.bad += 1
             await asyncio.sleep(0)
     finally:

@@ -82,14 +82,14 @@ class PagePictures:
         assert bodies is not None
         cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
         pose = bodies.poses.pose[number]
-        pixels, share = shrunk(cutout.pixels, self._shrink)
+        pixels, share = shrink_picture(cutout.pixels, self._shrink)
         x, y = ((at + 0.5) * size - 0.5 for at, size in zip(
             (x_px - cutout.x0_px, y_px - cutout.y0_px), share, strict=True))  # fmt: skip
         size_px = float(pose.size_px) * float(np.sqrt(share[0] * share[1]))
         return PagePicture(pixels, (x, y, float(pose.heading_rad), size_px), pose.posture)
 
 
-def shrunk(
+def shrink_picture(
     pixels: NDArray[np.uint8], share: float
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
     """Return a picture (h, w, c) shrunk to `share` of its size, and its exact scale in x and y.

@@ -20,7 +20,7 @@ NAME = "recorded"
 """The id of the animal."""
 
 
-class Spoiled(NamedTuple):
+class ConnectionFaults(NamedTuple):
     """The faults of a tracker's connection.
 
     loss: share of the messages that never arrive, 0..1; jitter_s: the largest delay of the others,
@@ -36,7 +36,7 @@ class Spoiled(NamedTuple):
 
 
 def messages(
-    line: Line, rate_hz: float | None, tank: TankGeometry, spoiled: Spoiled | None = None,
+    line: Line, rate_hz: float | None, tank: TankGeometry, spoiled: ConnectionFaults | None = None,
     calibration: Calibration = PX, mm_per_px: float | None = None,
 ) -> Iterator[tuple[float, str]]:  # fmt: skip
     """Yield a tracker's messages about a recorded track: arrival (s from its beginning), JSON text.
@@ -46,7 +46,7 @@ def messages(
     FinloopError if the line has no times, or is in mm and the film's scale is not known.
     """
     time_s, way = _sample_track(line, rate_hz, _px_of(line, tank, mm_per_px))
-    spoiled = spoiled or Spoiled()
+    spoiled = spoiled or ConnectionFaults()
     rng = np.random.default_rng(spoiled.seed)
     lost = rng.random(len(time_s)) < spoiled.loss
     since = time_s % (spoiled.every_s + spoiled.gap_s)

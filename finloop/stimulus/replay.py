@@ -121,14 +121,14 @@ def _make_frame(number: int, shown: float, digest: int, fish: dict[int, Any]) ->
     return Frame(number, shown, digest, made)
 
 
-class Planned(NamedTuple):
+class ReplanResult(NamedTuple):
     """The result of planning a session again: how many ticks were planned, and how many differ."""
 
     ticks: int
     different: int
 
 
-def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> Planned:
+def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> ReplanResult:
     """Plan a session again from its logged inputs; return how many ticks differ from the log's.
 
     scene: of the same film and parameters; plan: the protocol in the session's header.
@@ -136,7 +136,7 @@ def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> Planned:
     again = _Again(scene, plan)
     for row in record.rows("trial", "tick", "input"):
         again.take(row)
-    return Planned(again.ticks, again.different)
+    return ReplanResult(again.ticks, again.different)
 
 
 class _Again:

@@ -66,7 +66,7 @@ class DisplayKeyPress(Message):
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-class Calibrated(Message):
+class CalibrationMessage(Message):
     """A page's message with the display's new calibration, to be stored."""
 
     do: Literal["display"]
@@ -81,7 +81,9 @@ class Hidden(Message):
 
 
 _SAID: TypeAdapter[Any] = TypeAdapter(
-    Annotated[Ready | Ping | DisplayKeyPress | Calibrated | Hidden, Field(discriminator="do")]
+    Annotated[
+        Ready | Ping | DisplayKeyPress | CalibrationMessage | Hidden, Field(discriminator="do")
+    ]
 )
 
 
@@ -152,7 +154,7 @@ class DisplayHub:
                 screen.send(message("pong", sent=wish.sent, now=self.session_time()))
             case DisplayKeyPress():
                 self.key(wish.key)
-            case Calibrated():
+            case CalibrationMessage():
                 self.store_calibration(wish.display)
             case Hidden():
                 self.set_hidden(wish.on)

@@ -203,7 +203,7 @@ class Replay(DisplayHub):
             yield frame
 
 
-def again_and_again(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
+def repeat_messages(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
     """Yield a track's messages (arrival in s, JSON text) for ever, a second between rounds."""
     begin = 0.0
     while messages:
@@ -213,7 +213,7 @@ def again_and_again(messages: list[tuple[float, str]]) -> Iterator[tuple[float, 
         begin += messages[-1][0] + 1.0
 
 
-class Dry:
+class DryClock:
     """The clock of a dry run: a wait ends at once, and the time is the one waited for.
 
     messages: of trackers, each with its session time (s); hear: takes text and sender of each, at

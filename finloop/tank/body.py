@@ -56,7 +56,7 @@ class Loft:
 def loft(points: int) -> Loft:
     """Return the surface grid for backbones of `points` points, equally spaced, head first."""
     half = np.radians(_HALF_DEG)
-    return hang(_rings(), np.concatenate([half[::-1], -half[1:]]), points)
+    return make_loft(_rings(), np.concatenate([half[::-1], -half[1:]]), points)
 
 
 def _rings() -> Floats:
@@ -64,7 +64,7 @@ def _rings() -> Floats:
     return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
 
 
-def hang(ring: Floats, angle: Floats, points: int) -> Loft:
+def make_loft(ring: Floats, angle: Floats, points: int) -> Loft:
     """Return a surface grid with these rings and angles for backbones of `points` points.
 
     ring (r,): place along the body, 0 head … 1 tail; angle (a,): rad, 0 = back, left > 0.
@@ -103,7 +103,9 @@ def surface(
     grid = loft(p)
     high, fin = _heights(grid, float(typical.max()), length_px)
     points = np.empty((count, RINGS, AROUND, 3))
-    points[..., :2] = plan(grid, backbone, limit_half_width(half_width, backbone, typical))
+    points[..., :2] = top_view_points(
+        grid, backbone, limit_half_width(half_width, backbone, typical)
+    )
     points[..., 2] = high * np.cos(grid.angle) + fin
     return points, normals(points)
 
@@ -117,7 +119,7 @@ def limit_half_width(half_width: Floats, backbone: Floats, typical: Floats) -> F
     return np.clip(half_width, (1 - _NEAR) * goal, (1 + _NEAR) * goal)
 
 
-def plan(grid: Loft, backbone: Floats, width: Floats) -> Floats:
+def top_view_points(grid: Loft, backbone: Floats, width: Floats) -> Floats:
     """Return the points of a loft on n backbones as seen from above, (n, *grid.s.shape, 2) px.
 
     backbone, width: (n, p, 2) and half widths (n, p), px.

@@ -107,13 +107,13 @@ def tank_glb(
     inside = [*_still(glb, room, background), *shadows, *fish]
     root = glb.add("nodes", {
         "name": "tank", "children": inside, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
-        "scale": [1 / room.length] * 3, "translation": upright(-room.middle / room.length),
+        "scale": [1 / room.length] * 3, "translation": gltf_place(-room.middle / room.length),
     })  # fmt: skip
     glb.show([root])
     return glb.encode()
 
 
-def upright(place: Floats) -> list[float]:
+def gltf_place(place: Floats) -> list[float]:
     """Return a place (3,) of the tank in glTF's axes: x right, y up, z towards the viewer."""
     return [float(place[0]), float(place[2]), float(-place[1])]
 

@@ -29,7 +29,9 @@ _SHADE = 0.55  # how much a shadow takes away
 _CELL_PX = 10  # of the pattern of light
 
 
-def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, Floats, Floats]:
+def wave_heights_and_slopes(
+    x: Floats, y: Floats, depth: float, time_s: float
+) -> tuple[Floats, Floats, Floats]:
     """Return the water's height (px, 0 at rest) and its slopes along x and y, shaped as `x`.
 
     x, y: px; depth: of the water, px; time_s: s.
@@ -83,9 +85,11 @@ class Floor:
     def _caustics(self, time_s: float) -> NDArray[np.uint8]:
         """Return the light on the floor: bright lines where two families of waves have crests."""
         x, y, deep = self._x, self._y, self._room.depth
-        _, bend_x, bend_y = slopes(x, y, deep, 0.7 * time_s)
+        _, bend_x, bend_y = wave_heights_and_slopes(x, y, deep, 0.7 * time_s)
         reach = 2.2 * deep
-        _, a, b = slopes(x + reach * bend_x, y + reach * bend_y, 1.35 * deep, 0.9 * time_s + 7)
+        _, a, b = wave_heights_and_slopes(
+            x + reach * bend_x, y + reach * bend_y, 1.35 * deep, 0.9 * time_s + 7
+        )
         line = 1 - np.minimum(np.abs(a + 0.6 * b) / (1.6 * _STEEP), 1)
         light = (1 - 0.3 * _GATHERS + _GATHERS * line**3) / _BRIGHTEST
         return np.rint(np.clip(255 * light, 0, 255)).astype(np.uint8)
@@ -111,7 +115,7 @@ class Floor:
         light[there] = np.rint(light[there] * (1 - _SHADE / 255 * inside)).astype(np.uint8)
 
 
-class Surface:
+class WaterSurface:
     """The water's surface as a grid (m, n) over the tank; `cells` along its longer side."""
 
     def __init__(self, room: Room, cells: int = 44) -> None:
@@ -129,7 +133,7 @@ class Surface:
 
         camera (3,): its place, px; parallel: whether the view is parallel, from above.
         """
-        high, along_x, along_y = slopes(self.x, self.y, self._room.depth, time_s)
+        high, along_x, along_y = wave_heights_and_slopes(self.x, self.y, self._room.depth, time_s)
         points = np.stack([self.x, self.y, self._room.depth + high], -1)
         normal = np.stack([-along_x, -along_y, np.ones_like(high)], -1)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)

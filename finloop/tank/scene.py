@@ -19,7 +19,7 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from finloop.tank.body import AROUND as AROUND_BODY
 from finloop.tank.body import RINGS, texture_places, triangles
 from finloop.tank.camera import VIEW_DEG, Room, Views
-from finloop.tank.light import SUN, WATER, Floor, Surface
+from finloop.tank.light import SUN, WATER, Floor, WaterSurface
 from finloop.tank.skin import AROUND, LENGTHWISE
 
 Floats = NDArray[np.floating]
@@ -50,7 +50,7 @@ class TankScene:
         self._window.SetMultiSamples(1)
         self._plotter.renderer.SetUseOIT(False)  # layers are drawn in order: no need to sort
         self._plotter.camera.view_angle = VIEW_DEG
-        self._floor, self._water = Floor(background, room), Surface(room)
+        self._floor, self._water = Floor(background, room), WaterSurface(room)
         self._add_light()
         self._add_sky()
         self._floor_picture = self._add_floor()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
-from finloop.tank.body import hang, limit_half_width, plan
+from finloop.tank.body import limit_half_width, make_loft, top_view_points
 from finloop.tank.swim import FilmBodies
 
 Picture = NDArray[np.uint8]
@@ -44,7 +44,7 @@ class Skins:
         self._film, self._typical, self._centres, self._cutout = film, typical, centres_px, cutout
         around = np.pi * (1 - 2 * (np.arange(AROUND) + 0.5) / AROUND)
         along = (np.arange(LENGTHWISE) + 0.5) / LENGTHWISE
-        self._how = hang(along, around, film.backbone.shape[1])
+        self._how = make_loft(along, around, film.backbone.shape[1])
         below = np.clip((-np.cos(around) + 0.1) / 0.9, 0, 1)
         self._pale = (_PALE_SHARE * below * below * (3 - 2 * below)).astype(np.float32)[:, None]
         self._eyes = _eyes(along, around)
@@ -53,7 +53,7 @@ class Skins:
     def _skin(self, row: int) -> NDArray[np.float32]:
         cutout, line = self._cutout(row), self._film.backbone[row : row + 1]
         width = limit_half_width(self._film.half_width[row : row + 1], line, self._typical)
-        place = plan(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
+        place = top_view_points(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
         origin = np.array([cutout.x0_px, cutout.y0_px])
         places = (place * (1, -1) + (self._centres[row] - origin)).astype(np.float32)
         pixels = cv2.remap(

@@ -184,7 +184,7 @@ def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 
-def heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
+def swimming_heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
     """Return how high above the floor a fish swims, px; invented, as the film does not show it.
 
     It changes slowly. time_s (ticks,): s; depth: of the water, px; fish: its number; each is

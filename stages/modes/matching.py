@@ -57,11 +57,11 @@ def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowi
     world, every = plans.world, list[PathFollowing]()
     if not any(plans.paths):
         return every
-    most = path_measures.limits(world.film, world)
+    most = path_measures.swimming_limits(world.film, world)
     for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
         if path is not None:
             table = path_measures.path_table("matching", swim, path, world.duration, world)
-            left = path_measures.where_left(table, path, world, most)
+            left = path_measures.find_departures(table, path, world, most)
             numbers = path_measures.path_metrics(table, left, path, world)
             every.append(PathFollowing(table.assign(fish=fish), left.assign(fish=fish), numbers))
     return every

@@ -8,9 +8,9 @@ import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, grey
-from finloop.clip.light import gain, in_light
+from finloop.clip.light import gain, undo_gain
 from finloop.io.picture import load_picture, save_picture
-from finloop.io.several import folders
+from finloop.io.several import film_folders
 from finloop.io.table import load_table
 from finloop.io.video import CLIP_NAME, FACTS_NAME, load_facts, read_spread
 from finloop.plots.clip import film_check
@@ -21,7 +21,7 @@ CLIP = Path("data/clip")
 
 def main() -> None:
     """Draw reports/clip/check.png, with the pictures of several films one below another."""
-    pictures = [film(name, CLIP / home) for name, home in folders(CLIP)]
+    pictures = [film(name, CLIP / home) for name, home in film_folders(CLIP)]
     save_picture(Path("reports/clip/check.png"), one_below_another(pictures))
 
 
@@ -36,7 +36,7 @@ def film(name: str, clip: Path) -> Picture:
     (plain,) = read_spread(clip / CLIP_NAME, middle)
     tank = grey(load_picture(clip / TANK_NAME))
     table = load_table(clip / CHECK_NAME, CHECK)
-    even = in_light(plain, gain(plain, tank))
+    even = undo_gain(plain, gain(plain, tank))
     return film_check(frame, np.abs(even.astype(np.float32) - tank), table, facts.frame_rate_hz,
                       f"{name} a frame of the film".strip())  # fmt: skip
 

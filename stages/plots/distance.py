@@ -4,7 +4,7 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.distance.map import about_mean, alike, full, kinds
+from finloop.distance.map import about_mean, comparable_pairs, frame_kinds, full_distance_map
 from finloop.distance.settings import DistanceSettings
 from finloop.io.picture import save_figure
 from finloop.plots.distance import figure9, picture_rows
@@ -18,10 +18,14 @@ def main() -> None:
     with Project() as project:
         facts, features = project.map_facts, project.features
         rows = picture_rows(features, p.picture_frames)
-        distance = full(about_mean(project.film_reel.frames(rows, facts.size, facts.pose)))
+        distance = full_distance_map(
+            about_mean(project.film_reel.frames(rows, facts.size, facts.pose))
+        )
     features = features.iloc[rows]
-    compared = alike(
-        kinds(features, facts.pose), features["motion_area_rel"].to_numpy(), p.motion_area_threshold
+    compared = comparable_pairs(
+        frame_kinds(features, facts.pose),
+        features["motion_area_rel"].to_numpy(),
+        p.motion_area_threshold,
     )
     figure = figure9(distance, compared, features["track_id"].to_numpy(), facts.step_median)
     save_figure(Path("reports/distance/fig9.png"), figure)

@@ -16,7 +16,7 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record
-from finloop.io.several import folders
+from finloop.io.several import film_folders
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
@@ -62,7 +62,9 @@ class ExtractedFilm(NamedTuple):
 def main() -> None:
     """Draw detections.png and fig3_4.png in reports/extract/."""
     settings: ExtractSettings = load("extract")
-    films = [load_film(name, home) for name, home in folders(CLIP) if (EXTRACT / home).is_dir()]
+    films = [
+        load_film(name, home) for name, home in film_folders(CLIP) if (EXTRACT / home).is_dir()
+    ]
     count = max(1, FRAMES // len(films))
     pictures = [draw_detections(film, settings, count) for film in films]
     save_picture(REPORT / "detections.png", one_below_another(pictures))

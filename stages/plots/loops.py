@@ -61,7 +61,7 @@ def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure
     yield "fig11", draw.table_picture(position_table(ends, features), ends, features)
     gap = least_frames(delta_of(features), p)
     best, worst = (
-        list(draw.examples(some.iloc[draw.apart(some, gap, BEST)], reel, facts))
+        list(draw.examples(some.iloc[draw.separate_loops(some, gap, BEST)], reel, facts))
         for some in (loops, loops[::-1])
     )
     yield "best_and_worst", draw.best_and_worst(best, worst)

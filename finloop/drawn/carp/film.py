@@ -16,7 +16,7 @@ from finloop.drawn.carp.draw import OVERSAMPLE, CarpPicture, blur_drawing, draw
 from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
 from finloop.drawn.carp.motion import CarpMotion, is_crowded, room_of, simulate
 from finloop.drawn.carp.settings import CarpFilm
-from finloop.drawn.carp.skin import FishColours, Image, floor, look
+from finloop.drawn.carp.skin import FishColours, Image, floor, paint_fish
 
 Row = dict[str, Any]
 
@@ -26,7 +26,7 @@ _GREY = np.array([0.299, 0.587, 0.114], np.float32)  # BT.601
 NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offsets
 
 
-def fits(params: CarpFilm) -> bool:
+def is_tank_large_enough(params: CarpFilm) -> bool:
     """Return whether the tank is large enough for the fish to swim freely."""
     room = room_of(params.width_px, params.height_px, params.body_length_px)
     return not is_crowded(params.fish, room)
@@ -59,7 +59,7 @@ def midline_px(params: CarpFilm, poses: CarpMotion, frame: int, fish: int) -> Fl
     )  # fmt: skip
 
 
-def looks(params: CarpFilm) -> tuple[FishColours, ...]:
+def fish_colours(params: CarpFilm) -> tuple[FishColours, ...]:
     """Return the colours of every fish, with skin pictures at the resolution of the drawing."""
     columns = max(160, round(params.body_length_px * OVERSAMPLE * 1.5))
     return _looks(params.seed, params.fish, columns)
@@ -69,7 +69,7 @@ def looks(params: CarpFilm) -> tuple[FishColours, ...]:
 def _looks(seed: int, fish: int, columns: int) -> tuple[FishColours, ...]:
     *_, skins, _, lamp = _streams(seed)
     first = int(lamp.integers(4))
-    return tuple(look(rng, columns, first + i) for i, rng in enumerate(skins.spawn(fish)))
+    return tuple(paint_fish(rng, columns, first + i) for i, rng in enumerate(skins.spawn(fish)))
 
 
 def light(params: CarpFilm) -> Floats:
@@ -161,7 +161,7 @@ def film(params: CarpFilm, poses: CarpMotion | None = None) -> Iterator[tuple[Pi
     rows : one dictionary per fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
     """
     poses = motion(params) if poses is None else poses
-    skins, lamp = looks(params), light(params)
+    skins, lamp = fish_colours(params), light(params)
     noise_rng = _streams(params.seed)[3]
     empty = empty_tank(params)
     vignette = cv2.blur(empty.mean(axis=2), (61, 61))

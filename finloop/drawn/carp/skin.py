@@ -115,7 +115,7 @@ class _Grid(NamedTuple):
     r: Image
 
 
-def look(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
+def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
     """Paint one fish; return the pictures of its skin and fin.
 
     columns: width of the skin picture, px; coat: number of its colours.

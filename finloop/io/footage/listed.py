@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from finloop.base.errors import FinloopError
-from finloop.io.footage.pictures import SUFFIXES, natural
+from finloop.io.footage.pictures import SUFFIXES, natural_sort_key
 from finloop.io.footage.source import WANTED
 
 FILMS = {
@@ -36,7 +36,7 @@ def list_films(path: str) -> list[Path]:
             wanted=WANTED,
             do="correct the pattern, or make it absolute: /some/where/*.mp4",
         )
-    return sorted(films, key=natural)
+    return sorted(films, key=natural_sort_key)
 
 
 def _in_folder(folder: Path) -> list[Path]:
@@ -46,14 +46,14 @@ def _in_folder(folder: Path) -> list[Path]:
     if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
         return []
     films += [path for path in inside if path.is_dir() and _holds_pictures(path)]
-    return sorted(films, key=natural)
+    return sorted(films, key=natural_sort_key)
 
 
 def _holds_pictures(folder: Path) -> bool:
     return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
 
 
-def names(paths: Iterable[Path]) -> list[str]:
+def film_names(paths: Iterable[Path]) -> list[str]:
     """Return a short, unique name for each film: its file's name, numbered where that is taken.
 
     Names have only letters, digits, `_` and `-`, so they can be folders and parts of metric names.

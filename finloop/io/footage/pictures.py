@@ -129,10 +129,10 @@ def _list_pictures(folder: Path) -> list[Path]:
             wanted="the frames of one film and no other picture",
             do="move the others away (a mask, a background, a preview)",
         )
-    return sorted(files, key=natural)
+    return sorted(files, key=natural_sort_key)
 
 
-def natural(path: Path) -> list[tuple[int, str]]:
+def natural_sort_key(path: Path) -> list[tuple[int, str]]:
     """Return a sort key for a path's name in which frame2 comes before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts] + [

@@ -8,7 +8,7 @@ import numpy as np
 
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, Software, poses_of
-from finloop.io.poses.extra import extra, not_installed, unreadable
+from finloop.io.poses.extra import import_extra, not_installed, unreadable
 
 
 def read(path: Path, software: Software, rate_hz: float) -> Poses:
@@ -42,9 +42,9 @@ def read(path: Path, software: Software, rate_hz: float) -> Poses:
 
 def _dataset(path: Path, software: Software) -> Any:
     """Load an xarray dataset of movement: position (time, space, keypoints, individuals)."""
-    xarray = extra("xarray", path)
-    load = extra("movement.io", path).load_dataset
-    extra("loguru", path).logger.disable("movement")
+    xarray = import_extra("xarray", path)
+    load = import_extra("movement.io", path).load_dataset
+    import_extra("loguru", path).logger.disable("movement")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

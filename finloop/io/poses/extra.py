@@ -6,7 +6,7 @@ from types import ModuleType
 from finloop.base.errors import FinloopError
 
 
-def extra(module: str, path: object) -> ModuleType:
+def import_extra(module: str, path: object) -> ModuleType:
     """Import a module of the optional packages (extra `tracks`) and return it.
 
     path: the file to be read or written, for the message. FinloopError if it is not installed.

@@ -14,7 +14,7 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, poses_of
-from finloop.io.poses.extra import extra, unreadable
+from finloop.io.poses.extra import import_extra, unreadable
 
 SOFTWARE, CENTRE = "idtracker.ai", "centre"
 # In the order that the program itself prefers: corrected by hand, then with gaps closed.
@@ -118,7 +118,7 @@ def _record(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
 
 
 def _hdf5(path: Path) -> tuple[Any, dict[str, Any]]:
-    with extra("h5py", path).File(path) as file:
+    with import_extra("h5py", path).File(path) as file:
         return file["trajectories"][()], dict(file.attrs)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.base.poses import BLOCK, Poses, blocks
+from finloop.base.poses import BLOCK, Poses, iterate_blocks
 from finloop.io.atomic import whole_file
-from finloop.io.poses.extra import extra
+from finloop.io.poses.extra import import_extra
 
 SOFTWARE = "finloop"
 
@@ -21,7 +21,7 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | Non
     If `mm_per_px` is known, the variable `position_mm` has the places in mm. FinloopError if the
     extra `tracks` is not installed.
     """
-    h5netcdf, words = extra("h5netcdf", path), extra("h5py", path).string_dtype()
+    h5netcdf, words = import_extra("h5netcdf", path), import_extra("h5py", path).string_dtype()
     sizes = {
         "time": poses.frames, "space": 2,
         "keypoints": len(poses.keypoints), "individuals": len(poses.individuals),
@@ -51,7 +51,7 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | Non
             chunks=(chunk[0], *chunk[2:]),
             **kind,
         )
-        for start, cells in blocks(poses):
+        for start, cells in iterate_blocks(poses):
             here = slice(start, start + len(cells))
             position[here] = places = cells[..., :2].transpose(0, 3, 2, 1)
             if mm_per_px is not None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.base.poses import Poses, blocks
-from finloop.io.poses.extra import extra
+from finloop.base.poses import Poses, iterate_blocks
+from finloop.io.poses.extra import import_extra
 from finloop.io.poses.netcdf import SOFTWARE
 
 _UNKNOWN = datetime(1970, 1, 1, tzinfo=UTC)
@@ -27,9 +27,15 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
     Characters that a file's name cannot hold become _. FinloopError if the extra `tracks` is not
     installed.
     """
-    load, save = extra("movement.io.load_poses", folder), extra("movement.io.save_poses", folder)
-    config, pynwb = extra("movement.io.nwb", folder).NWBFileSaveConfig, extra("pynwb", folder)
-    extra("loguru", folder).logger.disable("movement")
+    load, save = (
+        import_extra("movement.io.load_poses", folder),
+        import_extra("movement.io.save_poses", folder),
+    )
+    config, pynwb = (
+        import_extra("movement.io.nwb", folder).NWBFileSaveConfig,
+        import_extra("pynwb", folder),
+    )
+    import_extra("loguru", folder).logger.disable("movement")
     folder.mkdir(parents=True)
     series = {} if mm_per_px is None else {"unit": "millimeters", "conversion": mm_per_px}
     for number, name in enumerate(poses.individuals):
@@ -38,7 +44,7 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
             poses, individuals=(name,), individual=np.zeros(rows.sum(), np.int64),
             frame=poses.frame[rows], places=poses.places[rows], confidence=poses.confidence[rows],
         )  # fmt: skip
-        cells = np.concatenate([block for _, block in blocks(animal)])
+        cells = np.concatenate([block for _, block in iterate_blocks(animal)])
         about = {"identifier": name, "session_description": _ABOUT, "session_start_time": _UNKNOWN}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

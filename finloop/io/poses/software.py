@@ -6,7 +6,7 @@ from typing import get_args
 
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Software
-from finloop.io.poses.extra import extra, unreadable
+from finloop.io.poses.extra import import_extra, unreadable
 
 _BY_SUFFIX: dict[str, Software] = {
     ".slp": "SLEAP", ".nwb": "NWB", ".nc": "movement", ".npz": "TRex", ".npy": "idtracker.ai",
@@ -72,7 +72,7 @@ def _csv_software(path: Path) -> Software | None:
 
 
 def _hdf5_software(path: Path) -> Software | None:
-    h5py = extra("h5py", path)
+    h5py = import_extra("h5py", path)
     try:
         with h5py.File(path) as file:
             keys = set(file)
