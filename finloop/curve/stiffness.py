@@ -93,9 +93,10 @@ def _transfer(alpha: Floats, size: int) -> Floats:
 def smoothness(alpha: Floats) -> float:
     """Return how smooth the scaling function φ is: the supremum, at most 2, of s with φ in H^s.
 
-    alpha: `Connection.autocorrelation`. The method is Villemoes's (1992): if φ reproduces lines, T
-    keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. The result is
-    0.5 if φ does not reproduce lines: φ then has a jump or worse.
+    alpha: `Connection.autocorrelation`. The method is Villemoes's (1992): if the
+    shifts of φ sum to every line, the transfer operator of `alpha` (`_transfer`) keeps the moments
+    0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. If they do not, φ has a jump or
+    worse, and the result is 0.5.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size

@@ -11,7 +11,7 @@ from finloop.base.settings import check_values, variants
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
-    """Read params.yaml as parameters by stage word; FinloopError if it cannot be read."""
+    """Return params.yaml as {stage: its parameters}; FinloopError if it cannot be read."""
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -65,7 +65,7 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
 
     clip: the folder that holds films/<name>/. parts: all films. The common rate is the lowest, so
     no frame is shown twice; a faster film is thinned. The count of frames continues from film to
-    film. FinloopError if no film could be read.
+    film. arena.png is that of the first film. FinloopError if no film could be read.
     """
     facts = {
         part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)

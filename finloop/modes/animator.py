@@ -116,7 +116,11 @@ class PaperAnimator:
         return other.plan(goals)[1]
 
     def goals(self) -> list[Goal]:
-        """Return the parameters' goals, px; FinloopError if the fish cannot reach one."""
+        """Return the parameters' goals, px.
+
+        Those in shares of the tank are moved to where the fish can reach them; FinloopError if one
+        in px is out of reach.
+        """
         world = self.player.world
         touch_px = world.touch_px + world.head_px
         placed = place_goals(self.p.goals, self.p.goal_unit, world.tank, touch_px)

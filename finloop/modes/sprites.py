@@ -27,10 +27,10 @@ class TurnFrames:
     hold_deg: float
 
     def place_after_peak(self, depth: int) -> int:
-        """Return the first place after the peak whose bend is at most that at `depth`.
+        """Return the first place after the peak that bends no more than the place `depth`.
 
-        depth: a place up to the peak. The turn goes on there after its deepest bend; the last place
-        if all bend more.
+        depth: a place up to the peak, the deepest that is shown. A turn that bends only so far
+        skips from it to there; the last place if all bend more.
         """
         shallow = np.flatnonzero(self.area <= self.area[depth])
         after = shallow[shallow > self.peak]

@@ -146,8 +146,8 @@ class Tempo(NamedTuple):
     def rest_price(self, lag: float, share: float) -> float:
         """Return what a tick on the spot costs, in ticks, at a lag; < 0 for a fish that is ahead.
 
-        lag: ticks; share: the cost at the usual lag, ticks. Beyond 3 usual lags the cost does not
-        grow.
+        lag: ticks, + where the fish is late; share: the cost at the usual lag, ticks. The cost is
+        proportional to the lag, and constant beyond 3 usual lags to either side.
         """
         return share * min(max(lag / self.usual, -_MOST), _MOST)
 

@@ -47,7 +47,7 @@ class Room(NamedTuple):
 
     @property
     def middle(self) -> Floats:
-        """Return the middle of the water, (3,) px."""
+        """Return the middle of the water, (3,) px: x right, y up (below 0), z above the floor."""
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
