@@ -49,6 +49,7 @@ class GalleryOpener:
     project: Project
 
     def __call__(self) -> AbstractContextManager[Gallery]:
+        """Return the gallery of the film's pictures; the project closes it."""
         return nullcontext(self.project.whole_gallery)
 
 

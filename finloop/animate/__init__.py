@@ -1,0 +1,1 @@
+"""What all playing modes share: tank, motion of the film, fish, routes, measures."""

@@ -152,7 +152,7 @@ def settings_file(word: str) -> str:
 
 
 def _declaration(word: str) -> ModuleType:
-    """The module finloop.<word>.settings, without its package, which brings torch and the like."""
+    """Load the declarations of a group without their package, which brings torch and the like."""
     path = settings_file(word)
     name = "finloop." + path.removesuffix(".py").replace("/", ".")
     if name not in sys.modules:
@@ -198,7 +198,7 @@ def check_values(
 
 @cache
 def _adapter(option: type) -> TypeAdapter[Any]:
-    """What checks the values of a dataclass, strictly."""
+    """Return the strict check of a dataclass's values."""
     strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     return TypeAdapter(checked(option, frozen=True, config=strict))
 

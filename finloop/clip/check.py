@@ -70,7 +70,8 @@ class Quality:
 class GreyReader(Protocol):
     """Streams the frames start … stop − 1 of a clip, grey."""
 
-    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]: ...
+    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]:
+        """Yield these frames, (h, w) uint8."""
 
 
 class Clip(NamedTuple):

@@ -42,7 +42,7 @@ def gain(frame: Picture, tank: Picture) -> Floats:
 
 
 def _grid(picture: Picture) -> Floats:
-    """Some pixels (n, channels)."""
+    """Return some pixels (n, channels), evenly spread."""
     step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
     few = picture[::step, ::step].astype(np.float64)
     return few.reshape(few.shape[0] * few.shape[1], -1)

@@ -105,7 +105,7 @@ class File:
         ]  # fmt: skip
 
     def _with(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
-        """These parameters with some values of one film, or what is wrong with those."""
+        """Return these parameters with the values of one film, or what is wrong with those."""
         if not isinstance(values.get("path"), str):
             return None, [f"a film of the list needs a path, got {values!r}"]
         return check_values("clip", {"file": File}, {**vars(self), **values})

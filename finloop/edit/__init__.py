@@ -1,0 +1,1 @@
+"""The edit list: what is drawn at every tick, where, and why; joins between pictures."""

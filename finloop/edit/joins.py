@@ -43,17 +43,28 @@ class JoinTimes(Protocol):
     """
 
     @property
-    def join_time_deltas(self) -> Literal["auto"] | float: ...
+    def join_time_deltas(self) -> Literal["auto"] | float:
+        """Return the time of a join, Δ, or "auto"."""
+
     @property
-    def join_frames(self) -> int: ...
+    def join_frames(self) -> int:
+        """Return the fewest ticks of a join whose time is "auto"."""
+
     @property
-    def join_least(self) -> float: ...
+    def join_least(self) -> float:
+        """Return the shortest such time, Δ."""
+
     @property
-    def join_most(self) -> float: ...
+    def join_most(self) -> float:
+        """Return the longest such time, Δ."""
+
     @property
-    def rest(self) -> float: ...
+    def rest(self) -> float:
+        """Return the share of the movement below which the film rests."""
+
     @property
-    def cross_fade_deltas(self) -> float: ...
+    def cross_fade_deltas(self) -> float:
+        """Return the time of a cross-fade, Δ."""
 
 
 @dataclass(frozen=True)

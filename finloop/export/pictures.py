@@ -161,7 +161,7 @@ def add_film_source(
 
 
 def flatten_poses(listed: pd.DataFrame) -> pd.DataFrame:
-    """Return an edit list (READABLE) without lists, for CSV: `pose` becomes pose_1, pose_2 …
+    """Return an edit list (READABLE) without lists, for CSV: `pose` becomes pose_1, pose_2, ….
 
     A row without a pose has empty cells there. Where no scale is known, columns in mm are left out.
     """

@@ -128,7 +128,8 @@ class Detector:
 class Reader(Protocol):
     """Streams the frames start … stop − 1 of a clip, in any thread; a cluster pickles it."""
 
-    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]: ...
+    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]:
+        """Yield these frames, (h, w) or (h, w, 3) uint8."""
 
 
 class Keeper(Protocol):

@@ -1,0 +1,1 @@
+"""What is measured of each fish in each frame (fish paper §2.2-2.3)."""

@@ -1,0 +1,1 @@
+"""Gateways between sprites and film (fish paper §4.2-4.3)."""

@@ -1,0 +1,1 @@
+"""The live tank: fish that are sent by hand, its server and its page."""

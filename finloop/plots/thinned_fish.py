@@ -80,7 +80,7 @@ def _count_beyond(path: Ints, other: Ints) -> int:
 
 
 def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
-    """Number the pixels of a skeleton (h, w) from `start`, as in Fig. 4 of the fish paper.
+    """Return the number of each pixel of a skeleton (h, w) from `start`, as in fish paper Fig. 4.
 
     Returns (h, w). start: x, y, which has 0. Each pixel has one more than its lowest neighbour, so
     at a joint all branches continue with the same number. −1: not connected, or no skeleton.

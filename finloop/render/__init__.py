@@ -1,0 +1,1 @@
+"""Edit lists drawn as films and pictures."""

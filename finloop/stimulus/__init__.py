@@ -1,0 +1,1 @@
+"""Film fish as a stimulus for animals: protocols, sessions, displays, logs."""
