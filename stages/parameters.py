@@ -13,7 +13,7 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.base.parameter_help import ParameterHelp, every_parameter, parameter_help
-from finloop.base.settings import GROUPS
+from finloop.base.settings import GROUPS, variants
 from finloop.io.atomic import whole_file
 
 PAGE = Path("docs/parameters.md")
@@ -34,8 +34,10 @@ def terminal_table(word: str, width: int) -> str:
         raise FinloopError(
             f"no group of parameters {word}", f"one of {', '.join(GROUPS)}", "take one of these"
         )
-    entries, lines = list(parameter_help(word)), []
-    for entry in entries:
+    lines, several = list[str](), len(variants(word)) > 1
+    for entry in parameter_help(word):
+        if several and entry.group not in lines:
+            lines.append(entry.group)
         lines.append(f"{word}.{entry.name}={_value(entry)}  [{entry.brackets}]")
         lines += textwrap.wrap(
             entry.meaning, width, initial_indent="    ", subsequent_indent="    "
@@ -48,11 +50,11 @@ def _value(entry: ParameterHelp) -> str:
 
 
 def page(entries: Iterable[ParameterHelp]) -> str:
-    """Return the page of all parameters as Markdown, one table per group."""
+    """Return the page of all parameters as Markdown, a table for each group and variant."""
     parts = [_HEAD]
-    for word, group in groupby(entries, lambda entry: entry.word):
+    for name, group in groupby(entries, lambda entry: entry.group):
         parts += [
-            f"\n## {word}\n\n| parameter | value | unit | range | meaning |\n",
+            f"\n## {name}\n\n| parameter | value | unit | range | meaning |\n",
             "|---|---|---|---|---|\n",
         ]
         for entry in group:

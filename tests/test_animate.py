@@ -332,18 +332,18 @@ def test_a_flick_within_straight_swimming_is_not_learnt_as_drift():
 def test_turns_have_the_angle_that_was_swum():
     table = lessons()
     angles = learnt(table).turns.angle_deg
-    swum = []
+    animation = []
     for _, one in table.groupby("track_id"):
         kind = one["swimming_type"].to_numpy()
         heading = np.unwrap(one["heading_deg"], period=360)
         edges = np.flatnonzero(np.diff(kind)) + 1
-        swum += [
+        animation += [
             abs(heading[b] - heading[a - 1]) for a, b in pairwise([*edges, len(kind) - 1])
             if kind[a] != 0
         ]  # fmt: skip
-    assert np.sort(angles) == pytest.approx(np.sort(swum)[-len(angles) :], abs=1e-6) or set(
+    assert np.sort(angles) == pytest.approx(np.sort(animation)[-len(angles) :], abs=1e-6) or set(
         np.round(angles, 6)
-    ) <= set(np.round(swum, 6))
+    ) <= set(np.round(animation, 6))
     assert len(angles) >= 28
 
 

@@ -19,6 +19,7 @@ from toy_film import (
     edit_of,
     film_of,
     film_with_dead_ends,
+    film_world_of,
     loops,
     matching_of,
     open_tank,
@@ -28,7 +29,6 @@ from toy_film import (
     rich_film,
     rich_table,
     table_of,
-    waters_of,
 )
 
 from finloop.animate import measures
@@ -51,7 +51,7 @@ from finloop.plan.plan import CandidateVerdicts, option_table
 
 def film_player(film_=None, room_=None, **changes):
     """A player of mode `matching` that shows the film alone."""
-    return matching_of(waters_of(film_, room_, **changes))
+    return matching_of(film_world_of(film_, room_, **changes))
 
 
 def flat(found):
@@ -223,8 +223,8 @@ def test_in_the_pose_of_the_film_nothing_is_turned():
 
 
 def test_an_animation_lasts_as_many_seconds_as_are_asked_for_and_decisions_so_many_delta():
-    waters = waters_of(seconds=7.0)
-    assert (waters.duration, waters.ticks(7.0)) == (7 * RATE, 7 * DELTA)
+    own_world = film_world_of(seconds=7.0)
+    assert (own_world.duration, own_world.ticks(7.0)) == (7 * RATE, 7 * DELTA)
 
 
 def with_dead_ends():

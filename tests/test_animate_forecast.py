@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy
-from toy_film import LENGTH, matching_of, waters_of
+from toy_film import LENGTH, film_world_of, matching_of
 from toy_swim import HOW, MIRROR, RATE, plain, random_swimmer, unseen
 
 from finloop.animate.paths import lay_path
@@ -37,7 +37,7 @@ def sample():
     return build_sampler(film, model, similar_rows(film, plain(film), unseen, HOW), HOW)
 
 
-def waters(mirrored=True, barred=()):
+def own_world(mirrored=True, barred=()):
     """The tank of the made-up film, and the film of the drawn fish, with its mirror image."""
     features, _ = random_swimmer()
     n = len(features)
@@ -55,13 +55,13 @@ def waters(mirrored=True, barred=()):
     rows["has_next"] = True
     rows["has_next"][n - 1 :: n] = False
     rows["has_next"][list(barred)] = False
-    plain = waters_of()
+    plain = film_world_of()
     return replace(plain, film=plain.film._replace(rows=rows, filmed=n))
 
 
 def player(**film):
     """A planner that shows predictions alone."""
-    world, none = waters(**film), Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
+    world, none = own_world(**film), Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
     recurrent = without_dead_ends(sample(), world.film.has_next, REST)
     by_forecast = PredictionSource(world, recurrent, none)
     return replace(matching_of(), world=world, film=None, prediction=by_forecast)
@@ -70,9 +70,9 @@ def player(**film):
 @pytest.mark.parametrize("seed", range(5))
 def test_all_goals_are_reached_within_the_tank(seed):
     fish = player()
-    swum = swim(fish, GOALS, 2500, np.random.default_rng(seed))
-    assert (swum.reached >= 0).all()
-    way = np.concatenate([one.way for one in swum.stretches])
+    animation = swim(fish, GOALS, 2500, np.random.default_rng(seed))
+    assert (animation.reached >= 0).all()
+    way = np.concatenate([one.way for one in animation.stretches])
     legal = fish.world.tank.legal
     assert legal[np.rint(way[:, 1]).astype(int), np.rint(way[:, 0]).astype(int)].all()
 
@@ -131,14 +131,14 @@ def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
 def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_are_none():
     barred = range(1000, 1400)
     fish = player(mirrored=False, barred=barred)
-    swum = swim(fish, GOALS, 2000, np.random.default_rng(0))
-    shown = np.concatenate([one.number for one in swum.stretches])
+    animation = swim(fish, GOALS, 2000, np.random.default_rng(0))
+    shown = np.concatenate([one.number for one in animation.stretches])
     assert shown.max() < 3000
     assert not np.isin(shown, list(barred)[1:]).any()
 
 
 def test_only_rows_that_are_shown_are_similar():
-    one = without_dead_ends(sample(), waters(mirrored=False).film.has_next, REST)
+    one = without_dead_ends(sample(), own_world(mirrored=False).film.has_next, REST)
     assert (one.to < 3000).all()
     assert one.usable[one.to].all()
     assert one.start[-1] == len(one.to)
@@ -147,7 +147,7 @@ def test_only_rows_that_are_shown_are_similar():
 def test_where_the_film_rests_a_fish_moves_as_the_film_does_and_its_mirror_image_too():
     rest = REST.copy()
     rest[500:510] = True
-    more = waters().film.has_next
+    more = own_world().film.has_next
     plain, resting = (without_dead_ends(sample(), more, each) for each in (REST, rest))
     for row in (495, 3495):
         past = start_at_row(plain, row).past + 0.1
@@ -224,7 +224,7 @@ def test_a_fish_from_sprites_or_from_the_film_goes_on():
 
 
 def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted():
-    one, most = player(), waters().brisk.turn_deg
+    one, most = player(), own_world().brisk.turn_deg
     legal = one.world.tank.legal
     y, x = np.argwhere(legal).min(0)
     for seed in range(20):
@@ -246,7 +246,7 @@ def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted(
 
 
 def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
-    p = replace(waters().settings, typical_speed_quantile=0.75)
+    p = replace(own_world().settings, typical_speed_quantile=0.75)
     speed = np.where(np.arange(1000) % 10 == 0, 4.0, 0.0)
     assert brisk_rate(speed, p) == pytest.approx(0.4)
     assert brisk_rate(speed + 1, p) == 1

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from toy_film import HULL, LENGTH, matching_of, open_tank, waters_of
+from toy_film import HULL, LENGTH, film_world_of, matching_of, open_tank
 
 from finloop.animate.arena import inside, tank
 from finloop.animate.company import discs_of
@@ -95,22 +95,22 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     arena = np.zeros((300, 300), bool)
     arena[100:200, 20:160] = True
     arena[138:162, 160:260] = True  # too narrow for the fish to turn in
-    player = matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
-    waters = replace(player.world, discs=player.cast.discs)
-    player, rng = replace(player, world=waters), np.random.default_rng(0)
+    player = matching_of(film_world_of(room_=tank(arena, 0.6 * LENGTH)))
+    own_world = replace(player.world, discs=player.cast.discs)
+    player, rng = replace(player, world=own_world), np.random.default_rng(0)
     keeper = player._fallback
     fish = replace(player.begin(rng).fish, x=232.0, y=150.0, heading=0.0)
-    fish = replace(fish, rot=-float(waters.film.heading[fish.row]))
+    fish = replace(fish, rot=-float(own_world.film.heading[fish.row]))
     ahead = keeper._staying(fish, Target(0, 0, 0, 0))[-1]
     ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
     places = []
     while fish.tick < 500:
         fish = player._fish_after(fish, keeper.keep_clear(fish, ahead, rng))
         places.append((fish.x, fish.y, fish.heading))
-        assert fits(waters.bounds, fish.row, *places[-1])
+        assert fits(own_world.bounds, fish.row, *places[-1])
     steps = -np.diff(np.array(places)[:, 0])
     assert steps.min() >= 0 and steps.max() < LENGTH / 4
-    assert waters.tank.legal[round(fish.y), round(fish.x)]
+    assert own_world.tank.legal[round(fish.y), round(fish.x)]
 
 
 def box(px):

@@ -234,9 +234,9 @@ def test_fish_that_are_points_shoal_as_the_film_does():
     rows, far = FILM.whole_steps(p.rows), {}
     for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
         steps = own_steps(FILM, rows, zones)
-        swum = simulate_points(FILM, steps, zones, p, np.random.default_rng(0))
-        far[name] = wasserstein_distances(FILM.table, swum)["neighbour_distance"]
-        assert swum["wall_distance"].min() > 0
+        animation = simulate_points(FILM, steps, zones, p, np.random.default_rng(0))
+        far[name] = wasserstein_distances(FILM.table, animation)["neighbour_distance"]
+        assert animation["wall_distance"].min() > 0
     assert far["zones"] < 0.5 * far["alone"]
     assert wasserstein_distances(half, other)["neighbour_distance"] < far["alone"]
 

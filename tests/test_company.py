@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from toy_film import HULL, crowd_player, matching_of, narrow_tank, waters_of
+from toy_film import HULL, crowd_player, film_world_of, matching_of, narrow_tank
 
 from finloop.animate.company import (
     ALONE,
@@ -194,8 +194,8 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_tick
 
 
 def test_how_far_a_fish_comes_is_never_less_than_the_film_shows():
-    waters = waters_of()
-    film, far = waters.film, waters.farthest
+    world = film_world_of()
+    film, far = world.film, world.farthest
     for ticks in range(1, len(far)):
         first = np.flatnonzero(film.has_next[:-ticks])[:: max(1, ticks)]
         one_track = np.abs(film.x[first + ticks] - film.x[first]) < 400
@@ -335,7 +335,7 @@ def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
 
 
 def test_more_fish_than_fit():
-    player = matching_of(waters_of(room_=narrow_tank()))
+    player = matching_of(film_world_of(room_=narrow_tank()))
     tank = LiveTank({MODE: player}, MODE, 40, 0)
     assert 1 <= len(tank.fish) < 40
     fish = [one.path_from(tank.tick) for one in tank.fish]

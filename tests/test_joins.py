@@ -9,12 +9,12 @@ from toy_film import (
     DELTA,
     RATE,
     bodies_of,
+    film_world_of,
     gateways,
     hybrid_of,
     matching_of,
     paper_player,
     rich_film,
-    waters_of,
 )
 
 from finloop.animate.settings import AnimateSettings
@@ -178,7 +178,7 @@ def test_what_no_animal_of_the_film_can_do_is_not_drawn():
 def joined_by(mode, kind):
     """A player of a mode whose pictures follow on each other in a way."""
     if mode == "matching":
-        return matching_of(waters_of(join=kind))
+        return matching_of(film_world_of(join=kind))
     return paper_player(hybrid_of() if mode == "hybrid" else getattr(hybrid_of(), mode), kind)
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from toy_film import arc_track, matching_of, table_of, waters_of
+from toy_film import arc_track, film_world_of, matching_of, table_of
 
 from finloop.base.nearest import assign_parts
 from finloop.base.settings import settings
@@ -236,7 +236,7 @@ def both_sides():
         {"row": rows, "to": (rows + 37) % 430, "mirrored": rows % 20 == 0, "seam": 0.5}
     )
     ways = neighbour_jumps(jumps, n)
-    motion = waters_of().motion
+    motion = film_world_of().motion
     return (table, jumps, motion_graph(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n)))
 
 
@@ -260,7 +260,7 @@ def test_without_mirror_images_the_film_is_no_longer():
     ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
     assert len(ways.jump_slot) == len(table)
     made = motion_graph(
-        table, ways, waters_of().motion, BODY, np.zeros(len(table), bool), np.zeros(len(table))
+        table, ways, film_world_of().motion, BODY, np.zeros(len(table), bool), np.zeros(len(table))
     )
     assert made.filmed == len(made.rows)
 
@@ -278,7 +278,7 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
 
 
 def test_who_wanders_takes_the_film_as_it_comes(rng):
-    planner = matching_of(waters_of(choice_noise=5e-6, wander="film"))
+    planner = matching_of(film_world_of(choice_noise=5e-6, wander="film"))
     state = planner.begin(rng)
     stretch, _ = planner.plan(state, None, rng)
     value = stretch.options.value[stretch.options.taken] * planner.world.motion.rate_hz

@@ -21,6 +21,7 @@ from toy_film import (
     edit_of,
     film_of,
     film_with_dead_ends,
+    film_world_of,
     gateways,
     hybrid_of,
     learnt,
@@ -41,7 +42,6 @@ from toy_film import (
     spot,
     sprites,
     table_of,
-    waters_of,
     world_of,
 )
 
@@ -111,7 +111,7 @@ def player_in(mode, pose=BODY, **changes):
     if mode == "network":
         return paper_player(network_of(**changes))
     if mode == "matching":
-        return matching_of(waters_of(film, **changes))
+        return matching_of(film_world_of(film, **changes))
     return paper_player(hybrid_of(film, gates=posed_gateways(pose)))
 
 
@@ -203,7 +203,7 @@ def player_of_a_film_at(rate, mode):
     """A player of a mode, by a film that is said to be of another frame rate."""
     if mode == "matching":
         taught = learnt(lessons(), rate)
-        return matching_of(waters_of(film_of(*rich(), taught=taught), taught=taught))
+        return matching_of(film_world_of(film_of(*rich(), taught=taught), taught=taught))
     taught = replace(lesson(), rate_hz=rate)
     world = world_of(taught=taught)
     network = Network(world, order(rate), phases(rate), Model(), settings("network"))

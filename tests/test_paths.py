@@ -11,10 +11,10 @@ from toy_film import (
     SPEED,
     arc_track,
     film_of,
+    film_world_of,
     loops,
     matching_of,
     open_tank,
-    waters_of,
 )
 
 from finloop.animate.paths import lay_path
@@ -46,8 +46,8 @@ EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX
 
 
 def lay_line(line, **changes):
-    waters = waters_of(**changes)
-    return lay_path(line, waters.tank, waters.motion, None)
+    own_world = film_world_of(**changes)
+    return lay_path(line, own_world.tank, own_world.motion, None)
 
 
 # --- what is read
@@ -121,9 +121,9 @@ def test_shares_and_mm_become_px_and_what_is_outside_is_refused():
     corners = Line("a", np.array([0.25, 0.75]), np.array([0.5, 0.5]), TANK)
     asked = lay_line(corners).asked
     assert asked.x[[0, -1]] == pytest.approx([30 + 0.25 * 739, 30 + 0.75 * 739])
-    waters = waters_of()
+    own_world = film_world_of()
     mm = corners._replace(x=np.array([10.0, 20.0]), y=np.array([10.0, 10.0]), unit=MM)
-    assert lay_path(mm, waters.tank, waters.motion, 0.05).asked.x[-1] == pytest.approx(400)
+    assert lay_path(mm, own_world.tank, own_world.motion, 0.05).asked.x[-1] == pytest.approx(400)
     with pytest.raises(FinloopError, match="scale is not known"):
         lay_line(mm)
     with pytest.raises(FinloopError, match="1 of 2 places are outside the tank"):
@@ -144,9 +144,9 @@ def test_a_million_trembling_places_become_as_many_as_the_path_is_long():
 
 def test_the_centre_is_sent_where_it_may_be_and_the_error_is_of_what_was_asked():
     path = lay_line(Line("a", np.array([40.0, 760.0]), np.array([25.0, 25.0]), PX))
-    waters = waters_of()
+    own_world = film_world_of()
     cells = np.round([path.route.y, path.route.x]).astype(int)
-    assert waters.tank.legal[tuple(cells)].all() and (path.asked.y == 25).all()
+    assert own_world.tank.legal[tuple(cells)].all() and (path.asked.y == 25).all()
 
 
 def test_a_path_that_ends_where_it_began_is_closed_unless_it_has_times():
@@ -238,16 +238,16 @@ def test_a_way_ends_before_it_leaves_the_tank():
 
 def follow_line(line, ticks=700, **changes):
     """What is made of a path: the swim, columns of `PATH_ROWS`, measures."""
-    waters = waters_of(**changes)
-    player, path = matching_of(waters), lay_line(line)
-    swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
-    table = path_table("matching", swum_, path, ticks, waters)
-    left = find_departures(table, path, waters, swimming_limits(waters.film, waters))
-    return swum_, table, left, path_metrics(table, left, path, waters)
+    own_world = film_world_of(**changes)
+    player, path = matching_of(own_world), lay_line(line)
+    recorded = swim(player, [], ticks, np.random.default_rng(0), path.route)
+    table = path_table("matching", recorded, path, ticks, own_world)
+    left = find_departures(table, path, own_world, swimming_limits(own_world.film, own_world))
+    return recorded, table, left, path_metrics(table, left, path, own_world)
 
 
 def test_the_film_is_swum_along_a_path_lap_after_lap():
-    swum_, table, left, numbers = follow_line(EIGHT)
+    recorded, table, left, numbers = follow_line(EIGHT)
     assert numbers["path_across_rms_body_lengths"] < 0.1 and not len(left)
     assert numbers["path_covered_pct"] > 100 and len(table) == 700
     assert 0 < numbers["path_turn_corrected_pct"] < 15
@@ -255,8 +255,8 @@ def test_the_film_is_swum_along_a_path_lap_after_lap():
     cells = np.round([table["y_px"], table["x_px"]]).astype(int)
     assert open_tank().legal[tuple(cells)].all()
     # What is shown is the film, turned as the fish is, and goes on as the film does between jumps.
-    film = waters_of().film
-    for one in swum_.stretches:
+    film = film_world_of().film
+    for one in recorded.stretches:
         turned = one.way[:, 2] - film.heading[one.number] - one.rot
         assert np.cos(np.radians(turned)) == pytest.approx(1)
         assert (np.diff(one.number) == 1).all()
@@ -264,9 +264,9 @@ def test_the_film_is_swum_along_a_path_lap_after_lap():
 
 def test_an_open_path_has_an_end_and_then_the_fish_wanders():
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
-    swum_, table, _, numbers = follow_line(line)
+    recorded, table, _, numbers = follow_line(line)
     assert numbers["path_covered_pct"] == pytest.approx(100) and len(table) < 700
-    at = [name == PATH for name in swum_.names]
+    at = [name == PATH for name in recorded.names]
     assert at == sorted(at, reverse=True) and not all(at)
 
 
@@ -336,14 +336,14 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
 def test_a_film_that_only_swims_straight_leaves_the_fish_where_the_path_begins():
     """Every way of it leaves the tank in the end: the fish turns on the spot, and says so."""
     table = arc_track([0.0] * 300, at=(100.0, 100.0))
-    waters = waters_of(film_of(table, loops((20, 280))))
-    player, path = matching_of(waters), lay_line(EIGHT)
+    own_world = film_world_of(film_of(table, loops((20, 280))))
+    player, path = matching_of(own_world), lay_line(EIGHT)
     made = swim(player, [], 200, np.random.default_rng(0), path.route)
     reasons = [one.decision.reason for one in made.stretches]
     assert set(reasons) <= {"play", "spot"} and reasons.count("spot") > 10
-    swum_ = path_table("matching", made, path, 200, waters)
-    left = find_departures(swum_, path, waters, swimming_limits(waters.film, waters))
-    numbers = path_metrics(swum_, left, path, waters)
+    recorded = path_table("matching", made, path, 200, own_world)
+    left = find_departures(recorded, path, own_world, swimming_limits(own_world.film, own_world))
+    numbers = path_metrics(recorded, left, path, own_world)
     assert numbers["path_covered_pct"] < 50
 
 
@@ -370,6 +370,6 @@ def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals(monkeypatch):
     """Without a path nothing of it counts."""
     swims = [swim(matching_of(), [], 200, np.random.default_rng(1))]
     monkeypatch.setattr(MatchingSettings, "path_commit", 3.0)
-    changed = waters_of(path_max_correction_ratio=0.9, path_offset_cost=0.0)
+    changed = film_world_of(path_max_correction_ratio=0.9, path_offset_cost=0.0)
     swims.append(swim(matching_of(changed), [], 200, np.random.default_rng(1)))
     assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))

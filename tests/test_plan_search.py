@@ -10,6 +10,7 @@ from toy_film import (
     STEP,
     arc_track,
     film_of,
+    film_world_of,
     loops,
     matching_of,
     open_tank,
@@ -17,7 +18,6 @@ from toy_film import (
     rich_film,
     spot,
     table_of,
-    waters_of,
 )
 
 from finloop.animate.arena import Tank, inside, tank
@@ -264,7 +264,7 @@ def test_along_a_path_more_ways_are_followed_where_none_leads_on():
     """In a narrow tank a beam of one often finds none; the planner looks again, farther round."""
     arena = np.zeros((200, 200), bool)
     arena[20:180, 20:180] = True
-    world = waters_of(room_=room_of(arena), beam=1)
+    world = film_world_of(room_=room_of(arena), beam=1)
     angle = np.linspace(0, 2 * np.pi, 60)
     ring = EIGHT._replace(x=100 + 30 * np.cos(angle), y=100 + 30 * np.sin(angle))
     route = lay_route(ring, world)
@@ -292,7 +292,7 @@ def test_a_term_that_is_switched_off_costs_nothing(term):
         RARITY: "rarity_weight",
         LAG: "lag_cost",
     }[term]
-    planner, rng = matching_of(waters_of(**{off: 0.0})), np.random.default_rng(0)
+    planner, rng = matching_of(film_world_of(**{off: 0.0})), np.random.default_rng(0)
     state, steps = planner.begin(rng), 0
     while steps < 20:
         stretch, state = planner.plan(state, Goal("A", 600.0, 100.0), rng)
@@ -345,7 +345,7 @@ def search_route(world, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
 
 
 def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
-    world, values = waters_of(), []
+    world, values = film_world_of(), []
     route = lay_route(EIGHT, world)
     for beam in (1, 3, 10, 100_000):
         _, found, _ = search_route(world, route, beam)
@@ -355,7 +355,7 @@ def test_along_a_path_a_beam_that_loses_nothing_finds_the_cheapest_way():
 
 
 def test_the_best_way_is_the_film_s_between_jumps_that_the_film_has():
-    world = waters_of()
+    world = film_world_of()
     graph, _, rows = search_route(world, lay_route(EIGHT, world), 100)
     ends, legs = rows + np.minimum(graph.leg[rows], 40), graph.leg[rows]
     assert legs.sum() >= 40
@@ -369,7 +369,7 @@ def test_the_way_that_turns_as_the_path_does_is_taken():
     """A straight film, whose fish may jump to one that turns left, or to one that turns right."""
     for side in (1, -1):
         table = table_of(arc_track([0.0] * 60), arc_track([4.0] * 90), arc_track([-4.0] * 90))
-        world = waters_of(film_of(table, loops((20, 66), (20, 157), (70, 140), (162, 230))))
+        world = film_world_of(film_of(table, loops((20, 66), (20, 157), (70, 140), (162, 230))))
         radius = STEP / np.radians(4.0)
         bend = np.linspace(0, np.pi, 90)
         x = np.append(200.0, 300 + radius * np.sin(bend))
@@ -385,7 +385,7 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
     rng = np.random.default_rng(0)
     ends = np.concatenate([14 * k + np.array([2, 9, 13]) for k in range(5)])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 6) if abs(int(a) - b) > 13}
-    world = waters_of(film_of(table, loops(*sorted(pairs))), search_step_deltas=2.0)
+    world = film_world_of(film_of(table, loops(*sorted(pairs))), search_step_deltas=2.0)
     planner, route = matching_of(world), lay_route(EIGHT, world)
     rng = np.random.default_rng(1)
     state = planner.begin(rng, route)
@@ -395,7 +395,7 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
 
 
 def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_each_run():
-    world = waters_of()
+    world = film_world_of()
     planner, route, rng = matching_of(world), lay_route(EIGHT, world), np.random.default_rng(0)
     state, ticks, searches, stretches = planner.begin(rng, route), 0, 0, 0
     while ticks < 300:
@@ -418,7 +418,7 @@ def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_each_run()
 
 
 def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
-    world = waters_of()
+    world = film_world_of()
     planner, rng = matching_of(world), np.random.default_rng(0)
     route = lay_route(EIGHT, world)
     state = planner.begin(rng, route)
@@ -435,7 +435,7 @@ def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut():
 
 def test_nothing_is_swum_that_was_not_looked_at():
     for commit, ahead in ((1.0, 0.2), (4.0, 0.2), (8.0, 3.0)):
-        world = waters_of(replan_interval_deltas=commit, look_ahead_deltas=ahead)
+        world = film_world_of(replan_interval_deltas=commit, look_ahead_deltas=ahead)
         planner, rng = matching_of(world), np.random.default_rng(1)
         state = State(planner.begin(rng).fish, np.zeros(2))
         for _ in range(40):

@@ -14,10 +14,10 @@ from toy_film import (
     RATE,
     STEP,
     TOUCH,
+    film_world_of,
     matching_of,
     open_tank,
     phases,
-    waters_of,
 )
 from toy_tank import played_rows, read, resting_players, toy_players, view_of
 
@@ -505,7 +505,7 @@ def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
 def test_a_tank_with_room_for_no_path_is_opened_all_the_same():
     side = round(1.2 * LENGTH) + 6
     room = arena_tank(np.ones((side, side), bool), 0.6 * LENGTH)
-    rehearse(matching_of(waters_of(room_=room)))
+    rehearse(matching_of(film_world_of(room_=room)))
 
 
 def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():

@@ -388,8 +388,8 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = instrument_of(carp).measure(place_rows(edit, gallery))
-    swum = swimming([edit], [table], RATE)
-    assert (swum.row == np.arange(len(features))).all()
+    simulated = swimming([edit], [table], RATE)
+    assert (simulated.row == np.arange(len(features))).all()
     off = table[["x_px", "y_px"]].to_numpy() - places
     assert np.abs(off).max() < 0.2
     turned = (table["heading_deg"] - features["heading_deg"] + 180) % 360 - 180

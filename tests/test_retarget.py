@@ -90,8 +90,8 @@ def of_poses(poses, made, rate_hz=25.0, **changes):
     return retarget_track(track_of(poses, rate_hz, STEPS, p), made, p, OTHERS)
 
 
-def asked_points(swum):
-    return lists_to_points(swum.asked, "drawn").astype(float)
+def asked_points(animation):
+    return lists_to_points(animation.asked, "drawn").astype(float)
 
 
 # --- laws
@@ -101,16 +101,16 @@ def test_a_film_s_own_track_is_the_film_again(mirrored_material):
     features = mirrored_material.reel.features
     number = features["track_id"].value_counts().index[0]
     own = load_track(mirrored_material, how(tracks=f"track:{number}"))
-    swum = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS)
+    animation = retarget_track(own, mirrored_material, how(scale=1.0), OTHERS)
     rows = np.flatnonzero(features["track_id"] == number)
-    edit = swum.edit
+    edit = animation.edit
     assert edit["source"].tolist() == rows.tolist()
     assert not edit["mirrored"].any() and not edit["weight"].any()
     assert np.abs(np.stack(edit["pose"]) - mirrored_material.poses.codes[rows]).max() < 1e-5
     assert np.allclose(edit["rotation_deg"], 0, atol=1e-3)
     for axis in ("x_px", "y_px"):
         assert np.allclose(edit[axis], features[axis].to_numpy()[rows], atol=0.02)
-    told = swum.numbers
+    told = animation.numbers
     assert told["switches"] == 0 and told["clamped_pct"] == 0 and told["apart_p95_pct"] < 0.1
     assert told["ticks"] == len(rows) and told["file_frames_used_pct"] == 100
 
@@ -122,9 +122,11 @@ def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(mirrore
     part = own._replace(
         frame=own.frame[half], points=own.points[half], codes=own.codes[half], rows=half
     )
-    swum = retarget_track(part, mirrored_material, how(allow_own_frames=False, scale=1.0), OTHERS)
-    assert (swum.edit["source"] >= len(half)).all()
-    assert swum.numbers["apart_p95_pct"] < 0.1
+    animation = retarget_track(
+        part, mirrored_material, how(allow_own_frames=False, scale=1.0), OTHERS
+    )
+    assert (animation.edit["source"] >= len(half)).all()
+    assert animation.numbers["apart_p95_pct"] < 0.1
     with pytest.raises(FinloopError, match="no frames except those"):
         retarget_track(own, mirrored_material, how(allow_own_frames=False), OTHERS)
 
@@ -166,22 +168,22 @@ def test_twice_the_rate_and_twice_the_size_are_the_same_motion(mirrored_material
 
 
 def test_another_carp_is_where_it_was_and_bent_as_it_was(mirrored_material, carp):
-    swum = of_poses(tracker_poses(carp), mirrored_material)
+    animation = of_poses(tracker_poses(carp), mirrored_material)
     arc = np.hypot(*np.moveaxis(np.diff(carp, axis=1), -1, 0)).sum(1)
-    assert swum.numbers["scale"] == pytest.approx(
+    assert animation.numbers["scale"] == pytest.approx(
         mirrored_material.reel.length_px / np.median(arc), rel=0.03
     )
-    true = swum.numbers["scale"] * carp[:, ::2]
+    true = animation.numbers["scale"] * carp[:, ::2]
     off = (
-        np.hypot(*np.moveaxis(asked_points(swum) - true, -1, 0)).mean(1)
+        np.hypot(*np.moveaxis(asked_points(animation) - true, -1, 0)).mean(1)
         / mirrored_material.reel.length_px
     )
     assert np.median(off) < 0.01 and np.quantile(off, 0.95) < 0.02
-    asked = lists_to_points(swum.asked, "asked")
+    asked = lists_to_points(animation.asked, "asked")
     assert (
         np.abs(asked - true).max() < 0.02 * mirrored_material.reel.length_px
     )  # the spline through points
-    assert 100 * np.median(off) == pytest.approx(swum.numbers["apart_median_pct"], abs=0.3)
+    assert 100 * np.median(off) == pytest.approx(animation.numbers["apart_median_pct"], abs=0.3)
 
 
 @pytest.mark.skipif(find_spec("movement") is None, reason="the extra `tracks` is not installed")
@@ -190,9 +192,10 @@ def test_a_csv_of_deeplabcut_gives_what_its_poses_give(mirrored_material, carp, 
     path = tmp_path / "tracks.csv"
     save_csv_in_blocks(path, deeplabcut(poses), decimals=3)
     p = how(tracks=str(path))
-    swum = retarget_track(load_track(mirrored_material, p), mirrored_material, p, OTHERS)
+    animation = retarget_track(load_track(mirrored_material, p), mirrored_material, p, OTHERS)
     assert (
-        np.abs(asked_points(swum) - asked_points(of_poses(poses, mirrored_material))).max() < 0.05
+        np.abs(asked_points(animation) - asked_points(of_poses(poses, mirrored_material))).max()
+        < 0.05
     )
 
 
@@ -203,11 +206,11 @@ def test_a_csv_of_deeplabcut_gives_what_its_poses_give(mirrored_material, carp, 
 def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material, carp, points):
     changes = {} if len(points) > 1 else {"scale": 1.4}
     poses = tracker_poses(carp)
-    swum = of_poses(poses, mirrored_material, body_keypoints=points, **changes)
-    scale = swum.numbers["scale"]
+    animation = of_poses(poses, mirrored_material, body_keypoints=points, **changes)
+    scale = animation.numbers["scale"]
     assert scale == pytest.approx(1.4, rel=0.1)
     asked = scale * poses.places[:, [NAMES.index(one) for one in points]]
-    line, edit = asked_points(swum), swum.edit
+    line, edit = asked_points(animation), animation.edit
     if points == ("centre",):
         assert np.abs(edit[["x_px", "y_px"]].to_numpy() - asked[:, 0]).max() < 1e-6
     elif points == ("Nose",):
@@ -215,12 +218,12 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(mirrored_material
     else:
         middle, sought = line[:, [0, -1]].mean(1), asked.mean(1)
         assert np.abs(middle - sought).max() < 1e-3
-        assert swum.numbers["apart_median_pct"] < 10
+        assert animation.numbers["apart_median_pct"] < 10
     codes = np.stack(edit["pose"]).astype(float)
     near = mirrored_material.poses.shapes.nearest_codes(codes).codes
     assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
-    assert swum.numbers["with_postures"] == 0
-    notes = stages.retarget.notes(swum.numbers)
+    assert animation.numbers["with_postures"] == 0
+    notes = stages.retarget.notes(animation.numbers)
     assert any("no posture" in one for one in notes)
     with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
         of_poses(poses, mirrored_material, body_keypoints=("centre",))
@@ -232,9 +235,9 @@ def test_postures_of_the_film_go_on_over_a_switch(mirrored_material, carp):
     cut = OTHERS._replace(join="cut")
     jumps = []
     for others in (OTHERS, cut):
-        swum = retarget_track(track, mirrored_material, p, others)
-        at = np.flatnonzero(swum.asked["switch"])
-        codes = np.stack(swum.edit["pose"]).astype(float)
+        animation = retarget_track(track, mirrored_material, p, others)
+        at = np.flatnonzero(animation.asked["switch"])
+        codes = np.stack(animation.edit["pose"]).astype(float)
         jumps.append(np.linalg.norm(codes[at] - codes[at - 1], axis=1).mean())
     assert len(at) and jumps[0] < 0.8 * jumps[1]
 
@@ -452,17 +455,19 @@ def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(
     pixels = np.round(free - free.reshape(-1, 2).min(0) + 2).astype(int)
     arena[pixels[..., 1], pixels[..., 0]] = True
     tight = mirrored_material._replace(arena=scipy.ndimage.binary_dilation(arena, np.ones((3, 3))))
-    swum = of_poses(tracker_poses(carp), tight, placement=placement, **changes)
-    assert swum.numbers["outside_ticks"] == 0 and swum.numbers["way_size"] == 1
-    assert np.ptp(asked_points(swum) - free, axis=(0, 1)).max() < 1e-3  # moved, all ticks alike
+    animation = of_poses(tracker_poses(carp), tight, placement=placement, **changes)
+    assert animation.numbers["outside_ticks"] == 0 and animation.numbers["way_size"] == 1
+    assert (
+        np.ptp(asked_points(animation) - free, axis=(0, 1)).max() < 1e-3
+    )  # moved, all ticks alike
 
 
 @pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
 def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(mirrored_material, carp, points):
     changes = {"body_keypoints": points, "scale": 1.4}
     tight = mirrored_material._replace(arena=np.pad(np.ones((90, 90), bool), ((20, 60), (30, 90))))
-    swum = of_poses(tracker_poses(carp), tight, placement="shrink", **changes)
-    assert swum.numbers["outside_ticks"] == 0 and 0 < swum.numbers["way_size"] < 1
+    animation = of_poses(tracker_poses(carp), tight, placement="shrink", **changes)
+    assert animation.numbers["outside_ticks"] == 0 and 0 < animation.numbers["way_size"] < 1
 
 
 # --- bad input

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from toy_film import LENGTH, matching_of, planning, shoaling, waters_of
+from toy_film import LENGTH, film_world_of, matching_of, planning, shoaling
 
 from finloop.animate.arena import tank
 from finloop.animate.rule import Rule
@@ -32,7 +32,7 @@ def water(rule="zones", fish=5, follow=(), overlap=False):
     arena = np.zeros((900, 900), bool)
     arena[50:-50, 50:-50] = True
     room_ = tank(arena, 0.6 * LENGTH)
-    return waters_of(
+    return film_world_of(
         room_=room_,
         rule=rule,
         fish=fish,
@@ -45,9 +45,9 @@ def player_of(zones, **by):
     return replace(matching_of(water(**by)), shoaling=shoaling(zones))
 
 
-def planner_of(waters):
+def planner_of(own_world):
     """A planner without pictures."""
-    return MatchingAnimator(matching_of(waters), None, 1.0, 1.0)
+    return MatchingAnimator(matching_of(own_world), None, 1.0, 1.0)
 
 
 def stepless():

@@ -20,9 +20,9 @@ from toy_film import (
     RATE,
     TOUCH,
     crowd_player,
+    film_world_of,
     matching_of,
     narrow_tank,
-    waters_of,
 )
 
 import stages.animate
@@ -74,7 +74,7 @@ def spacious():
     """A player in a tank in which fish hardly ever meet."""
     arena = np.zeros((2000, 2000), bool)
     arena[20:-20, 20:-20] = True
-    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
+    return matching_of(film_world_of(room_=tank(arena, 0.6 * LENGTH)))
 
 
 def swim_group(player, fish, ticks, goals=(), seed=0):
@@ -114,9 +114,9 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone():
 def test_planning_keeps_no_hold_of_what_it_was_given():
     """Kernels that count no references must not take or give one either."""
     player = crowd_player()
-    waters = player.world
-    given = [waters.film.rows, waters.film.to, waters.tank.legal, player.cast.discs.table]
-    goals, held = random_goals(waters, 6, np.random.default_rng(1)), []
+    own_world = player.world
+    given = [own_world.film.rows, own_world.film.to, own_world.tank.legal, player.cast.discs.table]
+    goals, held = random_goals(own_world, 6, np.random.default_rng(1)), []
     for _ in range(2):  # what the first one makes, and keeps, the second one uses
         shoal(player, make_tasks(goals, 6, np.random.default_rng(2)), 300)
         held.append([sys.getrefcount(one) for one in given])
@@ -152,7 +152,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     arena = np.zeros((400, 400), bool)
     arena[50:350, 50:350] = True
     wall = tank(arena, 0.6 * LENGTH)
-    player = matching_of(waters_of(room_=wall))
+    player = matching_of(film_world_of(room_=wall))
     x, y = 200.0, float(np.flatnonzero(wall.legal[:, 200])[0])
     begun = player.begin(np.random.default_rng(0)).fish
     first = replace(begun, x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
@@ -204,10 +204,10 @@ def ring(x, y, radius=60.0):
 
 def plans_of(lines, **changes):
     """A planner of the crowded tank whose first fish have these lines, None for one with none."""
-    waters = crowd_player().world
-    waters = replace(waters, settings=replace(waters.settings, **changes))
-    player = replace(crowd_player(), world=waters)
-    paths = tuple(one and lay_path(one, waters.tank, waters.motion, None) for one in lines)
+    own_world = crowd_player().world
+    own_world = replace(own_world, settings=replace(own_world.settings, **changes))
+    player = replace(crowd_player(), world=own_world)
+    paths = tuple(one and lay_path(one, own_world.tank, own_world.motion, None) for one in lines)
     return MatchingAnimator(player, None, 1.0, 0.6 * LENGTH, paths)
 
 
@@ -307,7 +307,7 @@ def test_two_fish_sent_to_one_place_are_refused():
 
 def planner_of(p):
     """A planner of the made-up fish, without pictures."""
-    return MatchingAnimator(matching_of(waters_of(**p)), None, 1.0, 20.0)
+    return MatchingAnimator(matching_of(film_world_of(**p)), None, 1.0, 20.0)
 
 
 def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
@@ -324,19 +324,19 @@ def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
 
 
 def test_more_fish_than_fit_are_refused():
-    waters = waters_of(room_=narrow_tank(), fish=40)
-    plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
+    own_world = film_world_of(room_=narrow_tank(), fish=40)
+    plans = MatchingAnimator(matching_of(own_world), None, 1.0, 20.0)
     with pytest.raises(FinloopError, match=r"matching\.fish=40: the tank has room for ") as refused:
         plans.check_room([])
     assert "at most" in refused.value.wanted and "matching.overlap=true" in refused.value.do
-    through = replace(waters, settings=replace(waters.settings, overlap=True))
+    through = replace(own_world, settings=replace(own_world.settings, overlap=True))
     todo = make_tasks([], 40, np.random.default_rng(0))
     assert len(settle_fish(matching_of(through), todo, Plans(40))) == 40
 
 
 def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch):
-    waters = waters_of(room_=narrow_tank(), fish=3, seconds=0.2, trial_goals=1)
-    plans = MatchingAnimator(matching_of(waters), None, 1.0, 20.0)
+    own_world = film_world_of(room_=narrow_tank(), fish=3, seconds=0.2, trial_goals=1)
+    plans = MatchingAnimator(matching_of(own_world), None, 1.0, 20.0)
 
     def room(seed):
         try:
@@ -345,7 +345,7 @@ def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch
             return False
 
     few = next(seed for seed in range(40) if room(seed) and not room(seed + 1))
-    p = replace(waters.settings, seed=few)
+    p = replace(own_world.settings, seed=few)
     edits = by_fish(sample_animations(plans, 1.2, p))
     assert len(edits) == 6
     assert not edits[0].drop(columns="fish").equals(edits[3].drop(columns="fish"))

@@ -315,7 +315,7 @@ def open_tank() -> Tank:
     return tank(ARENA, 0.6 * LENGTH)
 
 
-def waters_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
+def film_world_of(film_=None, room_=None, taught=None, **changes) -> FilmWorld:
     """A film in a tank, with some parameters changed."""
     return FilmWorld(
         open_tank() if room_ is None else room_, lesson() if taught is None else taught,
@@ -332,7 +332,7 @@ def crowd_player(overlap=False) -> Planner:
     """A player of fish as wide as HULL, in a tank of ten lengths."""
     arena = np.zeros((600, 800), bool)
     arena[100:500, 200:600] = True
-    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=overlap))
+    return matching_of(film_world_of(room_=tank(arena, 0.6 * LENGTH), overlap=overlap))
 
 
 def narrow_tank() -> Tank:
@@ -348,9 +348,9 @@ def cast_of(film_: MotionGraph, hulls=(HULL, HULL)) -> Cast:
     return Cast(sprites(), [hulls[0]] * len(sprites()), frames)
 
 
-def matching_of(waters=None, hulls=(HULL, HULL), prediction=None, film_too=True) -> Planner:
+def matching_of(own_world=None, hulls=(HULL, HULL), prediction=None, film_too=True) -> Planner:
     """A planner of mode `matching`: by the film, and as a forecast predicts if there is one."""
-    world = waters_of() if waters is None else waters
+    world = film_world_of() if own_world is None else own_world
     how = joins(world.settings, world.settings.join, bodies_of(world.film), DELTA, lambda *_: True)
     rows = np.minimum(sprites()["row"].to_numpy(), len(world.film.has_next) - 2)
     by_film = FilmSource(world) if film_too else None
@@ -395,14 +395,14 @@ def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlaye
     return PaperPlayer(mode, world, film_, kept, cast_of(film_, hulls), how)
 
 
-def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, AnyPlayer]:
+def players_of(own_world=None, gates=None, hulls=(HULL, HULL)) -> dict[str, AnyPlayer]:
     """A player a mode."""
-    waters = waters_of() if waters is None else waters
-    world = world_of(waters.tank, waters.motion)
-    hybrid = hybrid_of(waters.film, world, gates)
+    own_world = film_world_of() if own_world is None else own_world
+    world = world_of(own_world.tank, own_world.motion)
+    hybrid = hybrid_of(own_world.film, world, gates)
     modes = {"network": hybrid.network, "loops": hybrid.loops, "hybrid": hybrid}
     paper = {name: paper_player(mode, hulls=hulls) for name, mode in modes.items()}
-    return paper | {"matching": matching_of(waters, hulls)}
+    return paper | {"matching": matching_of(own_world, hulls)}
 
 
 @cache

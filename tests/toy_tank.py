@@ -6,7 +6,7 @@ from functools import cache
 
 import cv2
 import numpy as np
-from toy_film import ARENA, bodies_of, players_of, rich_film, waters_of
+from toy_film import ARENA, bodies_of, film_world_of, players_of, rich_film
 
 from finloop.base.cutout import Cutout
 from finloop.edit.schema import FRAME, SPRITE
@@ -19,7 +19,7 @@ from finloop.render.painter import Painter
 
 @cache
 def toy_players(join="inertial"):
-    return players_of(waters_of(cross_fade_deltas=0.6, join=join))
+    return players_of(film_world_of(cross_fade_deltas=0.6, join=join))
 
 
 def resting_players(share):

@@ -29,6 +29,11 @@ class ParameterHelp(NamedTuple):
     range: str
 
     @property
+    def group(self) -> str:
+        """Return the group, with the variant where it has several: "extract", "clip=carp"."""
+        return self.word if len(variants(self.word)) == 1 else f"{self.word}={self.option}"
+
+    @property
     def unit(self) -> str:
         """Return the unit that the comment states; "" for a count, a choice or a text."""
         return self.brackets.removesuffix(self.range).rstrip(", ")
@@ -37,24 +42,20 @@ class ParameterHelp(NamedTuple):
 def parameter_help(word: str) -> Iterator[ParameterHelp]:
     """Yield what conf/ says of each parameter of a group.
 
-    word: the group, such as "extract". A parameter of several variants comes once, from the first
-    that has it; those of the variant `file` always come.
+    word: the group, such as "extract". Those of a group with several variants come variant by
+    variant, each as that variant has it.
     """
-    yielded = set()
     for option, declared in variants(word).items():
         texts, values = read_comments(word, option), values_of(word, option)
         hints = get_type_hints(declared, include_extras=True)
         for field in fields(declared):
             text = texts.get(field.name, "")
             brackets = _BRACKET.search(text)
-            entry = ParameterHelp(
+            yield ParameterHelp(
                 word, option, field.name, values.get(field.name, "???"),
                 _BRACKET.sub("", text), brackets[1] if brackets else "",
                 range_text(hints[field.name]),
             )  # fmt: skip
-            if field.name not in yielded or option == "file":
-                yielded.add(field.name)
-                yield entry
 
 
 def read_comments(word: str, option: str) -> dict[str, str]:
