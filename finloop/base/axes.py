@@ -6,10 +6,9 @@ from finloop.base.arrays import Floats, Reals
 
 
 def to_body_axes(offset: Reals, heading_rad: Reals) -> Floats:
-    """Convert offsets in a picture to an animal's own axes: parts ahead and to its left (…, 2).
+    """Convert offsets (…, 2) in a picture to (…, 2) ahead of an animal and to its left, same unit.
 
-    offset (…, 2): x right and y down, in any unit, which the result keeps. heading_rad (…,):
-    anticlockwise as seen, 0 = to the right.
+    offset: x right, y down. heading_rad (…,): anticlockwise as seen, 0 = to the right.
     """
     dx, dy = offset[..., 0], offset[..., 1]
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)

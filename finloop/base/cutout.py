@@ -27,8 +27,7 @@ class Cutout(NamedTuple):
     def over(self, background: Picture) -> Picture:
         """Blend the cut-out with the tank behind it; return the pixels (h, w) or (h, w, 3), uint8.
 
-        background (H, W) or (H, W, 3) uint8: the whole tank; it stays unchanged. h, w: the size of
-        the cut-out, which must lie inside the background.
+        background (H, W) or (H, W, 3) uint8: the whole tank, in which the cut-out must lie.
         """
         h, w = self.pixels.shape[:2]
         tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
@@ -38,15 +37,11 @@ class Cutout(NamedTuple):
 
 
 class Cutouts(Protocol):
-    """A store that gives cut-outs by their row number; `finloop.io.cutouts.open_cutouts` opens one.
-
-    `index` has a row per cut-out in the store's order: track_id, frame, place and size. The
-    sprites' store also has sprite and orientation.
-    """
+    """A store that gives cut-outs by row number; `finloop.io.cutouts.open_cutouts` opens one."""
 
     @property
     def index(self) -> pd.DataFrame:
-        """Return the table of all cut-outs, a row each, with the columns that the class names."""
+        """Return a row per cut-out: track_id, frame, place, size; of sprites also their key."""
         ...
 
     def __len__(self) -> int: ...

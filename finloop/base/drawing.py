@@ -13,10 +13,7 @@ LARGEST = 1e100
 
 @dataclass(frozen=True)
 class Curve:
-    """A polyline of points (n, 2); if `closed`, its last point is joined to its first.
-
-    A closed curve does not repeat its first point.
-    """
+    """A polyline of points (n, 2); a closed one returns to its first point without repeating it."""
 
     points: Points
     closed: bool
@@ -24,23 +21,19 @@ class Curve:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Contours by id in drawing order, the lowest layer first.
-
-    width, height: of the picture, in the units of the points. styles: SVG style text such as
-    "fill:red;stroke:none", by id; ids without a style may be absent.
-    """
+    """Contours by id in drawing order, the lowest layer first."""
 
     curves: dict[str, Curve]
-    width: float
+    width: float  # of the picture, in the units of the points
     height: float
-    styles: dict[str, str] = field(default_factory=dict)
+    styles: dict[str, str] = field(default_factory=dict)  # SVG style text by id; some may lack one
 
 
 def clean_curve(curve: Curve, name: str) -> Curve:
-    """Return the curve without points that repeat the previous point; messages use `name`.
+    """Return the curve without points that repeat the previous point.
 
-    FinloopError if a coordinate is not finite or is beyond LARGEST, or if fewer than 3 distinct
-    points of a closed curve (2 of an open one) remain.
+    FinloopError, which names the curve, if a coordinate is not finite or is beyond LARGEST, or if
+    fewer than 3 points of a closed curve (2 of an open one) lie apart.
     """
     points = np.asarray(curve.points, np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
@@ -81,21 +74,16 @@ class Morph:
     tau: Points  # (f,), 0 = the first drawing, 1 = the second
     # (f, n, 2) by id, in drawing order; in units of the first drawing, multiples of 10^-decimals
     layers: dict[str, Points]
-    # closed, styles: by id; `styles` may lack some
-    closed: dict[str, bool]
+    closed: dict[str, bool]  # by id
     folds: dict[str, Ints]  # (f,) by id: pairs of edges that cross; 0 = the contour is simple
     # by id: whether the contour is proved simple between the frames too, where its points move
     # straight from each frame to the next
     continuous: dict[str, bool]
-    styles: dict[str, str]
-    # width, height: of the picture
-    width: float
+    styles: dict[str, str]  # by id; some may lack one
+    width: float  # of the picture
     height: float
     decimals: int  # digits after the point that coordinates have
 
     def count_fold_frames(self) -> dict[str, int]:
-        """Count, by contour id, the frames in which the contour crosses itself.
-
-        Contours that never cross themselves are absent.
-        """
+        """Count, by contour id, the frames in which a contour crosses itself, without zeros."""
         return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}

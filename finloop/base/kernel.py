@@ -19,11 +19,8 @@ _MENTION = Path(__file__).stem.encode()
 
 
 @cache
-def sources_digest() -> str:
-    """Return a SHA-256 digest (hex) of all package files that mention this module `kernel`.
-
-    These are the files with compiled functions, and this file itself.
-    """
+def _sources_digest() -> str:
+    """Return a SHA-256 digest (hex) of all files with compiled functions: they mention `kernel`."""
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
@@ -38,11 +35,11 @@ class _AllSources:
     _lineno: int
 
     def get_source_stamp(self) -> str:
-        return sources_digest()
+        return _sources_digest()
 
     def get_disambiguator(self) -> str:
         """Return a name of its own: an older cache file may name removed types and fail to load."""
-        return f"{self._lineno}-{sources_digest()[:8]}"
+        return f"{self._lineno}-{_sources_digest()[:8]}"
 
 
 class InTree(_AllSources, InTreeCacheLocator):

@@ -16,27 +16,20 @@ TRACK = "track:"
 
 
 class Line(NamedTuple):
-    """A path to swim along: places x, y (n,), and optionally a time (s) and heading (degrees) each.
+    """A path to swim along: places x, y (n,), and optionally a time and a heading of each."""
 
-    name: the source, for messages. unit: of x and y, PX, TANK or MM. closed: whether the last place
-    leads back to the first. rows (n,): the film's rows if the path is a track.
-    """
-
-    name: str
+    name: str  # the source, for messages
     x: Floats
     y: Floats
-    unit: str
+    unit: str  # of x and y: PX, TANK or MM
     time_s: Floats | None = None
     heading_deg: Floats | None = None
-    closed: bool = False
-    rows: Ints | None = None
+    closed: bool = False  # whether the last place leads back to the first
+    rows: Ints | None = None  # (n,) of the film, if the path is a track
 
 
 def check_line(line: Line) -> Line:
-    """Return the line unchanged, or raise FinloopError that lists everything wrong with it.
-
-    At least two places must differ, every number must be finite, and times must not decrease.
-    """
+    """Return a path unchanged; FinloopError lists everything wrong with its places and times."""
     problems = []
     columns = {"x": line.x, "y": line.y, "time": line.time_s, "heading": line.heading_deg}
     for name, values in columns.items():

@@ -1,8 +1,8 @@
 """The nearest neighbours of vectors: exact for few vectors, nearly exact for very many.
 
 Few vectors are compared with all others. Many are sorted into cells first (inverted file: Jégou et
-al., Product quantization for nearest neighbor search, 2011); a vector is then compared with those
-of nearby cells. The number of searched cells is raised until the recall is `RECALL`.
+al., Product quantization for nearest neighbor search, 2011), and so many nearby cells are searched
+that the recall is `RECALL`.
 """
 
 from collections.abc import Callable
@@ -57,17 +57,21 @@ class Nearest:
         recall, index.nprobe = 0.0, 4
         while recall < RECALL and index.nprobe < cells:
             index.nprobe = min(3 * index.nprobe // 2, cells)
-            recall = _recall(index.search(some, _NEAREST + 1)[1], true)
+            near = index.search(some, _NEAREST + 1)[1]
+            # Each vector's first neighbour is itself.
+            shares = [
+                np.isin(exact[1:], hits).mean() for exact, hits in zip(true, near, strict=True)
+            ]
+            recall = float(np.mean(shares))
         return cls(index, recall)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickle, (faiss.serialize_index(self.index), self.recall)
 
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
-        """Return the numbers (k, count) of the vectors nearest to each query, nearest first.
+        """Return the rows (k, count) of the vectors nearest to each query (k, d), nearest first.
 
-        queries (k, d). A number is a vector's row in the index; −1 where the index finds no further
-        one.
+        −1 stands where the index finds no further one.
         """
         if count == 0:
             return np.empty((len(queries), 0), np.int64)
@@ -76,11 +80,10 @@ class Nearest:
     def choose(
         self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
     ) -> tuple[NDArray[Any], ...]:
-        """Apply a rule to the `count` nearest vectors of each query; return the arrays it gives.
+        """Apply a rule to the `count` nearest vectors of each query (k, d); return its arrays.
 
-        queries (k, d). choice: the rule, see `Choice`; its arrays have k rows. Where it finds the
-        vectors not enough, it gets more: until they are enough, or until `most` vectors or all
-        vectors of the searched cells are used.
+        Where the rule finds the vectors not enough, it gets more: until they are enough, or until
+        `most` vectors or all vectors of the searched cells are used.
         """
         last = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, last)
@@ -103,22 +106,14 @@ def _may_have_more(near: Ints) -> Mask:
 
 
 def assign_parts(n: int, stretch: int, most: int = MOST) -> Ints:
-    """Divide the n rows of a long film into parts of about `most` rows; return each row's part.
+    """Return the part (n,), 0 … p − 1, of each row of a long film: parts have about `most` rows.
 
-    The parts (n,) are numbered 0 … p − 1. Stretches of `stretch` consecutive rows go to the parts
-    in turn, so each part is spread over the film. In a film of hours a row's nearest rows are so
-    near that all continue alike. Within a part they lie as in a short film, and continue in
-    different ways.
+    Stretches of `stretch` rows go to the parts in turn, so each part is spread over the film. In a
+    film of hours a row's nearest rows are so near that all continue alike; within a part they
+    continue in different ways, as in a short film.
     """
-    count = max(1, -(-n // most))
-    return np.arange(n) // stretch % count
+    return np.arange(n) // stretch % max(1, -(-n // most))
 
 
 def _unpickle(index: NDArray[np.uint8], recall: float) -> Nearest:
     return Nearest(faiss.deserialize_index(index), recall)
-
-
-def _recall(neighbours: Ints, true: Ints) -> float:
-    """Share of the true neighbours among `neighbours`; each vector's first is itself."""
-    both = [np.isin(exact[1:], hits).mean() for exact, hits in zip(true, neighbours, strict=True)]
-    return float(np.mean(both))

@@ -29,41 +29,40 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Paint:
-    """Fill and stroke of a shape; a colour is RGB 0 … 255, or None where nothing is painted.
-
-    Opacities are 0 … 1; width: of the stroke, in units of the drawing.
-    """
+    """Fill and stroke of a shape; a colour is RGB 0 … 255, or None where nothing is painted."""
 
     fill: Colour | None
     stroke: Colour | None
-    fill_opacity: float
+    fill_opacity: float  # 0 … 1
     stroke_opacity: float
-    width: float
+    width: float  # of the stroke, in units of the drawing
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Contours painted together, such as a letter and its holes.
-
-    layers: ids of the contours. closed: for each, whether it is closed. paint: fill and stroke.
-    """
+    """Contours painted together, such as a letter and its holes."""
 
     name: str
-    layers: tuple[str, ...]
-    closed: tuple[bool, ...]
+    layers: tuple[str, ...]  # ids of the contours
+    closed: tuple[bool, ...]  # whether each contour is closed
     paint: Paint
 
 
 def parse_style(style: str, side: float) -> Paint:
     """Parse an SVG style such as "fill:red;stroke:none" to a fill and a stroke.
 
-    A style with neither gives a black line of width `side` / 200; side: the longer side of the
-    drawing. FinloopError if a colour or number cannot be read.
+    A style with neither gives a black line of width `side` / 200. FinloopError if a colour or
+    number cannot be read.
     """
+
+    def colour(kind: str) -> Colour | None:
+        text = values.get(kind, "none")
+        return None if text == "none" else ImageColor.getrgb(text)[:3]
+
     values = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
     values = {key.strip(): value.strip() for key, value in values.items()}
     try:
-        fill, stroke = (_colour(values.get(kind, "none")) for kind in ("fill", "stroke"))
+        fill, stroke = colour("fill"), colour("stroke")
         if fill is None and stroke is None:
             return Paint(None, (0, 0, 0), 1.0, 1.0, side / 200)
         numbers = ("fill-opacity", "stroke-opacity", "stroke-width")
@@ -76,39 +75,31 @@ def parse_style(style: str, side: float) -> Paint:
         ) from error
 
 
-def _colour(text: str) -> Colour | None:
-    return None if text == "none" else ImageColor.getrgb(text)[:3]
-
-
 def group_contours(
     closed: Mapping[str, bool], styles: Mapping[str, str], side: float
 ) -> list[Shape]:
     """Group contours into shapes in drawing order: `d`, `d#2`, `d#3` become the shape `d`.
 
-    closed, styles: by contour id; `styles` may lack some. side: the longer side of the drawing, for
-    the default line width.
+    closed, styles: by contour id; `styles` may lack some. side: the longer side of the drawing.
     """
     together = dict[str, list[str]]()
     for name in closed:
         together.setdefault(name.partition(PART)[0], []).append(name)
-    return [
-        Shape(
-            name,
-            tuple(layers),
-            tuple(closed[layer] for layer in layers),
-            parse_style(styles.get(layers[0], ""), side),
-        )
-        for name, layers in together.items()
-    ]
+    shapes = []
+    for name, layers in together.items():
+        rings = tuple(closed[layer] for layer in layers)
+        paint = parse_style(styles.get(layers[0], ""), side)
+        shapes.append(Shape(name, tuple(layers), rings, paint))
+    return shapes
 
 
 def paint_layers(
     layers: list[tuple[Shape, list[Points]]], shape: tuple[int, int], scale: float
 ) -> Picture:
-    """Paint shapes in order on white; return the picture (h, w, 3), RGB uint8.
+    """Paint shapes with their contours (n, 2) in order on white; return the RGB picture (h, w, 3).
 
-    layers: each shape with its contours (n, 2), in drawing units. shape: h, w in px. scale: px per
-    drawing unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
+    shape: h, w in px. scale: px per unit of the drawing. Pixel (0, 0) reaches from 0 to 1 / scale,
+    as in SVG.
     """
     picture = np.full((*shape, 3), 255.0, np.float32)
     for form, contours in layers:

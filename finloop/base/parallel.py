@@ -1,6 +1,7 @@
 """Work on every core with results in order and bounded memory."""
 
 import multiprocessing
+import os
 import signal
 import time
 from collections import deque
@@ -12,12 +13,12 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from multiprocessing import forkserver
+from threading import Thread
 from typing import Protocol, TypeVar
 
 import cv2
 
 from finloop.base.errors import FinloopError
-from finloop.base.process import end_with_main_process
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -46,10 +47,7 @@ class PendingResult(Protocol[B_co]):
 
 
 class Workers(Protocol):
-    """What computes in parallel: `Threads`, `Processes`, or those of a cluster (package `cluster`).
-
-    All of them give the same results, byte for byte.
-    """
+    """What computes in parallel, with the same results: `Threads`, `Processes`, or a cluster."""
 
     @property
     def count(self) -> int:
@@ -58,16 +56,15 @@ class Workers(Protocol):
 
     @property
     def alone(self) -> bool:
-        """Return whether there is no other worker, so that the caller does the work itself."""
+        """Return whether the caller does the work itself."""
         ...
 
     def submitter(
         self, work: Callable[[A], B]
     ) -> AbstractContextManager[Callable[[A], PendingResult[B]]]:
-        """Yield a function that submits one item and returns a `PendingResult` at once.
+        """Yield a function that submits one item to `work` and returns a `PendingResult` at once.
 
-        work: the function that a worker applies to the item. The yielded function, or
-        `PendingResult.result`, raises BrokenProcessPool where all submitted items are lost.
+        Both raise BrokenProcessPool where all submitted items are lost.
         """
         ...
 
@@ -80,7 +77,7 @@ class Processes:
 
     @property
     def alone(self) -> bool:
-        """Return whether there is no other process, so that this one does the work itself."""
+        """Return whether this process does the work itself."""
         return self.count < 2
 
     @contextmanager
@@ -89,34 +86,46 @@ class Processes:
         start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
         with ProcessPoolExecutor(self.count, start, _begin) as pool, ExitStack() as stack:
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-            yield partial(_submit, pool, work)
+
+            def submit(item: A) -> Future[B]:
+                try:
+                    return pool.submit(work, item)
+                except OSError as error:
+                    # Where a worker is killed while another one starts, the pool's own thread
+                    # closes its pipes: "handle is closed", an OSError without a number.
+                    if error.errno is not None:
+                        raise
+                    raise BrokenProcessPool("a worker was killed as another started") from error
+
+            yield submit
 
 
-def _submit(pool: ProcessPoolExecutor, work: Callable[[A], B], item: A) -> Future[B]:
-    """Submit an item; raise BrokenProcessPool where a worker is killed while another one starts.
+def _begin() -> None:
+    """Set up a worker: ignore Ctrl-C, use one thread, end with the main process.
 
-    The pool's own thread then closes its pipes: "handle is closed", an OSError without a number.
+    The main process is not its parent: that is a server that forks workers and outlives them.
     """
-    try:
-        return pool.submit(work, item)
-    except OSError as error:
-        if error.errno is not None:
-            raise
-        raise BrokenProcessPool("a worker was killed while another one started") from error
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+    main = multiprocessing.parent_process()
+
+    def end_after_main() -> None:
+        if main is not None:
+            main.join()
+            os._exit(1)
+
+    Thread(target=end_after_main, daemon=True).start()
 
 
 @dataclass(frozen=True)
 class Threads:
-    """Threads of this process, for work that is mostly compiled and does not hold Python's lock.
-
-    They start at once, and nothing is pickled.
-    """
+    """Threads of this process, for compiled work; they start at once, and nothing is pickled."""
 
     count: int = 1
 
     @property
     def alone(self) -> bool:
-        """Return whether there is no other thread, so that the calling one does the work itself."""
+        """Return whether the calling thread does the work itself."""
         return self.count < 2
 
     @contextmanager
@@ -136,12 +145,10 @@ ALONE = Threads(1)
 def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) -> Iterator[B]:
     """Yield `work(item)` for every item, in the items' order, computed by `workers`.
 
-    At most `workers.count` + 1 results are kept at a time. A single item is worked in this process.
-    Exceptions of `work` are raised here; an OSError (say, a network folder that is briefly away)
-    only after `TRIES` failures on the same item. `Processes` and a cluster pickle `work`, items and
-    results; `Threads` share them. After a process is killed, new ones repeat the unfinished items.
-
-    Raises FinloopError where a worker is killed `TRIES` times at the same item.
+    At most `workers.count` + 1 results are kept at a time. Exceptions of `work` are raised here; an
+    OSError (say, a network folder that is briefly away) only after `TRIES` failures on the same
+    item. `Processes` and a cluster pickle `work`, items and results. After a process is killed, new
+    ones repeat the unfinished items; FinloopError if that happens `TRIES` times at the same item.
     """
     todo = deque(items)
     work = partial(_persist, work)
@@ -171,21 +178,17 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 
 def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
-    """Yield the items in order, while a thread makes up to `most` of the next ones in advance.
-
-    An exception that making an item raises is raised here.
-    """
+    """Yield the items in order, while a thread makes up to `most` of the next ones in advance."""
     source = iter(items)
+
+    def next_item() -> list[A]:
+        return list(islice(source, 1))
+
     with ThreadPoolExecutor(1) as pool:
-        waiting = deque(pool.submit(_next_of, source) for _ in range(most))
+        waiting = deque(pool.submit(next_item) for _ in range(most))
         while made := waiting.popleft().result():
-            waiting.append(pool.submit(_next_of, source))
+            waiting.append(pool.submit(next_item))
             yield made[0]
-
-
-def _next_of(items: Iterator[A]) -> tuple[A, ...]:
-    """Return the next item, alone in a tuple; an empty tuple at the end."""
-    return tuple(islice(items, 1))
 
 
 def _persist(work: Callable[[A], B], item: A) -> B:
@@ -198,19 +201,9 @@ def _persist(work: Callable[[A], B], item: A) -> B:
 
 
 def worker_loss_error(workers: int) -> FinloopError:
-    """Return the error for a stage whose workers were killed repeatedly at the same item.
-
-    workers: their number, for the message.
-    """
+    """Return the error for `workers` processes that were killed repeatedly at the same item."""
     return FinloopError(
         f"worker processes were ended from outside, {TRIES} times, perhaps for lack of memory",
         f"{workers} processes that each hold a stretch of the film",
         "run again; or use a single process: set FINLOOP_THREADS=1 and cluster=default",
     )
-
-
-def _begin() -> None:
-    """Set up a worker: ignore Ctrl-C, end with the main process, use one thread."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_main_process()
-    cv2.setNumThreads(1)

@@ -13,20 +13,15 @@ _BRACKET = re.compile(r"\s*\[([^\[\]]*)\]$")
 
 
 class ParameterHelp(NamedTuple):
-    """One parameter as its file conf/<word>/<option>.yaml explains it.
+    """One parameter as its file conf/<word>/<option>.yaml explains it."""
 
-    word, option, name: its group, the file of the group, its own name. value: its value in that
-    file. meaning: the comment without its last brackets; brackets: their text, "unit, range".
-    range: the values that its dataclass allows, in words.
-    """
-
-    word: str
-    option: str
+    word: str  # its group
+    option: str  # the variant of the group
     name: str
-    value: Any
-    meaning: str
-    brackets: str
-    range: str
+    value: Any  # in that file
+    meaning: str  # the comment without its last brackets
+    brackets: str  # their text, "unit, range"
+    range: str  # the values that its dataclass allows, in words
 
     @property
     def group(self) -> str:
@@ -40,13 +35,9 @@ class ParameterHelp(NamedTuple):
 
 
 def parameter_help(word: str) -> Iterator[ParameterHelp]:
-    """Yield what conf/ says of each parameter of a group.
-
-    word: the group, such as "extract". Those of a group with several variants come variant by
-    variant, each as that variant has it.
-    """
+    """Yield what conf/ says of each parameter of a group such as "extract", variant by variant."""
     for option, declared in variants(word).items():
-        texts, values = read_comments(word, option), values_of(word, option)
+        texts, values = _read_comments(word, option), values_of(word, option)
         hints = get_type_hints(declared, include_extras=True)
         for field in fields(declared):
             text = texts.get(field.name, "")
@@ -54,16 +45,12 @@ def parameter_help(word: str) -> Iterator[ParameterHelp]:
             yield ParameterHelp(
                 word, option, field.name, values.get(field.name, "???"),
                 _BRACKET.sub("", text), brackets[1] if brackets else "",
-                range_text(hints[field.name]),
+                _range_text(hints[field.name]),
             )  # fmt: skip
 
 
-def read_comments(word: str, option: str) -> dict[str, str]:
-    """Return the comment of each parameter in conf/<word>/<option>.yaml, by parameter name.
-
-    A comment is the lines above the parameter and the rest of its own line. A blank line ends a
-    comment that belongs to a section.
-    """
+def _read_comments(word: str, option: str) -> dict[str, str]:
+    """Return the comment of each parameter in conf/<word>/<option>.yaml: above it and beside it."""
     path, above, found = CONF / word / f"{option}.yaml", [], {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
         if line.startswith("#"):
@@ -75,7 +62,7 @@ def read_comments(word: str, option: str) -> dict[str, str]:
     return found
 
 
-def range_text(hint: Any) -> str:
+def _range_text(hint: Any) -> str:
     """Return the values that a type annotation allows, in words, such as "whole, ≥ 1"."""
     if hint is None or hint is type(None):
         return "null"
@@ -83,39 +70,36 @@ def range_text(hint: Any) -> str:
     if origin is Annotated:
         return _limits(parts[0], parts[1:])
     if origin in (Union, types.UnionType):
-        return " or ".join(map(range_text, parts))
+        return " or ".join(map(_range_text, parts))
     if origin is Literal:
-        return _choices([str(part) for part in parts])
+        *names, last = map(str, parts)
+        return f"{', '.join(names)} or {last}" if names else last
     if origin in (tuple, list):
         inside = [part for part in parts if part is not Ellipsis]
         if origin is tuple and Ellipsis not in parts:
-            return "(" + ", ".join(map(range_text, inside)) + ")"
-        return f"list of {range_text(inside[0])}"
+            return "(" + ", ".join(map(_range_text, inside)) + ")"
+        return f"list of {_range_text(inside[0])}"
     if origin in (dict, Mapping):
         return "settings by name"
-    names = {bool: "true or false", str: "text", float: "any number", int: "any whole number"}
-    return names.get(hint, "any value")
-
-
-def _choices(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
+    plain = {bool: "true or false", str: "text", float: "any number", int: "any whole number"}
+    return plain.get(hint, "any value")
 
 
 def _limits(base: Any, marks: tuple[Any, ...]) -> str:
     """Return a range in words, such as "whole, ≥ 1"; a text among the marks says it itself."""
     if texts := [mark for mark in marks if isinstance(mark, str)]:
         return texts[0]
-    said = ["whole"] if base is int else [] if base is float else [range_text(base)]
+    words = ["whole"] if base is int else [] if base is float else [_range_text(base)]
     for mark in marks:
         for limit in getattr(mark, "metadata", [mark]):
-            said += [
+            words += [
                 f"{sign} {getattr(limit, name):g}"
                 for sign, name in ((">", "gt"), ("≥", "ge"), ("<", "lt"), ("≤", "le"))
                 if hasattr(limit, name)
             ]
             if hasattr(limit, "min_length"):
-                said.append("not empty")
-    return ", ".join(said)
+                words.append("not empty")
+    return ", ".join(words)
 
 
 def every_parameter() -> list[ParameterHelp]:

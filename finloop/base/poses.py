@@ -18,27 +18,22 @@ Software = Literal[
 
 @dataclass(frozen=True)
 class Poses:
-    """Named points of animals, a row per animal per frame, sorted by frame, then animal.
+    """Named points of animals, a row per animal per frame, sorted by frame, then animal."""
 
-    individuals, keypoints: their names; frames: number of frames. individual (rows,): number of the
-    animal in `individuals`; frame (rows,): from 0, below `frames`; places (rows, keypoints, 2): x,
-    y in px, NaN where a point is missing; confidence (rows, keypoints): 0 … 1, NaN where unknown.
-    """
-
-    individuals: tuple[str, ...]
-    keypoints: tuple[str, ...]
-    frames: int
-    individual: NDArray[np.int64]
-    frame: NDArray[np.int64]
-    places: NDArray[np.float64]
-    confidence: NDArray[np.float64]
+    individuals: tuple[str, ...]  # names of the animals
+    keypoints: tuple[str, ...]  # names of the points
+    frames: int  # of the film
+    individual: NDArray[np.int64]  # (rows,) number of the animal in `individuals`
+    frame: NDArray[np.int64]  # (rows,) from 0
+    places: NDArray[np.float64]  # (rows, keypoints, 2) x, y in px, NaN where missing
+    confidence: NDArray[np.float64]  # (rows, keypoints) 0 … 1, NaN where unknown
 
 
 BLOCK = 1024  # frames in memory at a time
 
 
 def iterate_blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
-    """Yield the points of all frames, `block` frames at a time, each with its first frame's number.
+    """Yield (number of the first frame, points) of successive blocks of frames.
 
     The points (frames of the block, individuals, keypoints, 3) are x [px], y [px], confidence; NaN
     where missing.
@@ -59,11 +54,10 @@ def poses_of(
     places: Floats,
     confidence: Floats | None = None,
 ) -> Poses:
-    """Convert arrays with a cell for every animal and time to `Poses`.
+    """Convert arrays with a cell for every animal and time to `Poses`; leave out empty cells.
 
-    An animal without any point in a frame has no row. frame (times,): all different; places (times,
-    individuals, keypoints, 2): px, infinite or NaN where missing; confidence (times, individuals,
-    keypoints): 0 … 1, None = unknown.
+    frame (times,): all different; places (times, individuals, keypoints, 2): px, infinite or NaN
+    where missing; confidence (times, individuals, keypoints): 0 … 1, None = unknown.
     """
     order = np.argsort(frame, kind="stable")
     there: Mask = np.all(np.isfinite(places), axis=-1)

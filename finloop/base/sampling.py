@@ -7,9 +7,9 @@ from finloop.base.kernel import kernel
 
 @kernel
 def keys_weights(t):  # type: ignore[no-untyped-def]
-    """Return the four weights of Keys' cubic interpolation (a = −1/2), float32.
+    """Return the weights of pixels −1, 0, 1, 2 in Keys' cubic interpolation (a = −1/2), float32.
 
-    t: place in [0, 1) between pixel 0 and pixel 1. The weights are those of pixels −1, 0, 1, 2.
+    t: place in [0, 1) between pixel 0 and pixel 1.
     """
     return (
         np.float32(((2 - t) * t - 1) * t / 2),

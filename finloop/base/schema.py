@@ -11,22 +11,17 @@ ANY = -1
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table. dtype: a NumPy name ("int32", "float32", "bool", "string", …).
-
-    `unit` is free text ("px", "deg", "s", "1"). A column that is not `nullable` holds neither nulls
-    nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers, ANY a list of any
-    length; only lists of any length may be nullable.
-    """
+    """One column of a table: its name, dtype, unit, and whether its cells are lists."""
 
     name: str
-    dtype: str
-    unit: str
-    nullable: bool = False
-    length: int = 0
+    dtype: str  # a NumPy name ("int32", "float32", "bool", …) or "string"
+    unit: str  # free text ("px", "deg", "s", "1")
+    nullable: bool = False  # else it holds neither nulls nor NaN
+    length: int = 0  # > 0: every cell is a list of so many numbers; ANY: of any number of them
 
     @property
     def kind(self) -> str:
-        """Return its dtype in pandas: object for lists, Int32 or the like for nullable integers."""
+        """Return the dtype in pandas: object for lists, Int32 or the like for nullable integers."""
         if self.length:
             return "object"
         if self.nullable and "int" in self.dtype:
@@ -35,14 +30,14 @@ class Column:
 
 
 class Schema:
-    """The columns of a table in order; names: theirs; kinds: the pandas dtype of each by name."""
+    """The columns of a table in order, their names, and the pandas dtype (kind) of each by name."""
 
     def __init__(self, *columns: Column) -> None:
         self.columns, self.names = columns, [column.name for column in columns]
         self.kinds = {column.name: column.kind for column in columns}
 
     def empty(self) -> pd.DataFrame:
-        """Return a table without rows that has the schema's columns and dtypes."""
+        """Return a table without rows that has these columns and dtypes."""
         return pd.DataFrame(columns=self.names).astype(self.kinds)
 
 

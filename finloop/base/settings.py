@@ -1,12 +1,11 @@
 """Parameters: what a stage word declares, the values in conf/, and the check of both.
 
-A parameter is declared once, in the frozen dataclass `<Word>Settings` of
+A parameter is declared once, in the flat frozen dataclass `<Word>Settings` of
 `finloop/<word>/settings.py`: its type and range as an annotation. Its value, unit and meaning stand
-in `conf/<word>/default.yaml`; the dataclass has no default. A constant beside the parameters is a
-ClassVar. `RENAMED`, a ClassVar too, has the new name of each old one. Where a word has several
-variants, it is the union of their dataclasses, each with a field `source` that names its file in
-`conf/<word>/`. `__post_init__` may raise ValueError for values that must not be together. A
-dataclass is flat.
+in `conf/<word>/default.yaml`. Constants beside the parameters are ClassVars; so is `RENAMED`, the
+new name of each old one. Where a word has several variants, it is the union of their dataclasses,
+each with a field `source` that names its file in `conf/<word>/`. `__post_init__` may raise
+ValueError for values that must not be together.
 
 Types are strict (3.0 is no int, "3" no number, true no 1); NaN and infinity are never allowed.
 """
@@ -41,10 +40,7 @@ CONF = Path(__file__).parents[2] / "conf"
 
 @cache
 def default_variants() -> dict[str, str]:
-    """Return the default variant of every group of parameters, as conf/config.yaml names it.
-
-    The keys are group names in its order; the values name the files conf/<group>/<variant>.yaml.
-    """
+    """Return the default variant of every group of parameters, in the order of conf/config.yaml."""
     listed = _load(CONF / "config.yaml")["defaults"]
     return {
         word: option
@@ -114,9 +110,8 @@ def settings(word: str, **values: Any) -> Any:
     """Return a stage word's settings dataclass: conf/'s values, with `values` in place of some.
 
     `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.ExtractSettings`;
-    `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.Carp`. Needs no Hydra.
-    FinloopError if a name is unknown, or a value has a wrong type or is out of range; all are
-    listed.
+    `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.Carp`. FinloopError
+    lists all names that are unknown, and values of a wrong type or out of range.
     """
     whole = values_of(word, values.get("source", default_variants()[word])) | values
     group, problems = check_values(word, variants(word), whole)
@@ -130,10 +125,7 @@ def settings(word: str, **values: Any) -> Any:
 
 
 def variants(word: str) -> dict[str, type]:
-    """Return the dataclasses of a group of parameters, by variant: its file's name in conf/<word>/.
-
-    A group without variants has one, "default".
-    """
+    """Return a group's dataclasses by variant, its file's name in conf/<word>/; often "default"."""
     declared = getattr(_declaration(word), f"{word.capitalize()}Settings")
     union = get_args(declared)
     if not union:
@@ -142,9 +134,9 @@ def variants(word: str) -> dict[str, type]:
 
 
 def settings_file(word: str) -> str:
-    """Return the file that declares the parameters of a group, as a path relative to `finloop/`.
+    """Return the file that declares a group, relative to `finloop/`: `<word>/settings.py`.
 
-    That is `<word>/settings.py`, or `<word>_settings.py` in another package.
+    In another package it is named `<word>_settings.py`.
     """
     package = Path(__file__).parents[1]
     path = next(package.glob(f"*/{word}_settings.py"), package / word / "settings.py")
@@ -173,10 +165,9 @@ def values_of(word: str, option: str) -> dict[str, Any]:
 def check_values(
     word: str, options: Mapping[str, type], values: Any
 ) -> tuple[Any, list[str]] | tuple[None, list[str]]:
-    """Check a group's values; return its dataclass and no problems, or None and every problem.
+    """Check a group's values by name; return its dataclass, or None and a sentence per problem.
 
-    word: the group. options: its dataclasses by variant, see `variants`. values: by parameter name.
-    A problem is a sentence that begins with the parameter's dotted name.
+    options: the group's dataclasses, from `variants`. A problem begins with a dotted name.
     """
     if not isinstance(values, Mapping):
         return None, [f"{word}: should be a group of parameters, got {values!r}"]
@@ -189,7 +180,7 @@ def check_values(
         option = options[name]
     names = [field.name for field in fields(option)]
     try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
-        group = _adapter(option).validate_json(json.dumps(values, default=str))
+        group = _strict_check(option).validate_json(json.dumps(values, default=str))
     except ValidationError as error:
         return None, [_problem(word, option, names, dict(detail)) for detail in error.errors()]
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
@@ -197,8 +188,7 @@ def check_values(
 
 
 @cache
-def _adapter(option: type) -> TypeAdapter[Any]:
-    """Return the strict check of a dataclass's values."""
+def _strict_check(option: type) -> TypeAdapter[Any]:
     strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     return TypeAdapter(checked(option, frozen=True, config=strict))
 
@@ -220,31 +210,28 @@ def _hint(word: str, option: type, key: str, names: list[str]) -> str:
     """Return where a parameter is that a group with these names lacks."""
     if renamed := getattr(option, "RENAMED", {}).get(key):
         return f"it is {word}.{renamed} now"
-    for one in option.__mro__:
-        if key in vars(one).get("__annotations__", {}):
-            return f"it is a constant now, {one.__name__}.{key}"
+    for kind in option.__mro__:
+        if key in vars(kind).get("__annotations__", {}):
+            return f"it is a constant now, {kind.__name__}.{key}"
     if word in OF_MODES:
         if key in GONE:
             return GONE[key]
-        if moved := _having(key, OF_MODES):
+        if moved := _full_names(key, OF_MODES):
             return f"it is {moved} now"
     if near := get_close_matches(key, names, 1):
         return f"did you mean {word}.{near[0]}?"
-    if other := _having(key, GROUPS):
+    if other := _full_names(key, GROUPS):
         return f"did you mean {other}?"
     return f"{word} has {', '.join(names)}"
 
 
-def _having(key: str, words: tuple[str, ...]) -> str:
-    """Return the full names of a parameter in those groups that have it, as a list in words.
-
-    key: its name, or one that it had before.
-    """
-    every = []
+def _full_names(key: str, words: tuple[str, ...]) -> str:
+    """Return the full names of a parameter, or of one once so named, in some groups, in words."""
+    found = dict[str, None]()
     for word in words:
-        for one in variants(word).values():
-            name = getattr(one, "RENAMED", {}).get(key, key)
-            if any(name == field.name for field in fields(one)):
-                every.append(f"{word}.{name}")
-    every = list(dict.fromkeys(every))
-    return " or ".join(filter(None, [", ".join(every[:-1]), *every[-1:]]))
+        for option in variants(word).values():
+            name = getattr(option, "RENAMED", {}).get(key, key)
+            if any(name == field.name for field in fields(option)):
+                found[f"{word}.{name}"] = None
+    *first, last = found or [""]
+    return f"{', '.join(first)} or {last}" if first else last

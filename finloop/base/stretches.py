@@ -8,26 +8,24 @@ from numpy.typing import NDArray
 
 
 def spread_rows(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """Return at most `most` of the rows (n,), spread evenly over them, in their order."""
+    """Return at most `most` of some rows, spread evenly over them, in their order."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def sample_stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
-    """Return a random sample of whole tracks, as slices of rows in ascending order.
+    """Draw whole tracks at random until they have `most` rows; return them as ascending slices.
 
-    track_ids (rows,): the track of every row, in order. Tracks are drawn until they have `most`
-    rows or more. A track longer than `longest` rows is first cut into stretches of equal length. So
-    all of a long film can be sampled. seed: of the random draw.
+    track_ids (rows,): the track of every row, in order. A track longer than `longest` rows is first
+    cut into stretches of equal length, so all of a long film can be sampled.
     """
-    edges = np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))
-    every = []
-    for start, stop in pairwise(edges):
+    stretches = []
+    for start, stop in pairwise(np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))):
         cuts = np.linspace(start, stop, -(-(stop - start) // longest) + 1).round().astype(int)
-        every += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
+        stretches += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
     sample, rows = [], 0
-    for number in np.random.default_rng(seed).permutation(len(every)):
+    for number in np.random.default_rng(seed).permutation(len(stretches)):
         if rows >= most:
             break
-        sample.append(every[number])
-        rows += every[number].stop - every[number].start
+        sample.append(stretches[number])
+        rows += stretches[number].stop - stretches[number].start
     return sorted(sample, key=lambda stretch: stretch.start)

@@ -10,10 +10,9 @@ from finloop.base.errors import FinloopError
 
 
 def run_tool(output: Path, work: Callable[[], str]) -> int:
-    """Run a tool's work, print its summary or its error, and return the exit status, 0 or 1.
+    """Call `work`, which writes `output`; print the summary it returns, or its error to stderr.
 
-    output: the file that the work writes, for messages. work: does it and returns a summary.
-    FinloopError and OSError go to stderr.
+    Return the exit status, 0 or 1.
     """
     try:
         summary = work()
@@ -35,10 +34,7 @@ def format_frame_counts(counts: Mapping[str, int], frames: int) -> str:
 
 
 def frame_rate(text: str) -> Fraction:
-    """Parse a command-line argument as frames per second, an exact fraction above 0.
-
-    ArgumentTypeError if it is none.
-    """
+    """Parse a command-line argument as frames per second, above 0; else ArgumentTypeError."""
     try:
         rate = Fraction(text)
     except (ValueError, ZeroDivisionError) as error:

@@ -14,7 +14,7 @@ from finloop.base.tool import format_frame_counts, frame_rate, run_tool
 from finloop.gait.model import Gait
 from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer
-from finloop.io.animation import ENDINGS, save_animation, writer
+from finloop.io.animation import ENDINGS, find_writer, save_animation
 from finloop.io.record import load_json
 from finloop.io.svg import load_svg
 from finloop.morph.layers import MOST_FRAMES
@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _write(options: argparse.Namespace) -> str:
     """Write the cycle and return its summary."""
-    writer(options.output)  # check the ending first
+    find_writer(options.output)  # check the ending first
     gait = load_gait(path_of(options.gait, SHIPPED))
     frames, rate = timing(gait.frequency_hz, options.frames, options.rate)
     if options.cycles < 1 or options.cycles * frames > MOST_FRAMES:
