@@ -48,7 +48,7 @@ from finloop.extract.table import tracks_schema
 from finloop.extract.write import sample_of
 from finloop.features.table import FEATURES, measure_features
 from finloop.features.table import FeaturesSettings as FeatureSettings
-from finloop.io.film_writer import film_writer
+from finloop.io.cutouts import film_writer
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, save_facts

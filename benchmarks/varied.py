@@ -21,8 +21,7 @@ from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.head import tail_first
 from finloop.features.table import FEATURES
-from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
-from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
+from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import load_json, load_record, remake_hint
 from finloop.io.table import load_lists, load_table, table_writer

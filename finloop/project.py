@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.io.edit_list import load_edit
 from finloop.io.record import load_json, load_records, remake_hint
+from finloop.io.table import load_table
 from finloop.run_files import RunFiles
 
 if TYPE_CHECKING:  # what properties return; they import it themselves
@@ -75,9 +75,15 @@ class Project(RunFiles):
         from finloop.edit.modes import RETARGET
         from finloop.edit.schema import EDIT
 
-        key = "edit", mode
+        key, path = ("edit", mode), self.data / f"animate/{mode}.parquet"
+        if key not in self._kept and not path.exists():
+            raise FinloopError(
+                f"there is no {path}: the stage that makes it has not run",
+                f"an edit list of the mode that {stage}.mode names",
+                "make it: dvc repro",
+            )
         if key not in self._kept:
-            self._kept[key] = load_edit(self.data / "animate", mode, stage, EDIT)
+            self._kept[key] = load_table(path, EDIT)
         if self._kept[key].empty and mode != RETARGET:
             why = load_json(
                 self.data / f"animate/{mode}/reason.json", lambda facts: str(facts["reason"]),

@@ -57,8 +57,7 @@ from finloop.forecast.partition import split_held_out
 from finloop.forecast.sampling import Sampler, build_sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import CutoutWriter
-from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
+from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutWriter
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table

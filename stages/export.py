@@ -25,7 +25,7 @@ from finloop.export.pictures import (
 from finloop.export.settings import ExportSettings
 from finloop.export.tracks import USED, poses
 from finloop.io.atomic import save_bytes, whole_folder
-from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.movie import AlphaWebpWriter, WebmWriter
 from finloop.io.poses.netcdf import save_netcdf
 from finloop.io.poses.nwb import save_nwb
 from finloop.io.record import save_json

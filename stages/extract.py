@@ -25,7 +25,7 @@ from finloop.extract.write import Extraction, describe_lost_frames, extract
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import Stamp, stamps
 from finloop.io.pieces import Pieces, keep_only
-from finloop.io.several import FILMS, FilmPart, all_parts, parts_of
+from finloop.io.several import FILMS, FilmPart, all_parts, readable_parts
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.cluster import workers
@@ -52,7 +52,7 @@ def main() -> None:
     """
     settings: ExtractSettings = load("extract")
     with workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
-        if parts_of(CLIP):
+        if readable_parts(CLIP):
             numbers, films = extract_films(CLIP, settings, pool, folder)
         else:
             pieces = Pieces(PIECES / name_of(track_inputs(CLIP, settings)))

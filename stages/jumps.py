@@ -11,7 +11,7 @@ import pandas as pd
 
 from finloop.distance.reel import Reel
 from finloop.io.atomic import whole_folder
-from finloop.io.mapped import keep_array, new_array, open_array
+from finloop.io.mapped import flush_array, new_array, open_array
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.jumps.film import FilmJumps, film_jumps
@@ -58,7 +58,7 @@ class StoredFilm:
 
     def keep(self) -> None:
         """Write the pictures to the file, so that other processes see them."""
-        keep_array(self._pictures)
+        flush_array(self._pictures)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return StoredFilm, (self.path, self.size, self.project)

@@ -14,7 +14,7 @@ from finloop.base.parallel import Threads, ordered_map
 from finloop.base.settings import WORDS
 from finloop.edit.modes import MODES
 from finloop.io.atomic import whole_file
-from finloop.io.film_small import small_film
+from finloop.io.movie import small_film
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts

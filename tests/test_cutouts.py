@@ -11,8 +11,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
 from finloop.extract.table import SceneFacts
 from finloop.io.atomic import whole_file
-from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.io.film_writer import film_writer
+from finloop.io.cutouts import CutoutWriter, film_writer, open_cutouts
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table

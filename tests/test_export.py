@@ -38,7 +38,7 @@ from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_sche
 from finloop.features.table import FEATURES
 from finloop.identity.film import IDENTITIES
 from finloop.io.cutouts import CutoutWriter
-from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.movie import AlphaWebpWriter, WebmWriter
 from finloop.io.numbers import load_numbers
 from finloop.io.poses import load_poses
 from finloop.io.poses.netcdf import save_netcdf

@@ -16,8 +16,7 @@ from scratch import content, prepare, put_clip
 import stages.report
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
-from finloop.io.film_small import small_film
-from finloop.io.movie import Mp4Writer
+from finloop.io.movie import Mp4Writer, small_film
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_picture
 from finloop.report.figures import CHAPTERS

@@ -17,10 +17,10 @@ from finloop.base.errors import FinloopError
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract import film
 from finloop.extract.table import tracks_schema
-from finloop.io import space
+from finloop.io import atomic
+from finloop.io.atomic import require_free_space
 from finloop.io.numbers import load_numbers
 from finloop.io.pieces import Pieces, keep_only
-from finloop.io.space import refuse_small
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, KEY_FRAME_EVERY, load_facts, load_mask
 from finloop.verbs import Film, track
@@ -148,14 +148,14 @@ def test_nothing_is_taken_from_a_run_of_something_else(workspace, span_counts, m
 
 
 def test_room_is_looked_for_where_the_folder_will_be(tmp_path):
-    refuse_small(tmp_path / "new/one", 1.0, "it", "give up")
+    require_free_space(tmp_path / "new/one", 1.0, "it", "give up")
     with pytest.raises(FinloopError, match=r"it will take about 1\.0 EB"):
-        refuse_small(tmp_path / "new/one", 1e18, "it", "give up")
+        require_free_space(tmp_path / "new/one", 1e18, "it", "give up")
 
 
 @pytest.mark.parametrize("word", ["clip", "extract"])
 def test_a_disk_that_is_too_small_is_refused_with_numbers(workspace, monkeypatch, word):
-    monkeypatch.setattr(space.shutil, "disk_usage", lambda _: Usage(1, 1, 2000))
+    monkeypatch.setattr(atomic.shutil, "disk_usage", lambda _: Usage(1, 1, 2000))
     before = content(workspace / "data")
     with pytest.raises(FinloopError) as caught:
         getattr(stages, word).main()

@@ -26,7 +26,7 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.footage.listed import film_names, list_films
 from finloop.io.movie import VideoWriter
 from finloop.io.numbers import load_numbers
-from finloop.io.several import frames_at_rate, parts_of
+from finloop.io.several import frames_at_rate, readable_parts
 from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
 
@@ -214,7 +214,7 @@ def test_the_frames_of_all_films_are_one_count_at_the_lowest_rate(joined_run):
     facts = load_facts(joined_run / "data/clip/facts.json")
     assert facts.segments == ((0, FRAMES), (FRAMES, 2 * FRAMES))
     assert (facts.frames, facts.frame_rate, facts.width_px) == (2 * FRAMES, 25, SIZE[1])
-    assert [part.name for part in parts_of(joined_run / "data/clip")] == ["1-first", "2-fine"]
+    assert [part.name for part in readable_parts(joined_run / "data/clip")] == ["1-first", "2-fine"]
 
 
 def test_the_second_fish_is_as_the_first_in_size_place_and_light(joined_run):

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import area
-from finloop.io.svg import FLATNESS, load_svg
-from finloop.io.svg_guard import MOST_BYTES, MOST_DRAWN, MOST_NESTED
+from finloop.io.svg import FLATNESS, MOST_BYTES, MOST_DRAWN, MOST_NESTED, load_svg
 
 DRAWINGS = Path(__file__).parents[1] / "data/drawings"
 SIDE = 100

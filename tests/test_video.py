@@ -136,12 +136,12 @@ def test_spread_frames_are_jumped_to(film, monkeypatch):
     path, _ = film
     decoded = 0
 
-    def count_frames(frame, step, number=video._number):
+    def count_frames(frame, step, number=video._frame_number):
         nonlocal decoded
         decoded += 1
         return number(frame, step)
 
-    monkeypatch.setattr(video, "_number", count_frames)
+    monkeypatch.setattr(video, "_frame_number", count_frames)
     list(read_spread(path, [0, 60, 99]))
     assert decoded <= 1 + 1 + 10
 

@@ -23,6 +23,7 @@ from finloop.clip.quality import Tally
 from finloop.clip.settings import CIRCLE, Carp, ClipSettings, File, Zebrafish
 from finloop.drawn.carp.film import film, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
+from finloop.io.atomic import require_free_space
 from finloop.io.footage import (
     Loss,
     NumberedFrames,
@@ -33,7 +34,6 @@ from finloop.io.footage import (
 )
 from finloop.io.footage.fields import Order
 from finloop.io.movie import VideoWriter
-from finloop.io.space import refuse_small
 from finloop.io.table import save_table, table_writer
 from finloop.io.video import (
     ARENA_NAME,
@@ -211,7 +211,7 @@ def _record(
 def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
     """Raise FinloopError if the disk has no space for a clip as large as its beginning suggests."""
     size = writer.bytes_per_frame() * (frames - writer.frames)
-    refuse_small(
+    require_free_space(
         writer.path.parent,
         size,
         f"the clip of {frames} frames",

@@ -21,7 +21,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import TRIES, worker_loss_error
 from finloop.cluster.piece import Call, Home, load_work, run_piece
 from finloop.cluster.settings import ClusterSettings, Local
-from finloop.io.atomic import passing_file
+from finloop.io.atomic import temporary_file
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -156,7 +156,7 @@ class DaskWorkers:
     @contextmanager
     def _share_work(self, work: Callable[[A], B]) -> Iterator[str]:
         """Write `work` to a file in the shared folder for the workers, and yield its path."""
-        with passing_file(Path(self.home.folder) / _FOLDER / f"cluster-{uuid4().hex}") as path:
+        with temporary_file(Path(self.home.folder) / _FOLDER / f"cluster-{uuid4().hex}") as path:
             path.write_bytes(_pickle_bytes(work))
             yield str(path)
 

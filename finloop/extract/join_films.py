@@ -18,10 +18,9 @@ from finloop.base.errors import FinloopError
 from finloop.extract.alike import Likeness, levels, likeness, match_cutout, match_measures
 from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, SCENE_NAME
-from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
-from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
+from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.record import load_record
-from finloop.io.several import FILMS, FilmPart, frames_at_rate, parts_of
+from finloop.io.several import FILMS, FilmPart, frames_at_rate, readable_parts
 from finloop.io.table import load_table, table_writer
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 
@@ -66,7 +65,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
     errors: by name of each film without tracks, the reason. FinloopError if the first film is among
     them: the animation is shown in its tank.
     """
-    parts, whole = parts_of(clip), load_facts(clip / FACTS_NAME)
+    parts, whole = readable_parts(clip), load_facts(clip / FACTS_NAME)
     if parts[0].name in errors:
         raise FinloopError(
             f"{parts[0].path}, the first film, cannot be followed: {errors[parts[0].name]}",

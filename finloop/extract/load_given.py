@@ -24,7 +24,7 @@ from finloop.extract.fit import (
 from finloop.extract.given import Given, GivenTrackLinker, Outcome
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
-from finloop.io.film_writer import TRACKS_NAME
+from finloop.io.cutouts import TRACKS_NAME
 from finloop.io.poses import load_poses
 from finloop.io.table import load_table, save_table
 from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_spread

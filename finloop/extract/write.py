@@ -23,12 +23,11 @@ from finloop.extract.load_given import check_given, load_given, place_metrics, s
 from finloop.extract.samples import Typical, Verdict, survey
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.io.cutouts import packed_size
-from finloop.io.film_writer import film_writer
+from finloop.io.atomic import require_free_space
+from finloop.io.cutouts import film_writer, packed_size
 from finloop.io.picture import save_picture
 from finloop.io.pieces import Pieces, pack_piece
 from finloop.io.record import save_record
-from finloop.io.space import refuse_small
 from finloop.io.table import arrow_table
 from finloop.io.video import (
     ARENA_NAME,
@@ -187,4 +186,4 @@ def _refuse_small_disk(
         size += len(pack_piece(list(sample)))
         written = pieces.size()
     wanted = size / len(sample) * frames - written
-    refuse_small(folder, wanted, f"the results of {frames} frames", "take a shorter film")
+    require_free_space(folder, wanted, f"the results of {frames} frames", "take a shorter film")

@@ -1,4 +1,4 @@
-"""Complete or not at all: an output appears under its name only when it is complete.
+"""Outputs that appear under their names only when they are complete, and space for them.
 
 The unfinished work lies beside the output under the hidden name `.<name>.<process>.part…`, so the
 last step is a rename within one file system. The next process that writes into the same folder
@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from rich.filesize import decimal
+
 from finloop.base.errors import FinloopError
 
 _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
@@ -23,8 +25,7 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` when the block succeeds.
 
-    After an exception the temporary file is removed and `path` is unchanged. FinloopError if the
-    disk is full.
+    After an exception `path` is unchanged. FinloopError if the disk is full.
     """
     part = path.with_name(f".{path.stem}.{_process_tag()}.part{path.suffix}")
     try:
@@ -44,8 +45,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 def whole_folder(path: Path) -> Iterator[Path]:
     """Yield a temporary folder beside `path`; it replaces `path` when the block succeeds.
 
-    After an exception the temporary folder is removed and `path` is unchanged. FinloopError if the
-    disk is full.
+    After an exception `path` is unchanged. FinloopError if the disk is full.
     """
     part = path.with_name(f".{path.name}.{_process_tag()}.part")
     try:
@@ -67,7 +67,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def passing_file(path: Path) -> Iterator[Path]:
+def temporary_file(path: Path) -> Iterator[Path]:
     """Yield a hidden temporary path beside `path`; remove its file when the block ends."""
     part = path.with_name(f".{path.name}.{_process_tag()}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -88,20 +88,16 @@ def _remove_leftovers(folder: Path) -> None:
     host = _process_tag().rpartition("-")[0]
     for path in folder.glob(f".*.{glob.escape(host)}-*.part*"):
         number = path.name.rpartition(".part")[0].rpartition("-")[2]
-        if number.isdecimal() and not _runs(int(number)):
+        if not number.isdecimal():
+            continue
+        try:
+            os.kill(int(number), 0)  # asks whether the process runs
+        except ProcessLookupError:
             shutil.rmtree(path, ignore_errors=True)
             with suppress(OSError):
                 path.unlink(missing_ok=True)
-
-
-def _runs(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
+        except (PermissionError, OverflowError):
+            pass  # it runs, or there is no such number
 
 
 def _to_disk(path: Path) -> None:
@@ -114,7 +110,7 @@ def _to_disk(path: Path) -> None:
 
 
 def _raise_when_full(error: BaseException, path: Path) -> None:
-    """Turn "no space left" into a FinloopError; ignore other exceptions."""
+    """Raise FinloopError in place of "no space left"; ignore other exceptions."""
     if isinstance(error, OSError) and error.errno in _NO_SPACE:
         raise FinloopError(
             came=f"the disk is full: {path} could not be written, and no part of it was kept",
@@ -127,3 +123,19 @@ def save_bytes(path: Path, content: bytes) -> None:
     """Write bytes to a file, completely or not at all; FinloopError if the disk is full."""
     with whole_file(path) as part:
         part.write_bytes(content)
+
+
+def require_free_space(folder: Path, size: float, what: str, do: str) -> None:
+    """Raise FinloopError if a folder's disk has less than `size` bytes free.
+
+    what, do: for the message: what needs the space, and what the user can do instead of freeing it.
+    """
+    above = (folder.absolute(), *folder.absolute().parents)
+    home = next(path for path in above if path.exists() and path.suffix != ".part")
+    free = shutil.disk_usage(home).free
+    if free < size:
+        raise FinloopError(
+            f"{what} will take about {decimal(int(size))}, and {decimal(free)} are free in {home}",
+            "enough free space for all of it",
+            f"free some space (`dvc gc --workspace` drops unused results), or {do}",
+        )

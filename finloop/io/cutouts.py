@@ -1,12 +1,13 @@
 """The cut-out store: every fish of every frame as a small picture with alpha, in one file.
 
 It is an Arrow IPC file, mapped into memory on reading: opening is instant, access is random, and
-only the cut-outs that are read are decompressed (zstd, each by itself). Any Arrow reader of any
-language opens it. Pictures are (height, width, channels) uint8, channels = grey + alpha or RGB +
-alpha, colour premultiplied by alpha.
+only the cut-outs that are read are decompressed (zstd, each by itself). Pictures are (height,
+width, channels) uint8, channels = grey + alpha or RGB + alpha, colour premultiplied by alpha.
+
+A film's cut-outs and its table of tracks have one order, (track_id, frame): a row is a cut-out.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,12 +17,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
+from finloop.base.schema import Schema
 from finloop.io.atomic import whole_file
 from finloop.io.record import remake_hint
+from finloop.io.table import arrow_schema, arrow_table, parquet_coding
+
+TRACKS_NAME, CUTOUTS_NAME = "tracks.parquet", "cutouts.arrow"
 
 _INDEX = {
     "track_id": (pa.int32(), "1"),
@@ -40,15 +46,18 @@ _FILM, _SPRITES = (
     )
     for index in (_INDEX, _INDEX | _KEY)
 )
-BATCH = 256  # cut-outs per record batch
+_BATCH = 256  # cut-outs per record batch
+_LOT = 4096  # rows of the table of tracks in memory
 _CODEC = pa.Codec("zstd", compression_level=1)
 Keys = NDArray[np.integer[Any]]
+Rows = NDArray[np.intp]
+Write = Callable[[pd.DataFrame, Iterable[Cutout]], None]
 
 
 class CutoutWriter:
     """A new store of cut-outs; the file appears at `path` when the `with` block succeeds.
 
-    sprites: whether they are sprites; the index then also has the columns sprite and orientation.
+    With `sprites`, the index also has the columns sprite and orientation.
     """
 
     def __init__(self, path: Path, sprites: bool = False) -> None:
@@ -69,11 +78,10 @@ class CutoutWriter:
         key = cutout[5:] if self._schema is _SPRITES else ()
         self._append((*cutout[:4], *pixels.shape, *key, packed))
 
-    def copy(self, store: "CutoutStore", rows: NDArray[np.intp], keys: Keys | None = None) -> None:
-        """Append some rows of another store without decompressing their pixels.
+    def copy(self, store: "CutoutStore", rows: Rows, keys: Keys | None = None) -> None:
+        """Append some rows (k,) of another store without decompressing their pixels.
 
-        rows (k,): row numbers in that store. keys (k, 2): their new track_id and frame; None keeps
-        the old.
+        keys (k, 2): their new track_id and frame; None keeps the old.
         """
         index = store.index.to_numpy()[rows]
         if keys is not None:
@@ -83,7 +91,7 @@ class CutoutWriter:
 
     def _append(self, row: tuple[Any, ...]) -> None:
         self._rows.append(row)
-        if len(self._rows) >= BATCH:
+        if len(self._rows) >= _BATCH:
             self._flush()
 
     def _flush(self, error: Any = None, *_: Any) -> None:
@@ -106,9 +114,8 @@ def packed_size(cutout: Cutout) -> int:
 class CutoutStore:
     """An open store of cut-outs; `store[row]` loads one.
 
-    index: a row per cut-out in the file's order: track_id, frame, x0_px, y0_px, height_px,
-    width_px, channels. The store of `extract` is in the order (track_id, frame): a cut-out's number
-    is its row in the table of tracks and in the feature table.
+    index: a row per cut-out: track_id, frame, x0_px, y0_px, height_px, width_px, channels. In the
+    store of `extract` it is also the cut-out's row in the tables of tracks and features.
     """
 
     index: pd.DataFrame
@@ -123,27 +130,24 @@ class CutoutStore:
 
     def __getitem__(self, row: int) -> Cutout:
         """Load cut-out number `row` of the index; FinloopError if it is damaged."""
-        track_id, frame, x0, y0, *shape = self._places[row, :7].tolist()
+        track_id, frame, x0, y0, *shape = self._index_values[row, :7].tolist()
         try:
             raw = _CODEC.decompress(self.pixel_buffer(row), decompressed_size=int(np.prod(shape)))
         except (OSError, pa.ArrowException) as error:
             came = f"cut-out {row} of the store is damaged ({error})"
             raise FinloopError(came, *remake_hint("extract")) from error
         pixels = np.frombuffer(raw, np.uint8).reshape(shape)
-        return Cutout(track_id, frame, x0, y0, pixels, *self._places[row, 7:].tolist())
+        return Cutout(track_id, frame, x0, y0, pixels, *self._index_values[row, 7:].tolist())
 
     @cached_property
-    def _places(self) -> NDArray[np.integer[Any]]:
+    def _index_values(self) -> NDArray[np.integer[Any]]:
         """Return the index as one array, which is read much faster row by row."""
         return self.index.to_numpy()
 
 
 @contextmanager
 def open_cutouts(path: Path) -> Iterator[CutoutStore]:
-    """Open the store of cut-outs at `path` and yield it; it is closed at the end of the block.
-
-    FinloopError if the file is missing, damaged, or no cut-out store.
-    """
+    """Open a store of cut-outs for a block; FinloopError if it is missing, damaged, or none."""
     with ExitStack() as stack:
         try:
             source = stack.enter_context(pa.memory_map(str(path)))
@@ -158,3 +162,57 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
                 do="make it again: `dvc repro --force extract`",
             )
         yield CutoutStore(table.drop_columns("pixels").to_pandas(), table.column("pixels"))
+
+
+@contextmanager
+def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
+    """Yield write(rows, cut-outs); at the end, sort both into tracks.parquet and cutouts.arrow.
+
+    schema: of the table of tracks. A track's rows must come in the order of their frames. Only a
+    few thousand rows are in memory at a time.
+    """
+    table, store = folder / "unsorted-tracks.arrow", folder / f"unsorted-{CUTOUTS_NAME}"
+    tracks: list[NDArray[np.int32]] = []
+    with (
+        pa.ipc.new_file(str(table), arrow_schema(schema)) as rows,
+        CutoutWriter(store) as cutouts,
+    ):
+
+        def write(lot: pd.DataFrame, pictures: Iterable[Cutout]) -> None:
+            rows.write_table(arrow_table(lot, schema, TRACKS_NAME))
+            tracks.append(lot["track_id"].to_numpy(np.int32))
+            for cutout in pictures:
+                cutouts.write(cutout)
+
+        yield write
+    order = np.argsort(np.concatenate([np.empty(0, np.int32), *tracks]), kind="stable")
+    with (
+        pa.memory_map(str(table)) as source,
+        pq.ParquetWriter(
+            folder / TRACKS_NAME, arrow_schema(schema), **parquet_coding(schema)
+        ) as to,
+    ):
+        for lot in _in_order(source, order, _LOT):
+            to.write_table(lot)
+    with (
+        pa.memory_map(str(store)) as source,
+        pa.ipc.new_file(str(folder / CUTOUTS_NAME), pa.ipc.open_file(source).schema) as to,
+    ):
+        for lot in _in_order(source, order, _BATCH):
+            to.write_table(lot.combine_chunks())
+    table.unlink()
+    store.unlink()
+
+
+def _in_order(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
+    """Yield the rows of an Arrow file in another order, `lot` at a time."""
+    file = pa.ipc.open_file(source)
+    batches = [file.get_batch(k) for k in range(file.num_record_batches)]
+    start = np.cumsum([0, *(batch.num_rows for batch in batches)])
+    for rows in np.split(order, range(lot, len(order), lot)) if len(order) else ():
+        of_batch = np.searchsorted(start, rows, side="right") - 1
+        parts = [
+            batches[k].take(pa.array(rows[of_batch == k] - start[k])) for k in np.unique(of_batch)
+        ]
+        back = np.argsort(np.argsort(of_batch, kind="stable"))
+        yield pa.Table.from_batches(parts).take(back)

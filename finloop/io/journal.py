@@ -8,7 +8,6 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import pyarrow as pa
@@ -25,7 +24,7 @@ _HEADER = b"finloop"  # the key of the header in the file's metadata
 class Journal:
     """A new journal file for the rows of a table; FinloopError if the file exists.
 
-    schema: of the table. header: a text kept with the table, such as the settings of a session.
+    header: a text kept with the table, such as the settings of a session.
     """
 
     def __init__(self, path: Path, schema: Schema, header: str) -> None:
@@ -62,19 +61,15 @@ class Journal:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
 @contextmanager
 def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatch]]]:
-    """Open a journal; yield its Arrow schema, and an iterator of its record batches.
+    """Open a journal; yield its Arrow schema, and its record batches up to where it was cut off.
 
-    The batches end where the journal ends or where it was cut off. FinloopError if not even its
-    beginning can be read.
+    FinloopError if not even its beginning can be read.
     """
     with ExitStack() as stack:
         try:
@@ -86,10 +81,10 @@ def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatc
                 "the journal of a session",
                 "name another .journal file: one cut off at its start holds no rows to recover",
             ) from error
-        yield reader.schema, _parts(reader)
+        yield reader.schema, _whole_parts(reader)
 
 
-def _parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
+def _whole_parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
     while True:
         try:
             part = reader.read_next_batch()
@@ -100,10 +95,7 @@ def _parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
 
 
 def save_journal(journal: Path, path: Path, schema: Schema) -> int:
-    """Convert a journal to a Parquet file, completely or not at all; return its number of rows.
-
-    journal: the file to read. path: the file to write. schema: of the table, for its compression.
-    """
+    """Convert a journal to the Parquet file `path`, completely or not at all; return its rows."""
     rows, coding = 0, parquet_coding(schema)
     with (
         read_journal(journal) as (arrow, parts),
@@ -116,10 +108,7 @@ def save_journal(journal: Path, path: Path, schema: Schema) -> int:
     return rows
 
 
-def header_of(metadata: Mapping[bytes, bytes] | None) -> str | None:
-    """Return the header text of a journal or a Parquet file made from it; None if it has none.
-
-    metadata: of the file's Arrow schema.
-    """
+def header_text(metadata: Mapping[bytes, bytes] | None) -> str | None:
+    """Return the header of a journal, or its Parquet file, from its Arrow schema's metadata."""
     text = (metadata or {}).get(_HEADER)
     return None if text is None else text.decode()

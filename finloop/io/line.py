@@ -22,8 +22,8 @@ def load_line(path: Path, unit: str) -> Line:
     """Load the path that a fish follows from a file: .csv, .parquet or .svg.
 
     unit: PX, TANK or MM, of columns x and y; columns such as x_mm name their own. An SVG's path is
-    in px of its viewport, or in shares of the viewport if the unit is TANK. FinloopError if the
-    file cannot be read, lacks a column, is an SVG of several paths or none, or holds no path.
+    in px, or in shares of the viewport if the unit is TANK. FinloopError if the file cannot be
+    read, lacks a column, is an SVG of several paths or none, or holds no path.
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
@@ -34,25 +34,23 @@ def load_line(path: Path, unit: str) -> Line:
             "a file .csv, .parquet or .svg; or a track of the film, such as track:8",
             "save the path as one of these, or correct matching.path",
         )
-    return check_line(_line_from_table(path, _table(path, suffix), unit))
-
-
-def _table(path: Path, suffix: str) -> pa.Table:
     try:
-        return pa.csv.read_csv(path) if suffix == ".csv" else pq.read_table(path)
+        table = pa.csv.read_csv(path) if suffix == ".csv" else pq.read_table(path)
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise FinloopError(
             f"{path} cannot be read as a table ({error})",
             _WANTED,
             "save the table again, or name another file (matching.path)",
         ) from error
+    return check_line(_line_from_table(path, table, unit))
 
 
 def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
     names = {name.strip().lower(): name for name in table.column_names}
-    units = [PX, MM, TANK]
-    own = next((choice for choice in units if {f"x_{choice}", f"y_{choice}"} <= names.keys()), None)
-    x, y = ("x", "y") if own is None else (f"x_{own}", f"y_{own}")
+    x, y = "x", "y"
+    for named in (TANK, MM, PX):
+        if {f"x_{named}", f"y_{named}"} <= names.keys():
+            x, y, unit = f"x_{named}", f"y_{named}", named
     if not {x, y} <= names.keys():
         raise FinloopError(
             f"{path} has the columns {', '.join(table.column_names)}",
@@ -60,21 +58,18 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
             "rename the columns that hold x and y",
         )
 
-    def numbers(name: str) -> Floats | None:
-        return _numbers(path, table, names[name]) if name in names else None
+    def column(name: str) -> Floats:
+        try:
+            values = table.column(names[name]).cast(pa.float64())
+        except pa.ArrowException as error:
+            came = f"the column {names[name]} of {path} holds no numbers ({error})"
+            raise FinloopError(came, _WANTED, "correct it") from error
+        return np.array(values.to_numpy(zero_copy_only=False), float)
 
-    at = [_numbers(path, table, names[name]) for name in (x, y)]
-    return Line(str(path), at[0], at[1], own or unit, numbers("time_s"), numbers("heading_deg"))
-
-
-def _numbers(path: Path, table: pa.Table, name: str) -> Floats:
-    try:
-        column = table.column(name).cast(pa.float64())
-    except pa.ArrowException as error:
-        raise FinloopError(
-            f"the column {name} of {path} holds no numbers ({error})", _WANTED, "correct it"
-        ) from error
-    return np.array(column.to_numpy(zero_copy_only=False), float)
+    time_s, heading_deg = (
+        column(name) if name in names else None for name in ("time_s", "heading_deg")
+    )
+    return Line(str(path), column(x), column(y), unit, time_s, heading_deg)
 
 
 def _line_from_drawing(path: Path, unit: str) -> Line:
@@ -85,7 +80,7 @@ def _line_from_drawing(path: Path, unit: str) -> Line:
             "an SVG with one path",
             "save only the path that the fish should follow",
         )
-    ((_, curve),) = drawing.curves.items()
+    (curve,) = drawing.curves.values()
     scale = (drawing.width, drawing.height) if unit == TANK else (1.0, 1.0)
     x, y = (curve.points / scale).T
     return Line(str(path), x.copy(), y.copy(), unit, closed=curve.closed)

@@ -23,9 +23,9 @@ def save_array(path: Path, array: NDArray[Any]) -> None:
 def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
     """Create an .npy file of zeros and return its array, mapped into memory, to be filled.
 
-    The file appears at once, so use it inside `whole_folder`. kind: its dtype, such as "float32".
-    OSError if the disk is full: the file takes all its space from the beginning, because the system
-    kills a process that writes to a mapped page without space.
+    The file appears at once, so use it inside `whole_folder`. kind: its dtype. OSError if the disk
+    is full: the file takes all its space from the beginning, because the system kills a process
+    that writes to a mapped page without space.
     """
     made = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
     if hasattr(os, "posix_fallocate"):
@@ -34,8 +34,8 @@ def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
     return made.view(np.ndarray)
 
 
-def keep_array(array: NDArray[Any]) -> None:
-    """Flush an array that `new_array` returned to its file, so that other processes can open it."""
+def flush_array(array: NDArray[Any]) -> None:
+    """Write an array of `new_array` out to its file, so that other processes can open it."""
     assert isinstance(array.base, np.memmap)
     array.base.flush()
 
@@ -43,8 +43,8 @@ def keep_array(array: NDArray[Any]) -> None:
 def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[Any]:
     """Open an .npy file as an array mapped into memory. Writing to it does not change the file.
 
-    shape: the one expected, None for any length; kind: the dtype expected. FinloopError if the file
-    is missing, damaged, or has another shape or dtype.
+    FinloopError if the file is missing, damaged, or has another shape (None for any length) or
+    dtype (kind).
     """
     again = "run the stage that makes it again: `dvc repro`"
     wanted = f"an array of {kind} of shape {shape}, None for any length"
@@ -52,8 +52,8 @@ def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[
         array = np.load(path, mmap_mode="c", allow_pickle=False)
     except (EOFError, OSError, ValueError) as error:
         raise FinloopError(f"{path} cannot be read as an array ({error})", wanted, again) from error
-    same = len(array.shape) == len(shape) and all(
-        length in (None, own) for length, own in zip(shape, array.shape, strict=True)
+    same = len(shape) == array.ndim and all(
+        length in (None, found) for length, found in zip(shape, array.shape, strict=True)
     )
     if array.dtype != np.dtype(kind) or not same:
         came = f"{path} holds an array of {array.dtype} of shape {array.shape}"

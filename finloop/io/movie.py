@@ -1,7 +1,8 @@
-"""Write films frame by frame: the normalised clip, MP4 for browsers, animated WebP.
+"""Write films frame by frame: the normalised clip, MP4 for browsers, WebM, animated WebP.
 
-Frames are (h, w) grey or (h, w, 3) RGB uint8. A file appears under its name when it is complete;
-the same frames give the same bytes.
+Frames are (h, w) grey, (h, w, 3) RGB or, of an animal without its tank, (h, w, 4) RGBA uint8 with
+straight alpha. A file appears under its name when it is complete; the same frames give the same
+bytes.
 """
 
 from abc import ABC, abstractmethod
@@ -10,6 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 import av
@@ -25,8 +27,9 @@ from av.video.reformatter import (
 )
 
 from finloop.base.arrays import Picture
+from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
-from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts
+from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts, read_frames
 
 # With B-frames, look-ahead or weights x264 reads uninitialised memory: its output would then depend
 # on what else the process has done.
@@ -37,17 +40,16 @@ _COLOURS = {
     Colorspace.ITU709: (ColorPrimaries.BT709, ColorTrc.BT709),
     Colorspace.ITU601: (ColorPrimaries.SMPTE170M, ColorTrc.SMPTE170M),
 }
+_LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
+_SMALL_CRF, _SMALL_WIDTHS = 28, (960, 640, 426)  # coding and px of a film made smaller
 
 
 class Movie(ABC):
     """A film file written frame by frame; it appears at `path` when the `with` block succeeds.
 
-    A thread codes frames while the caller makes the next ones. A later `write`, or the end of the
-    block, raises its errors. At the end of the block, FinloopError if the disk was full; then no
-    file is left.
-
-    shape: of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA; the subclass says which.
-    frame_rate: frames per second. quality: a number on the scale that the subclass names.
+    A thread codes frames while the caller makes the next ones; a later `write`, or the end of the
+    block, raises its errors: FinloopError if the disk is full. shape: of every frame. frame_rate:
+    frames per second. quality: a number on the scale that the subclass names.
     """
 
     def __init__(
@@ -56,7 +58,6 @@ class Movie(ABC):
         self.path, self._shape, self._rate = path, shape, frame_rate
         self._quality = str(quality)
         self._stack = ExitStack()
-        self._coder: ThreadPoolExecutor
         self._waiting = deque[Future[None]]()
         self.frames = 0  # frames written
         self._bytes, self._broken = 0, False
@@ -89,7 +90,7 @@ class Movie(ABC):
         coder.color_range, coder.colorspace = ColorRange.MPEG, matrix
         coder.color_primaries, coder.color_trc = _COLOURS[matrix]
 
-    def _even(self, frame: Picture, border: int) -> Picture:
+    def _pad_to_even(self, frame: Picture, border: int) -> Picture:
         """Pad the frame to even sides; `border` is OpenCV's border type."""
         if not any(self._odd):
             return frame
@@ -103,7 +104,7 @@ class Movie(ABC):
         """Convert a frame to the stream's pixel format."""
 
     def write(self, frame: Picture) -> None:
-        """Append one frame, uint8, of the film's shape; ValueError for another one."""
+        """Append one frame, uint8, of the film's shape; ValueError for any other."""
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
         self._wait(_WAITING)
@@ -141,9 +142,6 @@ class Movie(ABC):
         return self._stack.__exit__(*error)
 
 
-_LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
-
-
 def _subsample_chroma(
     frame: Picture, matrix: Colorspace, size: tuple[int, int] | None = None
 ) -> VideoFrame:
@@ -165,13 +163,10 @@ def _subsample_chroma(
 class VideoWriter(Movie):
     """Writer of the normalised clip: H.264 of constant frame rate, whose pixels can be read back.
 
-    Mono film is coded as 4:0:0, so the decoded Y plane *is* the picture: at `crf` 0 the grey levels
-    come back bit for bit. Colour film is coded in full-range BT.601, 4:2:0 if both sides are even
-    and 4:4:4 if one is odd, so no row or column is lost. Every `KEY_FRAME_EVERY`-th frame can be
-    sought.
-
-    width, height: px, from 1; colour: frames are RGB instead of grey; crf: 0 = lossless (grey bit
-    for bit; RGB up to the rounding of its YUV form), else the quality of libx264, 51 = worst.
+    Mono film is coded as 4:0:0, so the decoded Y plane *is* the picture. Colour film is coded in
+    full-range BT.601, 4:2:0 if both sides are even and 4:4:4 if one is odd, so no row or column is
+    lost. Every `KEY_FRAME_EVERY`-th frame can be sought. colour: frames are RGB instead of grey.
+    crf: 0 = lossless (grey bit for bit; RGB up to the rounding of its YUV form), 51 = worst.
     """
 
     def __init__(
@@ -189,7 +184,7 @@ class VideoWriter(Movie):
 
     @classmethod
     def from_facts(cls, path: Path, facts: VideoFacts) -> Self:
-        """Create the writer of a clip from its facts: size, frame rate, colour and quality."""
+        """Create the writer of a clip with the size, rate, colour and quality that facts state."""
         size = facts.width_px, facts.height_px
         return cls(path, *size, facts.frame_rate, facts.colour, facts.crf)
 
@@ -223,8 +218,7 @@ class VideoWriter(Movie):
 class Mp4Writer(Movie):
     """Writer of H.264 in MP4 for every browser: 4:2:0, limited range, BT.709, index in front.
 
-    Frames are (h, w, 3) RGB. 4:2:0 needs even sides: a last odd row or column is repeated once, so
-    nothing is lost. Quality of libx264: 0 = best, 51 = worst.
+    Frames are RGB; a last odd row or column is repeated once. Quality: 0 = best, 51 = worst.
     """
 
     def __enter__(self) -> Self:
@@ -234,14 +228,14 @@ class Mp4Writer(Movie):
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
-        return _subsample_chroma(self._even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
+        return _subsample_chroma(self._pad_to_even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
 class WebpWriter(Movie):
     """Writer of an animated WebP that repeats for ever; frames begin at whole milliseconds.
 
-    Frames are (h, w, 3) RGB. width [px]: of the picture in the file, at most that of the frames;
-    width and height become even. Quality, lossy: 0 = worst, 100 = best.
+    Frames are RGB. width: px of the picture in the file, at most that of the frames; both sides
+    become even. Quality: 0 = worst, 100 = best.
     """
 
     def __init__(
@@ -260,3 +254,90 @@ class WebpWriter(Movie):
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
         return _subsample_chroma(frame, Colorspace.ITU601, self._size)  # as WebP is defined
+
+
+class WebmWriter(Movie):
+    """Writer of a transparent WebM, which browsers and editors overlay: VP9 with alpha.
+
+    Frames are RGBA; an odd side gets one more transparent row or column. Quality: 0 = best, 63 =
+    worst.
+    """
+
+    def __enter__(self) -> Self:
+        # Speed 8 of "realtime" is four times as fast as "good", for files of the same size. Coded
+        # as a screen, where little moves, a fish leaves fewer traces in the alpha behind it. A
+        # hidden frame (auto-alt-ref, lag) would be in only one of the two pictures.
+        options = {
+            "crf": self._quality, "b": "0", "deadline": "realtime", "cpu-used": "8",
+            "tune-content": "screen", "auto-alt-ref": "0", "lag-in-frames": "0",
+        }  # fmt: skip
+        container = {"fflags": "bitexact"}  # else a random number names the file
+        stream = self._begin("webm", container, "libvpx-vp9", options)
+        self._set_half_chroma(stream, "yuva420p", Colorspace.ITU601)
+        return self
+
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
+        """Convert a frame to 4:2:0 of limited range, BT.601; alpha stays unchanged.
+
+        OpenCV does it: swscale takes three times as long, and changes alpha by 1.
+        """
+        frame = self._pad_to_even(frame, cv2.BORDER_CONSTANT)
+        height, width = frame.shape[:2]
+        yuv = cv2.cvtColor(frame, cv2.COLOR_RGBA2YUV_I420)
+        chroma = yuv[height:].reshape(2, height // 2, width // 2)
+        coded = VideoFrame(width, height, "yuva420p")
+        planes = (yuv[:height], *chroma, frame[..., 3])
+        for plane, pixels in zip(coded.planes, planes, strict=True):
+            rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
+            rows[: plane.height, : plane.width] = pixels
+        return coded
+
+
+class AlphaWebpWriter(Movie):
+    """Writer of a transparent animated WebP that repeats for ever; alpha is kept without loss.
+
+    Frames are RGBA and begin at whole milliseconds. Quality of the colours: 0 = worst, 100 = best.
+    """
+
+    def __enter__(self) -> Self:
+        options = {"quality": self._quality, "compression_level": "2"}
+        stream = self._begin("webp", {"loop": "0"}, "libwebp_anim", options)
+        stream.height, stream.width = self._shape[:2]
+        stream.pix_fmt = "bgra"  # the coder's own order: it makes 4:2:0 itself, and respects alpha
+        return self
+
+    def _convert_frame(self, frame: Picture) -> VideoFrame:
+        return VideoFrame.from_ndarray(cv2.cvtColor(frame, cv2.COLOR_RGBA2BGRA), format="bgra")
+
+
+def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
+    """Return an MP4 file's bytes, coded again with a smaller width if needed, and its first frame.
+
+    most_bytes: upper limit. The first frame (h, w, 3), RGB uint8, keeps its size. FinloopError if
+    the film cannot be read, or is too long to become so small.
+    """
+    poster = next(iter(read_frames(path, colour=True)))
+    film = path.read_bytes()
+    for width in _SMALL_WIDTHS:
+        if len(film) > most_bytes:
+            film = _narrower(path, poster.shape, width)
+    if len(film) > most_bytes:
+        raise FinloopError(
+            f"{path} has {len(film) / 1e6:.1f} MB even at a width of {_SMALL_WIDTHS[-1]} px",
+            f"a film of at most {most_bytes / 1e6:.1f} MB",
+            "raise report.max_film_mb, or lower animate.seconds",
+        )
+    return film, poster
+
+
+def _narrower(path: Path, shape: tuple[int, ...], width: int) -> bytes:
+    wide = min(width, shape[1])
+    size = wide, max(2, round(shape[0] * wide / shape[1]))
+    with av.open(str(path)) as container:
+        rate = Fraction(container.streams.video[0].average_rate or 25)
+    with TemporaryDirectory() as folder:
+        small = Path(folder) / "film.mp4"
+        with Mp4Writer(small, (size[1], size[0], 3), rate, _SMALL_CRF) as writer:
+            for frame in read_frames(path, colour=True):
+                writer.write(cv2.resize(frame, size, interpolation=cv2.INTER_AREA))
+        return small.read_bytes()

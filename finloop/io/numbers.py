@@ -24,9 +24,8 @@ def load_numbers(folder: Path) -> dict[str, float]:
 
 def parse_numbers(text: str) -> dict[str, float]:
     """Return the numbers by name in the text of a numbers.csv; whole numbers become int."""
-    rows = csv.DictReader(text.splitlines())
-    return {row["number"]: _number(row["value"]) for row in rows}
-
-
-def _number(text: str) -> float:
-    return int(text) if text.lstrip("-").isdigit() else float(text)
+    values = {row["number"]: row["value"] for row in csv.DictReader(text.splitlines())}
+    return {
+        name: int(value) if value.lstrip("-").isdigit() else float(value)
+        for name, value in values.items()
+    }

@@ -12,24 +12,20 @@ from finloop.base.settings import check_values, variants
 
 def read_parameters(path: Path) -> dict[str, Any]:
     """Return params.yaml as {stage: its parameters}; FinloopError if it cannot be read."""
+    hint = "what `make params` writes", "make params"
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise FinloopError(
-            f"{path} cannot be read: {error}", "what `make params` writes", "make params"
-        ) from error
+        raise FinloopError(f"{path} cannot be read: {error}", *hint) from error
     if not isinstance(values, dict):
-        raise FinloopError(
-            f"{path} holds no parameters", "what `make params` writes", "make params"
-        )
+        raise FinloopError(f"{path} holds no parameters", *hint)
     return values
 
 
 def parameters(word: str, values: Mapping[str, Any]) -> Any:
-    """Check one stage word's parameters and return them as its settings dataclass.
+    """Return the settings dataclass of a stage word, such as "extract", from params.yaml's values.
 
-    word: such as "extract". values: those of params.yaml, by stage word. FinloopError lists all
-    parameters that are refused, by dotted name.
+    FinloopError lists all parameters that are refused, by dotted name.
     """
     group, problems = check_values(word, variants(word), values.get(word, {}))
     if problems:
@@ -38,7 +34,7 @@ def parameters(word: str, values: Mapping[str, Any]) -> Any:
 
 
 def refusal_error(problems: list[str]) -> FinloopError:
-    """Return one error that lists all refused parameters; problems: a sentence on each."""
+    """Return one error that lists the problems of all refused parameters, a sentence each."""
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
     return FinloopError(
         f"{count} refused:\n    " + "\n    ".join(problems),

@@ -15,10 +15,7 @@ if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
 
 
 def save_picture(path: Path, picture: Picture) -> None:
-    """Write a uint8 picture in the format of the ending of `path`, completely or not at all.
-
-    picture: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA.
-    """
+    """Write a picture, (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, as the ending says."""
     if picture.ndim == 3:
         code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         picture = cv2.cvtColor(picture, code)
@@ -42,9 +39,9 @@ def load_picture(path: Path) -> Picture:
 
 
 def save_figure(path: Path, figure: "Figure") -> None:
-    """Write a matplotlib figure in the format of the ending of `path`, at 110 dots per inch.
+    """Write a matplotlib figure, at 110 dots per inch, in the format of the ending of `path`.
 
-    The same figure gives the same bytes. Ticks of hidden axes are removed from the figure.
+    The same figure gives the same bytes.
     """
     for axes in figure.axes:
         if not axes.axison:  # hidden ticks would still be laid out, in half of the time

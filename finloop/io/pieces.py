@@ -1,8 +1,7 @@
 """Results of the pieces of a long run, from which an interrupted run continues.
 
-A piece is a file that appears completely or not at all. Its folder's name is a digest of the film,
-the parameters and the code. Only this program reads pieces. They are removed when the run has
-succeeded; a damaged one is computed again.
+A piece is a file. Its folder's name is a digest of the film, the parameters and the code. Pieces
+are removed when the run has succeeded; a damaged one is computed again.
 """
 
 import pickle
@@ -11,7 +10,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import pyarrow as pa
 
@@ -29,14 +28,15 @@ class Pieces:
     folder: Path
 
     def load_or_make(self, name: str, make: Callable[[], T]) -> T:
-        """Return the piece with a name from its file, or else make it, store it and return it.
+        """Return the piece with a name from its file; if missing or damaged, make and store it.
 
-        make: computes the piece; it is called where the file is missing or damaged. FinloopError if
-        the disk is full.
+        FinloopError if the disk is full.
         """
         path = self.folder / name
         try:
-            return unpack_piece(path.read_bytes())
+            content = path.read_bytes()
+            plain = _CODEC.decompress(content[_SIZE:], int.from_bytes(content[:_SIZE]))
+            return pickle.loads(plain)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):
             piece = make()
         save_bytes(path, pack_piece(piece))
@@ -59,14 +59,8 @@ def pack_piece(piece: object) -> bytes:
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
-def unpack_piece(content: bytes) -> Any:
-    """Restore a result from the bytes of a piece; ValueError or an error of pickle if damaged."""
-    size = int.from_bytes(content[:_SIZE])
-    return pickle.loads(_CODEC.decompress(content[_SIZE:], size))
-
-
 def keep_only(folder: Path, names: Iterable[str]) -> None:
-    """Remove what lies in `folder` except `names`, and `folder` itself if it is then empty."""
+    """Remove the folders in `folder` except some names, and `folder` itself if it is then empty."""
     names = set(names)
     for path in folder.glob("*"):
         if path.name not in names:

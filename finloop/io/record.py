@@ -14,10 +14,7 @@ MOST_BYTES = 100_000_000
 
 
 def save_json(path: Path, content: Any, indent: int = 2) -> None:
-    """Write plain values (dictionaries, lists, numbers, text) as JSON, completely or not at all.
-
-    indent: spaces per level.
-    """
+    """Write plain values (dictionaries, lists, numbers, text) as JSON, completely or not at all."""
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
     save_bytes(path, f"{text}\n".encode())
 
@@ -27,9 +24,8 @@ def load_json(
 ) -> T:
     """Read a JSON file and return `build(content)`.
 
-    wanted, do: those lines of the error's message. FinloopError if the file is missing, larger than
-    `most_bytes`, no JSON, or `build` refuses its content by ValueError, TypeError, KeyError or
-    AttributeError.
+    FinloopError, with the lines `wanted` and `do`, if the file is missing, larger than
+    `most_bytes`, no JSON, or `build` raises ValueError, TypeError, KeyError or AttributeError.
     """
     try:
         if path.stat().st_size > most_bytes:
@@ -47,7 +43,7 @@ def save_record(path: Path, record: Any) -> None:
 def load_record(path: Path, kind: Callable[..., T], stage: str) -> T:
     """Read a JSON object that a stage wrote and return `kind(**content)`, such as a dataclass.
 
-    stage: its name, for messages. FinloopError if the file is missing or `kind` refuses it.
+    FinloopError, which names the stage, if the file is missing or `kind` refuses it.
     """
     return load_json(path, lambda content: kind(**content), *remake_hint(stage))
 
@@ -58,9 +54,9 @@ def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
 
 
 def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
-    """Read a JSON list of objects that a stage wrote and return `kind(**object)` of each.
+    """Read a JSON list of objects that a stage wrote; return `kind(**object)` for each.
 
-    stage: its name, for messages. FinloopError if the file is missing or `kind` refuses an object.
+    FinloopError, which names the stage, if the file is missing or `kind` refuses an object.
     """
     return load_json(
         path, lambda content: [kind(**record) for record in content], *remake_hint(stage)

@@ -25,47 +25,39 @@ Frames = NDArray[np.intp]
 
 
 class FilmPart(NamedTuple):
-    """One of several films that a clip joins; path: of its file, name: of its folder below films/.
+    """One of several films that a clip joins, with its frames in the count of all frames."""
 
-    start, stop: its frames in the count that runs on from film to film, `stop` excluded. error: why
-    it is left out; "" if it is used.
-    """
-
-    name: str
-    path: str
+    name: str  # of its folder below films/
+    path: str  # of its file
     start: int = 0  # its first frame
     stop: int = 0  # the first frame after it
-    error: str = ""
+    error: str = ""  # why it is left out; "" if it is used
 
 
-def parts_of(clip: Path) -> list[FilmPart]:
-    """Return the readable films that a clip joins; an empty list if it holds a single film.
-
-    clip: the folder of the clip.
-    """
+def readable_parts(clip: Path) -> list[FilmPart]:
+    """Return the readable films that the clip in a folder joins; none if it is a single film."""
     return [part for part in all_parts(clip) if not part.error]
 
 
 def all_parts(clip: Path) -> list[FilmPart]:
-    """Return all films that a clip joins, also those that could not be read; see `parts_of`."""
+    """Return all films that the clip in a folder joins, also those that could not be read."""
     return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
 
 
 def film_folders(clip: Path) -> list[tuple[str, Path]]:
-    """Return each readable film's name and relative folder, below that of the clip or the tracks.
+    """Return each readable film's name and its folder, relative to that of the clip or the tracks.
 
-    clip: the folder of the clip. A single film has the name "" and the path ".": it lies in those
-    folders themselves.
+    A single film has the name "" and the path ".": it lies in those folders themselves.
     """
-    return [(part.name, Path(FILMS) / part.name) for part in parts_of(clip)] or [("", Path())]
+    return [(part.name, Path(FILMS) / part.name) for part in readable_parts(clip)] or [("", Path())]
 
 
 def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     """Write facts.json, arena.png and films.json of several films as one clip; return its facts.
 
     clip: the folder that holds films/<name>/. parts: all films. The common rate is the lowest, so
-    no frame is shown twice; a faster film is thinned. The count of frames continues from film to
-    film. arena.png is that of the first film. FinloopError if no film could be read.
+    no frame is shown twice; a faster film is thinned. The arena is that of the first film.
+    FinloopError if no film could be read.
     """
     facts = {
         part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -73,7 +65,12 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
         if not part.error
     }
     if not facts:
-        raise _no_films([(part.path, part.error) for part in parts])
+        raise FinloopError(
+            "none of the films can be used:\n    "
+            + "\n    ".join(f"{part.path}: {part.error}" for part in parts),
+            "at least one film that can be read",
+            "correct clip.path, or repair the films",
+        )
     first = next(iter(facts))
     rate = min(fact.frame_rate for fact in facts.values())
     listed: list[FilmPart] = []
@@ -81,9 +78,9 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     start = 0
     for part in parts:
         if not part.error:
-            own = facts[part.name]
-            ticks = frames_at_rate(own.frames, own.frame_rate, rate)
-            cuts = np.searchsorted(ticks, np.array(own.segments)) + start
+            film = facts[part.name]
+            ticks = frames_at_rate(film.frames, film.frame_rate, rate)
+            cuts = np.searchsorted(ticks, np.array(film.segments)) + start
             segments += [(int(a), int(b)) for a, b in cuts if a < b]
             part = part._replace(start=start, stop=start + len(ticks))
             start = part.stop
@@ -104,20 +101,11 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
 
 
 def frames_at_rate(frames: int, rate: Fraction, common: Fraction) -> Frames:
-    """Return which of a film's frames each tick of a lower, common rate shows: (ticks,).
+    """Return the numbers of a film's frames that the ticks of a lower, common rate show.
 
-    frames: their number. rate, common: of the film and of the ticks, per second.
+    frames: of the film. rate, common: frames per second of the film, and ticks per second.
     """
     step = float(rate / common)
     if abs(step - 1) <= _SAME_RATE:
         return np.arange(frames)
     return np.rint(np.arange(int((frames - 1) / step) + 1) * step).astype(np.intp)
-
-
-def _no_films(errors: Sequence[tuple[str, str]]) -> FinloopError:
-    return FinloopError(
-        "none of the films can be used:\n    "
-        + "\n    ".join(": ".join(error) for error in errors),
-        "at least one film that can be read",
-        "correct clip.path, or repair the films",
-    )

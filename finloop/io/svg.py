@@ -1,8 +1,11 @@
 """Read SVG drawings: every path command, basic shapes, transforms, groups, `use`, viewBox, styles.
 
-svgelements reads the geometry; `svg_guard` decides what it may read. Curved pieces become polylines
-that stay within FLATNESS of them. A path of several contours gives a layer for each: `d`, `d#2`,
-`d#3` …; no XML id contains "#".
+svgelements reads the geometry. Curved pieces become polylines that stay within FLATNESS of them. A
+path of several contours gives a layer for each: `d`, `d#2`, `d#3` …; no XML id contains "#".
+
+A file may come from anybody, so it is read only if it is small, shallow and needs no other file.
+Nothing is ever fetched. An entity may stand for a million others and a `use` for a million shapes:
+entities are refused, and the shapes of `use` are counted before they are drawn.
 """
 
 import io
@@ -10,8 +13,9 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 import svgelements as svg
@@ -20,11 +24,25 @@ from finloop.base.arrays import Points
 from finloop.base.drawing import Curve, Drawing, clean_curve
 from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
-from finloop.io.svg_guard import load_tree
 
 FLATNESS = 1e-4  # share of the larger side of the drawing
 MOST_CONTOURS = 1000
+MOST_BYTES = 4 * 2**20
+MOST_DRAWN = 2**19
+"""Characters of geometry, counted each time a `use` shows it; so many take five seconds to read."""
 
+MOST_NESTED = 64
+MOST_STYLE = 2**16  # characters of style sheets; each is compared with every element
+
+_ELEMENT = 100  # characters that an element counts for beside its geometry
+_GEOMETRY = ("d", "points", "transform")
+_SVG = "{http://www.w3.org/2000/svg}"
+_HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
+# Nothing of these is a contour of its own.
+_NO_CONTOURS = {
+    *("image", "text", "script", "foreignObject", "metadata", "animate", "filter"),
+    *("marker", "mask", "clipPath", "pattern", "linearGradient", "radialGradient"),
+}
 _MOST_PIECES = 500  # pieces of one curved segment
 # What svgelements raises where it does not understand a drawing.
 _MISREAD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
@@ -36,10 +54,9 @@ def load_svg(path: Path) -> Drawing:
 
     A contour without an id takes that of the nearest group or `use` around it, else "contour"; if
     several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
-    no SVG that may be read (see `load_tree`), has no contour, an invalid one (see `clean_curve`),
-    or two with one id.
+    no SVG that may be read, has no contour, an invalid one (see `clean_curve`), or two with one id.
     """
-    tree = load_tree(path)
+    tree = _load_tree(path)
     try:
         source = io.BytesIO(ElementTree.tostring(tree))
         picture = svg.SVG.parse(source, reify=True, on_error="raise")
@@ -62,26 +79,22 @@ def load_svg(path: Path) -> Drawing:
             f"at most {MOST_CONTOURS}",
             "save only the contours to be morphed",
         )
-    names = _names(path, [name for name, _, _ in contours])
+    names = _unique_names(path, [name for name, _, _ in contours])
     curves = {
         name: clean_curve(curve, name) for name, (_, curve, _) in zip(names, contours, strict=True)
     }
     styles = {name: style for name, (_, _, style) in zip(names, contours, strict=True) if style}
-    return Drawing(curves, *_size(tree, picture, curves), styles)
-
-
-def _size(tree: ElementTree.Element, picture: Any, curves: dict[str, Curve]) -> tuple[float, float]:
-    """Return width and height of the viewport [px]; by default those of the contours."""
-    if {"viewBox", "width", "height"} & tree.attrib.keys():
-        return float(picture.width), float(picture.height)
-    reach = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
-    return float(max(reach[0], 1)), float(max(reach[1], 1))
+    width, height = picture.width, picture.height
+    if not {"viewBox", "width", "height"} & tree.attrib.keys():
+        reach = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
+        width, height = np.maximum(reach, 1)
+    return Drawing(curves, float(width), float(height), styles)
 
 
 # --- names
 
 
-def _names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
+def _unique_names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
     """Return unique names; ids of contours stay unchanged."""
     own = Counter(name for name, is_id in ids if is_id)
     if twice := [name for name, count in own.items() if count > 1]:
@@ -227,3 +240,139 @@ def _share(text: str | None) -> float:
         return min(max(float(text or 1), 0), 1)
     except ValueError:
         return 1.0
+
+
+# --- what may be read
+
+
+def _load_tree(path: Path) -> ElementTree.Element:
+    """Load an SVG file's root element without what is no contour, such as text and pictures.
+
+    FinloopError if the file is missing, huge, no SVG, declares entities, points to another file for
+    a shape, or would draw more than MOST_DRAWN.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise FinloopError(
+            f"{path} cannot be read ({error.strerror})",
+            "an SVG drawing",
+            "name a file that exists",
+        ) from error
+    if len(data) > MOST_BYTES:
+        raise FinloopError(
+            f"{path} has more than {MOST_BYTES / 2**20:g} MiB",
+            "a drawing of a few contours",
+            "save only the contours, without pictures, and simplify traced paths",
+        )
+    _refuse_entities(path, data)
+    root = ElementTree.fromstring(data)
+    if _tag(root) != "svg":
+        raise FinloopError(
+            f"{path} holds <{_tag(root)}>, no SVG", "an SVG drawing", "save the drawing as SVG"
+        )
+    _remove_others(root)
+    style = sum(len(element.text or "") for element in root.iter() if _tag(element) == "style")
+    if style > MOST_STYLE:
+        raise FinloopError(
+            f"{path} has style sheets of {style / 1024:.0f} KiB",
+            f"at most {MOST_STYLE // 1024} KiB",
+            "save it without embedded fonts, or with styles as attributes",
+        )
+    _refuse_large(path, root)
+    return root
+
+
+def _refuse_entities(path: Path, data: bytes) -> None:
+    """Parse the XML once, building nothing; FinloopError if it is none, or declares entities."""
+    parser = expat.ParserCreate()
+
+    def entity(name: str, *rest: object) -> NoReturn:
+        raise FinloopError(
+            f"{path} declares the entity {name!r}, which may stand for any amount of text",
+            "an SVG without entities",
+            "save it as plain SVG: the drawing program then writes entities out",
+        )
+
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        empty = "it is empty" if not data.strip() else str(error)
+        raise FinloopError(
+            f"{path} is no XML ({empty})", "an SVG drawing", "save the drawing again as plain SVG"
+        ) from error
+
+
+def _tag(element: ElementTree.Element) -> str:
+    return element.tag.removeprefix(_SVG)
+
+
+def _remove_others(root: ElementTree.Element) -> None:
+    """Remove what is no contour; hide symbols, which only a `use` shows, among definitions."""
+    hidden = ElementTree.Element(f"{_SVG}defs")
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if _tag(child) in _NO_CONTOURS:
+                parent.remove(child)
+            elif _tag(child) == "symbol":
+                child.tag = f"{_SVG}{'svg' if 'viewBox' in child.attrib else 'g'}"
+                parent.remove(child)
+                hidden.append(child)
+    root.append(hidden)
+
+
+def _use_target(path: Path, element: ElementTree.Element) -> str | None:
+    """Return the id of the shape that a `use` shows; None for another element or an empty `use`.
+
+    FinloopError if the shape is in another file.
+    """
+    if _tag(element) != "use":
+        return None
+    for name in _HREFS:
+        if reference := element.get(name, "").strip():
+            if reference.startswith("#"):
+                return reference[1:]
+            raise FinloopError(
+                f"{path} shows a shape of another file: {reference[:100]!r}, which is not fetched",
+                "an SVG that holds all its shapes",
+                "copy the shape into the drawing",
+            )
+    return None
+
+
+def _refuse_large(path: Path, root: ElementTree.Element) -> None:
+    """Raise FinloopError if a drawing has too much geometry, is too deep, or contains itself."""
+    by_id = {element.get("id"): element for element in root.iter()}
+    sizes = dict[int, int]()
+    unfinished = set[int]()
+
+    def measure(element: ElementTree.Element, depth: int) -> int:
+        key = id(element)
+        if key in sizes:
+            return sizes[key]
+        if key in unfinished:
+            raise FinloopError(
+                f"{path} holds a <use> that shows itself",
+                "shapes that do not contain themselves",
+                f"remove the <use> of {_use_target(path, element) or element.get('id')!r}",
+            )
+        unfinished.add(key)
+        used = by_id.get(_use_target(path, element) or "")
+        parts = [*element, *([] if used is None else [used])]
+        size = _ELEMENT + sum(len(element.get(name, "")) for name in _GEOMETRY)
+        if depth <= MOST_NESTED:
+            size += sum(measure(part, depth + 1) for part in parts)
+        if depth > MOST_NESTED or size > MOST_DRAWN:
+            raise FinloopError(
+                f"{path} draws more than {MOST_DRAWN // 1024} KiB of paths, or"
+                f" {MOST_DRAWN // _ELEMENT} shapes, or nests more than {MOST_NESTED} deep",
+                "a drawing of a few contours",
+                "save only the contours to be morphed, and simplify traced paths",
+            )
+        unfinished.discard(key)
+        sizes[key] = size
+        return size
+
+    measure(root, 0)

@@ -32,10 +32,8 @@ def _arrow_type(column: Column) -> pa.DataType:
 def arrow_schema(schema: Schema) -> pa.Schema:
     """Convert a table's schema to an Arrow schema; each field's metadata holds its unit."""
     return pa.schema(
-        [
-            pa.field(column.name, _arrow_type(column), column.nullable, {"unit": column.unit})
-            for column in schema.columns
-        ]
+        pa.field(column.name, _arrow_type(column), column.nullable, {"unit": column.unit})
+        for column in schema.columns
     )
 
 
@@ -45,22 +43,20 @@ def parquet_coding(schema: Schema) -> dict[str, Any]:
     Measured floats rarely repeat: a dictionary of them would take three quarters of the writing
     time. Splitting their bytes into streams halves their size.
     """
-    paths = {
-        column: f"{column.name}.list.element" if column.length else column.name
-        for column in schema.columns
-    }
-    floats = [path for column, path in paths.items() if column.dtype.startswith("float")]
-    rest = [path for path in paths.values() if path not in floats]
-    return {"compression": "zstd", "use_byte_stream_split": floats, "use_dictionary": rest}
+    floats: list[str] = []
+    others: list[str] = []
+    for column in schema.columns:
+        path = f"{column.name}.list.element" if column.length else column.name
+        (floats if column.dtype.startswith("float") else others).append(path)
+    return {"compression": "zstd", "use_byte_stream_split": floats, "use_dictionary": others}
 
 
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
-    """Write `frame` as Parquet, completely or not at all.
+    """Write a table as Parquet, completely or not at all.
 
-    Integer and float columns of another width are converted if that loses only floating-point
-    precision; NaN in a nullable column becomes null. A list column has rows of arrays, all of the
-    schema's length. FinloopError lists every missing, unknown, ill-typed or wrongly null column at
-    once.
+    Numbers of another width are converted if that loses only floating-point precision; NaN in a
+    nullable column becomes null. A list column has rows of arrays. FinloopError lists every
+    missing, unknown, ill-typed or wrongly null column at once.
     """
     table = arrow_table(frame, schema, str(path))
     with whole_file(path) as part:
@@ -70,43 +66,33 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
 def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     """Convert a whole table to Arrow, checked against its schema as in `save_table`.
 
-    name: of the table, for messages. FinloopError lists all faults at once.
+    FinloopError, which names the table, lists all faults at once.
     """
-    problems = list(_names_off(list(frame.columns), schema))
-    arrays = {}
+    problems = _name_problems(list(frame.columns), schema)
+    arrays, empty_cells = [], list[str]()
     for column in schema.columns:
         if column.name in frame:
             try:
-                arrays[column.name] = _to_arrow(frame[column.name], column)
+                arrays.append(_to_arrow(frame[column.name], column))
+                empty_cells += _null_problems(arrays[-1], column)
             except (pa.ArrowException, ValueError, TypeError, OverflowError) as error:
-                problems.append(f"{column.name}: not {_wish(column)} ({error})")
-    problems += [
-        problem
-        for column in schema.columns
-        if column.name in arrays
-        for problem in _holes(arrays[column.name], column)
-    ]
+                problems.append(f"{column.name}: not {_describe(column)} ({error})")
+    problems += empty_cells
     if problems:
-        raise _schema_error(
-            f"the table for {name}", problems, "correct the stage that makes the table"
-        )
-    return pa.Table.from_arrays(
-        [arrays[c.name] for c in schema.columns], schema=arrow_schema(schema)
-    )
+        do = "correct the stage that makes the table"
+        raise _schema_error(f"the table for {name}", problems, do)
+    return pa.Table.from_arrays(arrays, schema=arrow_schema(schema))
 
 
 def as_loaded(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
-    """Return the table as it would come back from disk: converted and checked against its schema.
-
-    That is `load_table` after `save_table`, without a file. FinloopError lists all faults at once.
-    """
+    """Return a table as `load_table` would after `save_table`: converted and checked."""
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
 def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read a table that `save_table` wrote, or only some `columns` of it.
 
-    Nullable whole numbers come back as pandas' `Int32` and its like, nullable floats as NaN, list
+    Nullable whole numbers come back as pandas' `Int32` and its like, nulls of floats as NaN, list
     columns as rows of arrays. FinloopError if the file is missing or unreadable; or it lists every
     missing, unknown, ill-typed, wrongly null column and every other unit at once.
     """
@@ -116,8 +102,8 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
 def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
     """Read list columns of a table, each as one array (rows, length), in the order of `names`.
 
-    This is faster than `load_table`, which makes an object of every row. FinloopError as in
-    `load_table`, and if the lists of a column have several lengths.
+    This is faster than `load_table`. FinloopError as there, and if the lists of a column have
+    several lengths.
     """
     table, schema = _read_columns(path, schema, names)
     arrays, ragged = [], []
@@ -138,7 +124,7 @@ def read_lists(
 ) -> Iterator[list[NDArray[Any]]]:
     """Yield a table's list columns in blocks of `rows` rows: for each name an array (k, length).
 
-    All lists of a column have the schema's length. Only the columns' names are checked.
+    All lists of a column must have the schema's length; only the columns' names are checked.
     FinloopError if the file is missing, unreadable, or lacks a column.
     """
     try:
@@ -152,8 +138,11 @@ def read_lists(
                     for name, length in zip(names, lengths, strict=True)
                 ]
     except (OSError, pa.ArrowException) as error:
-        came = f"{path} cannot be read as a table ({error})"
-        raise FinloopError(came=came, wanted="a Parquet file", do=_AGAIN) from error
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> FinloopError:
+    return FinloopError(f"{path} cannot be read as a table ({error})", "a Parquet file", _AGAIN)
 
 
 def _read_columns(
@@ -165,20 +154,19 @@ def _read_columns(
     try:
         table = pq.read_table(path, columns=None if columns is None else list(columns))
     except (OSError, pa.ArrowException) as error:
-        came = f"{path} cannot be read as a table ({error})"
-        raise FinloopError(came=came, wanted="a Parquet file", do=_AGAIN) from error
-    problems = list(_names_off(table.column_names, schema))
+        raise _unreadable(path, error) from error
+    problems = _name_problems(table.column_names, schema)
     for column in schema.columns:
         if column.name not in table.column_names:
             continue
         field = table.schema.field(column.name)
         if field.type != _arrow_type(column):
-            problems.append(f"{column.name}: {field.type}, wanted {_wish(column)}")
+            problems.append(f"{column.name}: {field.type}, wanted {_describe(column)}")
             continue
         unit = (field.metadata or {}).get(b"unit", b"").decode()
         if unit != column.unit:
             problems.append(f"{column.name}: in {unit or 'no unit'!r}, wanted {column.unit!r}")
-        problems += _holes(table.column(column.name).combine_chunks(), column)
+        problems += _null_problems(table.column(column.name).combine_chunks(), column)
     if problems:
         raise _schema_error(str(path), problems, _AGAIN)
     return table, schema
@@ -187,8 +175,8 @@ def _read_columns(
 def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:
     """Write a small table as CSV for people and plots, rounded, completely or not at all.
 
-    decimals: at most so many in a number. exact: keep all other digits (mathematical constants,
-    places in a film); else floats also lose the digits that not all processors share.
+    decimals: most digits after the point. exact: keep all others (mathematical constants, places in
+    a film); else floats also lose the digits that not all processors share.
     """
     frame = frame.round(decimals)
     if not exact:
@@ -198,16 +186,15 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False
         frame.to_csv(part, index=False, lineterminator="\n")
 
 
-def _wish(column: Column) -> str:
+def _describe(column: Column) -> str:
     size = "" if column.length == ANY else f"{column.length} "
     kind = f"lists of {size}{column.dtype}" if column.length else column.dtype
     return f"{kind}{' or null' if column.nullable else ''} in {column.unit!r}"
 
 
-def _names_off(names: list[str], schema: Schema) -> Iterator[str]:
-    expected = schema.names
-    yield from (f"{column.name}: missing" for column in schema.columns if column.name not in names)
-    yield from (f"{name}: not in the schema" for name in names if name not in expected)
+def _name_problems(names: list[str], schema: Schema) -> list[str]:
+    missing = [f"{name}: missing" for name in schema.names if name not in names]
+    return missing + [f"{name}: not in the schema" for name in names if name not in schema.names]
 
 
 def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
@@ -230,18 +217,15 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
     return array.cast(target, safe=safe)
 
 
-def _holes(array: pa.Array, column: Column) -> Iterator[str]:
+def _null_problems(array: pa.Array, column: Column) -> list[str]:
     """Report how many cells of a column that must be full are null or NaN."""
-    if column.nullable:
-        return
     count = array.null_count
-    flat = array.flatten() if column.length else array
+    flat = array.flatten() if column.length else array.drop_null()
     if pa.types.is_floating(flat.type):
-        count += int(np.isnan(flat.to_numpy(zero_copy_only=False)).sum()) - (
-            0 if column.length else array.null_count
-        )
-    if count:
-        yield f"{column.name}: {count} null or NaN, but it must not be empty"
+        count += int(np.isnan(flat.to_numpy(zero_copy_only=False)).sum())
+    if column.nullable or not count:
+        return []
+    return [f"{column.name}: {count} null or NaN, but it must not be empty"]
 
 
 def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:
@@ -283,7 +267,7 @@ def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int
 
 @contextmanager
 def table_writer(path: Path, schema: Schema) -> Iterator[Callable[[pd.DataFrame], None]]:
-    """Yield a function that appends rows, a data frame, to a Parquet file too long for memory.
+    """Yield a function that appends a data frame to a Parquet file, which may exceed the memory.
 
     The file appears at `path` when the block succeeds. FinloopError as in `save_table`.
     """

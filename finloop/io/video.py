@@ -43,36 +43,28 @@ class VideoFacts:
     """Facts about the normalised clip, kept beside it as `facts.json`."""
 
     source: str  # "zebrafish", "carp" or "file"
-    # width_px, height_px, frames: size of the clip
-    width_px: int
+    width_px: int  # size of the clip
     height_px: int
     frames: int
     frame_rate: Fraction  # frames per second, exact
     colour: bool  # whether the clip carries colour; mono film has only a Y plane
-    # half-open frame ranges [start, stop) filmed without a cut
-    segments: tuple[tuple[int, int], ...]
-    # frames_repeated, frames_dropped: frames that re-timing to a constant rate repeated and
-    # dropped
-    frames_repeated: int = 0
-    frames_dropped: int = 0
+    segments: tuple[tuple[int, int], ...]  # frame ranges [start, stop) filmed without a cut
+    frames_repeated: int = 0  # by re-timing to a constant rate
+    frames_dropped: int = 0  # by re-timing
     frames_missing: int = 0  # frames that the file promises and that could not be decoded
     source_frames: int = 0  # frames of the whole film, also beyond the range of the clip
     rotation_deg: int = 0  # how far the coded picture was turned anticlockwise to be upright
-    # whether the picture was also mirrored (left and right exchanged, before turning)
-    mirrored: bool = False
-    # width : height of one pixel as the file states it; pictures are not resampled
-    pixel_aspect: Fraction = Fraction(1)
-    # level_low, level_high: grey levels of a source of more than 8 bits that became 0 and 255; 0
-    # and 255 for 8 bits
-    level_low: float = 0.0
-    level_high: float = 255.0
+    mirrored: bool = False  # whether left and right were exchanged, before turning
+    pixel_aspect: Fraction = Fraction(1)  # width : height of a pixel, as the file states it
+    level_low: float = 0.0  # grey level of a source of more than 8 bits that became 0
+    level_high: float = 255.0  # the one that became 255
     mm_per_px: float | None = None  # mm, of a pixel of the clip; None: not known
     crf: int = 0  # quality of the coding, 0 = lossless
     notes: tuple[str, ...] = ()  # sentences about the source for the user
 
     @property
     def frame_rate_hz(self) -> float:
-        """Return frames per second as a float."""
+        """Return the frame rate, frames per second, as a float."""
         return float(self.frame_rate)
 
 
@@ -127,14 +119,14 @@ def _decode_clip(
         raise _clip_error(path, str(error)) from error
 
 
-def _number(frame: VideoFrame, step: Fraction) -> int:
+def _frame_number(frame: VideoFrame, step: Fraction) -> int:
     return round(Fraction(frame.pts or 0) / step)
 
 
 def luma(frame: VideoFrame) -> np.ndarray:
-    """Return the grey levels of a decoded frame, its Y plane (h, w) uint8, without row padding.
+    """Return the grey levels of a decoded frame: its Y plane (h, w) uint8, a read-only view.
 
-    It is a read-only view of the decoder's memory: the decoder predicts later frames from it.
+    The decoder predicts later frames from this memory.
     """
     plane = frame.planes[0]
     rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
@@ -162,13 +154,11 @@ def read_frames(
     stop: int | None = None,
     threads: int = THREADS,
 ) -> Iterator[np.ndarray]:
-    """Yield the frames `start` … `stop` − 1 of a normalised clip, grey or RGB, one after the other.
+    """Yield the frames `start` … `stop` − 1 of a normalised clip, one after the other.
 
-    FinloopError if the clip cannot be read; UndecodableError if a frame cannot, or it ends early.
-
-    colour: (h, w, 3) RGB instead of the (h, w) Y plane. Both are uint8; the Y plane is a read-only
-    view with padded rows (copying it would take a seventh of the time). start, stop: half-open
-    range of frames; `stop` None = to the end. threads: of the decoder.
+    They are (h, w, 3) RGB, or (h, w) grey as from `luma`, uint8; `stop` None = to the end. threads:
+    of the decoder. FinloopError if the clip cannot be read; UndecodableError if a frame cannot, or
+    the clip ends early.
     """
     with _open_clip(path, threads) as (container, stream, step):
         convert = _rgb if colour else luma
@@ -179,7 +169,7 @@ def read_frames(
             container.seek(int(start * step), stream=stream)
         number = start
         for frame in _decode_clip(path, container, stream):
-            index = _number(frame, step)
+            index = _frame_number(frame, step)
             if index < start:
                 continue
             if index != number:
@@ -194,12 +184,9 @@ def read_frames(
 def read_spread(
     path: Path, frames: Sequence[int], *, colour: bool = False, threads: int = THREADS
 ) -> Iterator[np.ndarray]:
-    """Yield single frames of a normalised clip by number, (h, w) grey or (h, w, 3) RGB uint8.
+    """Yield single frames of a normalised clip by ascending numbers; repeats are allowed.
 
-    frames: their numbers, ascending, repeats allowed. colour: RGB instead of grey. threads: of the
-    decoder, which seeks where frames are far apart. FinloopError if the clip cannot be read;
-    UndecodableError if a frame cannot, or the clip ends early; ValueError if `frames` does not
-    ascend.
+    Pictures and errors are those of `read_frames`; ValueError if `frames` does not ascend.
     """
     if any(b < a for a, b in pairwise(frames)):
         raise ValueError("frames must ascend")
@@ -215,7 +202,7 @@ def read_spread(
                 current = next(decoded, None)
                 if current is None:
                     raise _clip_error(path, f"frame {number} is missing")
-                position = _number(current, step)
+                position = _frame_number(current, step)
             yield convert(current)
 
 

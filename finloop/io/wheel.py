@@ -2,8 +2,7 @@
 
 idtrackerai (GPL-3.0-or-later) carries two clips of eight zebrafish in its wheel. The ordinary
 package client downloads them; they are checked against their known digests and kept in the user's
-cache, outside the project. The footage's licence is not this project's, so it is never committed. A
-temporary experiment finds it without downloading it again.
+cache, outside the project. The footage's licence is not this project's, so it is never committed.
 """
 
 import hashlib
@@ -47,18 +46,21 @@ def cache_folder() -> Path:
 
 
 def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
-    """Return the paths of zebrafish clips in `folder`; download those that it lacks.
+    """Return the paths of zebrafish clips in `folder`; download them if it lacks one.
 
     parts: which clips, "A", "B" or both. FinloopError if the package cannot be downloaded, does not
-    hold the known clips, or the folder cannot be written. No partial file is left.
+    hold the known clips, or the folder cannot be written.
     """
-    paths = [folder / f"{PACKAGE.replace('==', '-')}-test_{part}.avi" for part in parts]
-    if all(_is_known(path, part) for path, part in zip(paths, parts, strict=True)):
-        return paths
+    paths = {part: folder / f"{PACKAGE.replace('==', '-')}-test_{part}.avi" for part in parts}
+    try:
+        if all(_sha256(path.read_bytes()) == SHA256[part] for part, path in paths.items()):
+            return list(paths.values())
+    except OSError:
+        pass  # not kept yet
     try:
         with tempfile.TemporaryDirectory() as download:
             wheel = _download(Path(download))
-            for path, part in zip(paths, parts, strict=True):
+            for part, path in paths.items():
                 _unpack(wheel, part, path)
     except OSError as error:
         raise FinloopError(
@@ -66,14 +68,11 @@ def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
             wanted=f"20 MB in {tempfile.gettempdir()} and in {folder}",
             do="free some space, or name another folder in XDG_CACHE_HOME, " + _INSTEAD,
         ) from error
-    return paths
+    return list(paths.values())
 
 
-def _is_known(path: Path, part: str) -> bool:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() == SHA256[part]
-    except OSError:
-        return False
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
 
 
 def _download(folder: Path) -> Path:
@@ -99,17 +98,12 @@ def _unpack(wheel: Path, part: str, path: Path) -> None:
     try:
         with zipfile.ZipFile(wheel) as archive:
             data = archive.read(member)
-    except (zipfile.BadZipFile, KeyError) as error:
-        raise _unknown(wheel, member, str(error)) from error
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != SHA256[part]:
-        raise _unknown(wheel, member, f"its sha256 is {digest}, not {SHA256[part]}")
+        if (digest := _sha256(data)) != SHA256[part]:
+            raise ValueError(f"its sha256 is {digest}, not {SHA256[part]}")
+    except (zipfile.BadZipFile, KeyError, ValueError) as error:
+        raise FinloopError(
+            came=f"{member} in the downloaded {wheel.name} is not the known footage: {error}",
+            wanted=f"the clip as {PACKAGE} was published with",
+            do=f"empty pip's cache (pip cache purge) and run the same command again, {_INSTEAD}",
+        ) from error
     save_bytes(path, data)
-
-
-def _unknown(wheel: Path, member: str, why: str) -> FinloopError:
-    return FinloopError(
-        came=f"{member} in the downloaded {wheel.name} is not the known footage: {why}",
-        wanted=f"the clip as {PACKAGE} was published with",
-        do=f"empty pip's cache (pip cache purge) and run the same command again, {_INSTEAD}",
-    )

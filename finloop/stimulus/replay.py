@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
-from finloop.io.journal import header_of
+from finloop.io.journal import header_text
 from finloop.stimulus.animals import LiveAnimals
 from finloop.stimulus.course import (
     Reaction,
@@ -61,7 +61,7 @@ def open_record(path: Path) -> Record:
         raise FinloopError(
             f"{path} cannot be read ({str(error).splitlines()[0]})", _WANTED, do
         ) from error
-    text = header_of(file.schema_arrow.metadata)
+    text = header_text(file.schema_arrow.metadata)
     if text is None or file.schema_arrow.names != SESSION.names:
         raise FinloopError(f"{path} is no session", _WANTED, "name another file")
     header = json.loads(text)
