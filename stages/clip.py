@@ -18,7 +18,7 @@ from finloop.clip.settings import ClipSettings, File
 from finloop.clip.verdict import REPAIRS, findings
 from finloop.clip.write import ClipSource, open_source
 from finloop.io.atomic import whole_folder
-from finloop.io.footage.listed import film_names, list_films, refuse_grown, stamps
+from finloop.io.footage import file_stamps, film_names, list_films, refuse_grown
 from finloop.io.several import FILMS, FilmPart, film_folders, join_clips
 from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
@@ -81,7 +81,7 @@ def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) 
     """
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
-    before = stamps(p.film) if isinstance(p, File) else []
+    before = file_stamps(p.film) if isinstance(p, File) else []
     clip = make_clip(p, source, folder, watch)
     facts, tally = clip.facts, clip.tally
     for note in source.loss.notes:
@@ -134,7 +134,7 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
             print(f"finloop: {name} is {path}", file=sys.stderr)
             try:
                 source = open_source(p)
-                key = {"clip": asdict(p), "code": code, "film": stamps(path)}
+                key = {"clip": asdict(p), "code": code, "film": file_stamps(path)}
                 make = partial(write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
                 of_film = reuse_or_make(CLIP / home, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}

@@ -23,7 +23,7 @@ from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.write import Extraction, describe_lost_frames, extract
 from finloop.io.atomic import whole_folder
-from finloop.io.footage.listed import Stamp, stamps
+from finloop.io.footage import Stamp, file_stamps
 from finloop.io.pieces import Pieces, keep_only
 from finloop.io.several import FILMS, FilmPart, all_parts, readable_parts
 from finloop.io.table import save_csv
@@ -81,7 +81,7 @@ def track_inputs(clip: Path, own: ExtractSettings) -> dict[str, Any]:
 
 def stamps_of(path: Path) -> list[Stamp] | None:
     """Return the stamps of a file, or of all files in a folder; None if the path does not exist."""
-    return stamps(path) if path.exists() else None
+    return file_stamps(path) if path.exists() else None
 
 
 def extract_film(

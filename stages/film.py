@@ -19,7 +19,7 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
-from finloop.io.footage.listed import list_films
+from finloop.io.footage import list_films
 from stages.compose import compose_params
 from stages.settings import LOCAL, PARAMS
 

@@ -95,7 +95,7 @@ def _films(clip: Mapping[str, Any]) -> list[Path]:
     paths = clip.get("path")
     if not paths:
         return []
-    from finloop.io.footage.listed import list_films
+    from finloop.io.footage import list_films
 
     several = [paths] if isinstance(paths, str) else paths
     names = [item if isinstance(item, str) else item["path"] for item in several]
@@ -110,9 +110,9 @@ def digest(paths: Iterable[Path]) -> str | None:
     files = list(paths)
     if not files:
         return None
-    from finloop.io.footage.listed import stamps
+    from finloop.io.footage import file_stamps
 
-    stamps_of = [(str(path.absolute()), *stamps(path)) for path in files]
+    stamps_of = [(str(path.absolute()), *file_stamps(path)) for path in files]
     return hashlib.sha256(repr(stamps_of).encode()).hexdigest()[:16]
 
 

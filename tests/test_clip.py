@@ -33,17 +33,19 @@ from finloop.clip.quality import Tally, psnr_db
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
 from finloop.io import wheel
-from finloop.io.footage import Footage, Loss, Timing, nearest_in_time, open_footage, segments_of
 from finloop.io.footage import film as footage_film
-from finloop.io.footage.coding import (
+from finloop.io.footage import open_footage
+from finloop.io.footage.source import (
     CHROMA_FRACTION,
+    Footage,
+    Loss,
     Turn,
     chroma_fraction,
     deep_levels,
     stretch_levels,
     turn_of,
 )
-from finloop.io.footage.timing import frame_rate_of
+from finloop.io.footage.timing import Timing, frame_rate_of, nearest_in_time, segments_of
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 from finloop.io.video import FRAMES, load_facts, load_mask, read_frames
@@ -278,8 +280,14 @@ def make_film(
 
 
 def read(footage: Footage, loss: Loss | None = None) -> tuple[list[float], list[np.ndarray]]:
-    stamped = list(footage.frames(loss or Loss()))
-    return [time for time, _ in stamped], [frame for _, frame in stamped]
+    stamped = list(footage.stream_numbered(loss or Loss()))
+    return [time for time, _ in stamped], [frame for _, (_, frame) in stamped]
+
+
+def shown_at(footage: Footage, rate: int, loss: Loss, timing: Timing) -> list[int]:
+    """Return the numbers that the pictures of a film show which is re-timed to a constant rate."""
+    frames = footage.stream_numbered(loss)
+    return numbers(frame for _, frame in nearest_in_time(frames, Fraction(rate), timing))
 
 
 @pytest.fixture(scope="module")
@@ -422,7 +430,7 @@ def test_variable_rate_becomes_constant(tmp_path, kind):
     footage = open_footage(path, colour=False)
     assert abs(footage.frame_rate - 30) < 1
     timing = Timing()
-    shown = numbers(nearest_in_time(footage.frames(Loss()), Fraction(30), timing))
+    shown = shown_at(footage, 30, Loss(), timing)
     assert shown == [0, 1, 2, 3, 3, 4, 4, 4, 5, 6, 8, 9]
     assert (timing.repeated, timing.dropped) == (3, 1)
     assert footage.frames_expected == pytest.approx(12, abs=1)
@@ -708,7 +716,7 @@ def test_a_damaged_frame_is_left_out(tmp_path):
     path.write_bytes(data)
     loss, timing = Loss(), Timing()
     footage = open_footage(path, colour=False)
-    shown = numbers(nearest_in_time(footage.frames(loss), Fraction(25), timing))
+    shown = shown_at(footage, 25, loss, timing)
     assert loss == Loss(damaged=1)
     assert [number for number in shown if number != 7] == shown
     assert (timing.frames, timing.repeated) == (20, 1)
@@ -984,9 +992,9 @@ def test_an_even_film_is_refused(run_stage, tmp_path, level):
 
 
 def test_a_film_of_broken_frames_is_refused(run_stage, monkeypatch, avi):
-    monkeypatch.setattr(footage_film, "decode_film", lambda *_: iter([None, None]))
+    monkeypatch.setattr(footage_film, "_decode_film", lambda *_: iter([None, None]))
     monkeypatch.setattr(
-        footage_film, "survey", lambda *_: footage_film.CodingSurvey(
+        footage_film, "_survey", lambda *_: footage_film._CodingSurvey(
             WIDTH, HEIGHT, 0.0, Turn(), True, False, 0.0, 0.0, None
         ),
     )  # fmt: skip

@@ -23,7 +23,7 @@ from finloop.extract.join_films import join_extractions
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
-from finloop.io.footage.listed import film_names, list_films
+from finloop.io.footage import film_names, list_films
 from finloop.io.movie import VideoWriter
 from finloop.io.numbers import load_numbers
 from finloop.io.several import frames_at_rate, readable_parts

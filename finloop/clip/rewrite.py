@@ -20,7 +20,7 @@ from finloop.clip.mend import FrameCorrector, field_of, new_pictures, repairs
 from finloop.clip.quality import Tally
 from finloop.clip.settings import ClipSettings, File
 from finloop.clip.write import ClipSource, open_source, write_clip
-from finloop.io.footage.fields import Order
+from finloop.io.footage.source import Order
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
 from finloop.io.video import (

@@ -24,15 +24,9 @@ from finloop.clip.settings import CIRCLE, Carp, ClipSettings, File, Zebrafish
 from finloop.drawn.carp.film import film, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
-from finloop.io.footage import (
-    Loss,
-    NumberedFrames,
-    Timing,
-    nearest_in_time,
-    open_footage,
-    segments_of,
-)
-from finloop.io.footage.fields import Order
+from finloop.io.footage import open_footage
+from finloop.io.footage.source import Loss, NumberedFrames, Order
+from finloop.io.footage.timing import Timing, nearest_in_time, segments_of
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
 from finloop.io.video import (

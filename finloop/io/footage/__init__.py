@@ -1,25 +1,28 @@
 """Film from any source: whatever FFmpeg opens, a folder of pictures, a stack of TIFF pages.
 
-`open_footage` inspects the source once (rate, colour, orientation, depth) and reports its faults.
-`Footage.frames` then streams its frames, upright, as uint8 grey or RGB, each with its time. Only a
-few frames are in memory at a time.
+`list_films` finds the films that a path names. `open_footage` inspects one (rate, colour,
+orientation, depth) and reports its faults; `Footage.stream_numbered` then streams its frames,
+upright, as uint8 grey or RGB, each with its time. Only a few frames are in memory at a time.
 """
 
 import math
+import unicodedata
+from collections.abc import Iterable
 from fractions import Fraction
+from glob import has_magic, iglob
 from pathlib import Path
+from typing import NamedTuple
 
 from finloop.base.errors import FinloopError
 from finloop.io.footage.film import open_film
-from finloop.io.footage.pictures import open_pictures
-from finloop.io.footage.source import WANTED, Footage, Loss, NumberedFrames, limit_time
-from finloop.io.footage.timing import Timing, nearest_in_time, segments_of
+from finloop.io.footage.pictures import SUFFIXES, natural_sort_key, open_pictures
+from finloop.io.footage.source import WANTED, Footage, limit_time
 
-__all__ = [
-    "Footage", "Loss", "NumberedFrames", "Timing", "nearest_in_time", "open_footage", "segments_of",
-]  # fmt: skip
-
-TIFF_SUFFIXES = {".tif", ".tiff"}
+FILMS = {
+    ".avi", ".gif", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv",
+    ".ts", ".webm", ".wmv",
+}  # fmt: skip
+"""Endings of films in a folder; a file that the path names may have any ending."""
 
 
 def open_footage(
@@ -30,15 +33,13 @@ def open_footage(
     end_s: float | None = None,
     colour: bool | None = None,
 ) -> Footage:
-    """Inspect a source and choose how to read it; no frame is converted yet.
+    """Inspect a film, folder of pictures or TIFF stack and choose how to read it.
 
-    FinloopError if there is nothing at `path`, it is no film, holds fewer than two frames, states
-    no frame rate, or is shorter than the range of time.
-
-    path: a film, a folder of pictures (in natural order: 2 before 10) or a TIFF with many pages.
     frame_rate_hz: replaces the file's rate: every frame is kept, frame k at the time k /
-    `frame_rate_hz`. start_s, end_s: half-open range of time, at `frame_rate_hz` if given; `end_s`
-    None = to the end. colour: True = RGB, False = grey, None = RGB where the film has colours.
+    `frame_rate_hz`. start_s, end_s: half-open range of time; `end_s` None = to the end. colour:
+    True = RGB, False = grey, None = RGB where the film has colours. FinloopError if there is
+    nothing at `path`, it is no film, holds fewer than two frames, states no frame rate, or is
+    shorter than the range of time.
     """
     rate = None if frame_rate_hz is None else Fraction(frame_rate_hz).limit_denominator(1001)
     if not path.exists():
@@ -47,8 +48,86 @@ def open_footage(
             wanted=WANTED,
             do="correct the path, or make it absolute: an experiment may run in another folder",
         )
-    if path.is_dir() or path.suffix.lower() in TIFF_SUFFIXES:
+    if path.is_dir() or path.suffix.lower() in (".tif", ".tiff"):
         footage, times = open_pictures(path, rate, colour)
     else:
         footage, times = open_film(path, rate, colour)
     return limit_time(footage, times, start_s, math.inf if end_s is None else end_s)
+
+
+def list_films(path: str) -> list[Path]:
+    """List the films at a path in natural order: 2 before 10.
+
+    A file is a film, and so is a folder of pictures. A folder of films, or of folders of pictures,
+    gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it matches. A path to nothing is
+    returned unchanged: opening it fails. FinloopError if a pattern matches nothing.
+    """
+    whole = Path(path).expanduser()
+    if whole.is_dir():
+        return _films_in_folder(whole) or [whole]
+    if whole.exists() or not has_magic(str(whole)):
+        return [whole]
+    films = [Path(name) for name in iglob(str(whole), recursive=True)]  # noqa: PTH207 (absolute ones too)
+    if not films:
+        raise FinloopError(
+            came=f"the pattern {path} matches no file (searched from {Path.cwd()})",
+            wanted=WANTED,
+            do="correct the pattern, or make it absolute: /some/where/*.mp4",
+        )
+    return sorted(films, key=natural_sort_key)
+
+
+def _films_in_folder(folder: Path) -> list[Path]:
+    """List the films and picture folders in a folder; none if it holds the pictures itself."""
+    inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
+    if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
+        return []
+    films += [path for path in inside if path.is_dir() and _holds_pictures(path)]
+    return sorted(films, key=natural_sort_key)
+
+
+def _holds_pictures(folder: Path) -> bool:
+    return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
+
+
+def film_names(paths: Iterable[Path]) -> list[str]:
+    """Return a short, unique name for each film: its file's name, numbered where that is taken.
+
+    Names have only letters, digits, `_` and `-`, for folders and metrics.
+    """
+    unique_names: list[str] = []
+    for path in paths:
+        stem = unicodedata.normalize("NFC", path.stem if path.suffix else path.name)
+        name = "".join(c if c.isalnum() or c in "_-" else "-" for c in stem) or "film"
+        folded = {earlier.casefold() for earlier in unique_names}  # some file systems ignore case
+        number = 2
+        unique = name
+        while unique.casefold() in folded:
+            unique, number = f"{name}-{number}", number + 1
+        unique_names.append(unique)
+    return unique_names
+
+
+class Stamp(NamedTuple):
+    """What changes when a file changes: its name, size [bytes] and time of modification [ns]."""
+
+    name: str
+    size: int
+    modified_ns: int
+
+
+def file_stamps(path: Path) -> list[Stamp]:
+    """Return the stamps of a film's file, or of all pictures in its folder."""
+    files = [(p.name, p.stat()) for p in (sorted(path.iterdir()) if path.is_dir() else [path])]
+    return [Stamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in files]
+
+
+def refuse_grown(path: Path, before: list[Stamp]) -> None:
+    """Raise FinloopError if a film's files have changed since `file_stamps` returned `before`."""
+    if file_stamps(path) != before:
+        raise FinloopError(
+            came=f"{path} has changed while it was read",
+            wanted="a film that is finished",
+            do="wait until it is recorded or copied, then run the same command again",
+        )

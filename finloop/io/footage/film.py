@@ -6,39 +6,51 @@ from fractions import Fraction
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import av
 import av.error
+import cv2
 import numpy as np
 from av.container import InputContainer
+from av.filter import Graph
+from av.sidedata.sidedata import Type as SideDataType
 from av.stream import Disposition
 from av.video.frame import VideoFrame
-from av.video.reformatter import ColorRange
+from av.video.reformatter import ColorRange, Colorspace
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
-from finloop.io.footage.coding import CHROMA_FRACTION, Turn, chroma_fraction, deep_levels, turn_of
-from finloop.io.footage.fields import deinterlace
-from finloop.io.footage.frame import display_matrix, grey, is_deep, is_yuv, rgb
 from finloop.io.footage.source import (
+    CHROMA_FRACTION,
+    FULL_FROM_LIMITED,
     SAMPLES,
     WANTED,
     Footage,
     Loss,
     NumberedFrames,
+    Order,
+    Turn,
+    chroma_fraction,
+    deep_levels,
     in_range,
     other_size,
+    stretch_levels,
     thin_frame,
     too_few,
+    turn_of,
 )
 from finloop.io.footage.timing import frame_rate_of
+from finloop.io.video import THREADS, luma
 
 # A film that does not state its range of levels counts as limited (16 … 235), unless so many pixels
 # lie so far outside that black or white would be lost. A coder's ringing stays within.
 OUTSIDE_LEVELS, OUTSIDE_FRACTION = (10, 241), 0.01
 SEEK_MARGIN_S = 1.0
+HD_HEIGHT = 720  # from here on, a film that does not state its colour matrix has BT.709
+_LUMA_FIRST = ("yuv4", "yuvj4", "yuva4", "nv1", "nv2", "gray")  # formats whose plane 0 is Y
+_YUV = ("yuv", "nv", "uyvy", "yvyu", "p0")  # formats of brightness and two colour differences
 
 # What PyAV raises where a container cannot be read on; the second if damage looks like the
 # beginning of another stream.
@@ -46,11 +58,8 @@ _BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
 
 @contextmanager
-def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """Open a film for a block; yield its container and its first stream of moving pictures.
-
-    FinloopError if it is no film.
-    """
+def _open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
+    """Open a film; yield its container and its first stream of moving pictures."""
     try:
         if path.stat().st_size == 0:
             raise FinloopError(f"{path} is empty: 0 bytes", WANTED, "copy or record it again")
@@ -77,7 +86,7 @@ def _picture_streams(container: InputContainer) -> list[VideoStream]:
     return [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
 
 
-def time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
+def _time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
     """Return the frames' time stamps [s], ascending, and the number of frames the file promises.
 
     Nothing is decoded. A complete index suffices: its decoding times may be early by some frames,
@@ -94,12 +103,12 @@ def time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndar
                 if packet.size and stamp is not None and not packet.is_discard:
                     ticks.append(stamp)
         except _BROKEN_OFF:
-            pass  # `film_frames` counts what is missing
+            pass  # `_film_frames` counts what is missing
         promised = max(len(ticks), stream.frames)
     return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
 
 
-class CodingSurvey(NamedTuple):
+class _CodingSurvey(NamedTuple):
     """The coding of a film, from sample frames spread over it."""
 
     width: int
@@ -113,10 +122,10 @@ class CodingSurvey(NamedTuple):
     levels: tuple[float, float] | None
 
 
-def survey(path: Path, stamps: np.ndarray) -> CodingSurvey:
+def _survey(path: Path, stamps: np.ndarray) -> _CodingSurvey:
     """Decode some frames spread over a film and measure how it is coded.
 
-    stamps: time stamps [s] of its frames, ascending. FinloopError if no frame can be decoded.
+    stamps: of its frames [s], ascending. FinloopError if no frame can be decoded.
     """
     chroma, outside, deep = [], [], []
     low, high = OUTSIDE_LEVELS
@@ -124,17 +133,19 @@ def survey(path: Path, stamps: np.ndarray) -> CodingSurvey:
     for frame in _samples(path, stamps):
         first = first or frame
         if (frame.width, frame.height) != (first.width, first.height):
-            continue  # `film_frames` reports it
-        chroma.append(chroma_fraction([thin_frame(rgb(frame, full_range=False))]))
-        raw = thin_frame(grey(frame, full_range=True, levels=None))
+            continue  # `_film_frames` reports it
+        chroma.append(chroma_fraction([thin_frame(_rgb(frame, full_range=False))]))
+        raw = thin_frame(_grey(frame, full_range=True, levels=None))
         outside.append(float(((raw < low) | (raw > high)).mean()))
-        if is_deep(frame):
+        first_component, *others = frame.format.components
+        if first_component.bits > 8 and not others:  # it does not state how many are used
             deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
     if first is None:
         raise too_few(path, 0)
-    turn, exact = turn_of(display_matrix(first))
+    turn, exact = turn_of(_display_matrix(first))
     stated = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
-    return CodingSurvey(
+    yuv = first.format.name.startswith(_YUV)
+    return _CodingSurvey(
         width=first.width,
         height=first.height,
         first_s=float(stamps[0] if first.time is None else first.time),
@@ -142,38 +153,39 @@ def survey(path: Path, stamps: np.ndarray) -> CodingSurvey:
         turn_exact=exact,
         interlaced=first.interlaced_frame,
         chroma=float(np.mean(chroma)),
-        outside=0.0 if stated or not is_yuv(first) else float(np.mean(outside)),
+        outside=0.0 if stated or not yuv else float(np.mean(outside)),
         levels=deep_levels(deep) if deep else None,
     )
 
 
 def _samples(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
     """Decode some frames spread over a film; its first ones if it cannot be sought."""
-    with open_stream(path) as (container, stream):
-        yield from _good(decode_film(container, stream, Loss()), 1)
+
+    def good(count: int) -> Iterator[VideoFrame]:
+        frames = _decode_film(container, stream, Loss())
+        return islice((frame for frame in frames if frame is not None), count)
+
+    with _open_stream(path) as (container, stream):
+        yield from good(1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
             try:
                 container.seek(int(stamp / float(stream.time_base or 1)), stream=stream)
             except (av.error.FFmpegError, OSError):
-                yield from _good(decode_film(container, stream, Loss()), SAMPLES)
+                yield from good(SAMPLES)
                 return
-            yield from _good(decode_film(container, stream, Loss()), 1)
-
-
-def _good(frames: Iterator[VideoFrame | None], count: int) -> Iterator[VideoFrame]:
-    return islice((frame for frame in frames if frame is not None), count)
+            yield from good(1)
 
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
     """Return a film's facts and its frames' times [s] from 0; rate, colour: None = as the film."""
-    with open_stream(path) as (container, stream):
-        stamps, promised = time_stamps(container, stream)
+    with _open_stream(path) as (container, stream):
+        stamps, promised = _time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
         aspect = stream.sample_aspect_ratio or Fraction(1)
         streams = len(_picture_streams(container))
     if stamps.size < 2:
         raise too_few(path, stamps.size)
-    coding = survey(path, stamps)
+    coding = _survey(path, stamps)
     own_rate = frame_rate_of(stamps, stated)
     if rate is None:
         times, last_s = stamps - stamps[0], (promised - stamps.size) / float(own_rate)
@@ -181,29 +193,16 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     else:
         times, last_s = np.arange(stamps.size) / float(rate), (promised - 1) / float(rate)
     full_range = coding.outside > OUTSIDE_FRACTION
-    notes = [
-        note
-        for applies, note in (
-            (
-                rate not in (None, own_rate),
-                f"the file says {float(own_rate):g} frames/s; "
-                f"its frames are taken as shot at {float(rate or 0):g}",
-            ),
-            (
-                aspect != 1,
-                f"the file says that pixels are {aspect} times as wide as high; they are taken as "
-                "square, so lengths and angles are off unless the file is wrong",
-            ),
-            (streams > 1, f"of {streams} picture streams the first is taken"),
-            (coding.interlaced, "the film is interlaced: outlines are combed where a fish moves"),
-            (
-                not coding.turn_exact,
-                "the film asks for a crooked turn; the nearest right angle is taken",
-            ),
-            (full_range, "the film does not state its range of levels, and uses them all: 0 … 255"),
-        )
-        if applies
-    ]
+    notes = {
+        f"the file says {float(own_rate):g} frames/s; its frames are taken as shot at "
+        f"{float(rate or 0):g}": rate not in (None, own_rate),
+        f"the file says that pixels are {aspect} times as wide as high; they are taken as square, "
+        "so lengths and angles are off unless the file is wrong": aspect != 1,
+        f"of {streams} picture streams the first is taken": streams > 1,
+        "the film is interlaced: outlines are combed where a fish moves": coding.interlaced,
+        "the film asks for a crooked turn; the nearest right angle is taken": not coding.turn_exact,
+        "the film does not state its range of levels, and uses them all: 0 … 255": full_range,
+    }
     footage = Footage(
         path=path,
         width_px=coding.height if coding.turn.b else coding.width,
@@ -211,12 +210,12 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         frame_rate=rate or own_rate,
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,
-        reader=film_frames,
+        reader=_film_frames,
         frames_in_source=max(promised, stamps.size),
         turn=coding.turn,
         levels=coding.levels,
         pixel_aspect=aspect,
-        notes=tuple(notes),
+        notes=tuple(note for note, applies in notes.items() if applies),
         full_range=full_range,
         renumbered=rate is not None,
         stamp_s=coding.first_s,
@@ -225,46 +224,40 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
     return footage, times
 
 
-def decode_film(
+def _decode_film(
     container: InputContainer, stream: VideoStream, loss: Loss
 ) -> Iterator[VideoFrame | None]:
-    """Decode a film from its present position on; yield frames, None for each damaged one.
-
-    loss: counts the damaged frames.
-    """
+    """Decode a film from its present position on; yield frames, None for each damaged one."""
     packets = container.demux(stream)
     while True:
         try:
             packet = next(packets, None)
         except _BROKEN_OFF:
-            return  # `film_frames` counts what is missing
+            return  # `_film_frames` counts what is missing
         if packet is None:
             return
         try:
-            frames = [] if packet.is_corrupt else packet.decode()
+            frames = [None] if packet.is_corrupt else packet.decode()
         except av.error.FFmpegError:
-            frames = []
-            broken = True
-        else:
-            broken = packet.is_corrupt
-        for frame in [*frames, *[None] * broken]:
+            frames = [None]
+        for frame in frames:
             good = frame is not None and not frame.is_corrupt
             loss.damaged += not good
             yield frame if good else None
 
 
-def film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
+def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
     """Yield the frames of a film, upright, with times and numbers as `Footage.stream_numbered`."""
     step = 1 / float(footage.frame_rate)
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded
-    convert = rgb if footage.colour else partial(grey, levels=footage.levels)
-    with open_stream(footage.path) as (container, stream):
+    convert = _rgb if footage.colour else partial(_grey, levels=footage.levels)
+    with _open_stream(footage.path) as (container, stream):
         stamps = _seek(container, stream, footage)
         time_s, damaged = -step, 0
-        shot = decode_film(container, stream, loss)
+        shot = _decode_film(container, stream, loss)
         if footage.fields:
-            shot = deinterlace(shot, stream, footage.fields)
+            shot = _deinterlace(shot, stream, footage.fields)
         for number, frame in enumerate(shot):
             if frame is None:
                 continue
@@ -293,9 +286,8 @@ def film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
 def _seek(container: InputContainer, stream: VideoStream, footage: Footage) -> NDArray[np.float64]:
     """Go to shortly before the start of the range, if the container can seek.
 
-    Return the time stamps [ticks] of the film's frames, ascending, up to the end of the range: they
-    number the frames. Return None if the film is decoded and counted from its first frame, as a
-    renumbered film is.
+    Return the time stamps [ticks] of the film's frames up to the end of the range, which number the
+    frames; none if the film is decoded and counted from its first frame, as a renumbered film is.
     """
     target_s, none = footage.start_s - SEEK_MARGIN_S, np.empty(0)
     if footage.renumbered or target_s <= 0:
@@ -314,10 +306,97 @@ def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
     Packets are read, not decoded: an index only has decoding times.
     """
     stamps = []
-    with open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):
+    with _open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):
         for packet in container.demux(stream):
             if packet.dts is not None and packet.dts >= last:
                 break
             if packet.size and packet.pts is not None and not packet.is_discard:
                 stamps.append(packet.pts)
     return np.sort(np.array(stamps, np.float64))
+
+
+# --- frames
+
+
+def _display_matrix(frame: VideoFrame) -> np.ndarray:
+    """Return the matrix (9 numbers) by which a player turns a frame upright; see `turn_of`."""
+    side: Any
+    for side in frame.side_data:
+        if side.type == SideDataType.DISPLAYMATRIX:
+            return np.frombuffer(bytes(side), np.int32)
+    return np.eye(3).ravel()
+
+
+def _grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | None) -> np.ndarray:
+    """Convert a decoded frame to grey (h, w) uint8, 0 = black, 255 = white.
+
+    full_range: read Y as 0 … 255 even if the frame does not say so; else limited range is expanded.
+    levels: of a frame of more than 8 bits, those that become 0 and 255; None for 8 bits.
+    """
+    if levels:
+        return stretch_levels(frame.to_ndarray(format="gray16le"), *levels)
+    name, bits = frame.format.name, frame.format.components[0].bits
+    if bits == 8 and name.startswith(_LUMA_FIRST):  # the general conversion is 20 times slower
+        full = full_range or name == "gray" or frame.color_range == ColorRange.JPEG
+        return luma(frame) if full else cv2.LUT(luma(frame), FULL_FROM_LIMITED)
+    return frame.to_ndarray(
+        format="gray",
+        src_color_range=ColorRange.JPEG if full_range else frame.color_range,
+        dst_color_range=ColorRange.JPEG,
+        threads=THREADS,
+    )
+
+
+def _rgb(frame: VideoFrame, full_range: bool) -> np.ndarray:
+    """Convert a decoded frame to RGB (h, w, 3) uint8, by the range and matrix that it states.
+
+    full_range: read it as full range even if it does not say so.
+    """
+    matrix = frame.colorspace
+    if matrix not in list(Colorspace):
+        matrix = Colorspace.ITU709 if frame.height >= HD_HEIGHT else Colorspace.ITU601
+    return frame.to_ndarray(
+        format="rgb24",
+        src_colorspace=matrix,
+        src_color_range=ColorRange.JPEG if full_range else frame.color_range,
+        dst_color_range=ColorRange.JPEG,
+        threads=THREADS,
+    )
+
+
+def _deinterlace(
+    frames: Iterator[VideoFrame | None], stream: VideoStream, order: Order
+) -> Iterator[VideoFrame | None]:
+    """Yield the frames deinterlaced: the rows of each frame's later field are interpolated.
+
+    FFmpeg's filter bwdif does it. A damaged frame, None, stays None.
+    """
+    graph = Graph()
+    source = graph.add_buffer(template=stream)
+    weave = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")
+    sink = graph.add("buffersink")
+    source.link_to(weave)
+    weave.link_to(sink)
+    graph.configure()
+    for frame in frames:
+        if frame is None:
+            yield None
+            continue
+        graph.push(frame)
+        yield from _filtered_frames(graph, stream)
+    graph.push(None)
+    yield from _filtered_frames(graph, stream)
+
+
+def _filtered_frames(graph: Graph, stream: VideoStream) -> Iterator[VideoFrame]:
+    """Yield what the filter has finished, in the stream's ticks; it is a frame behind."""
+    while True:
+        try:
+            frame = graph.pull()
+        except (BlockingIOError, EOFError):
+            return
+        assert isinstance(frame, VideoFrame)
+        if frame.pts is not None and stream.time_base and frame.time_base:
+            frame.pts = round(frame.pts * frame.time_base / stream.time_base)
+            frame.time_base = stream.time_base
+        yield frame

@@ -1,64 +1,62 @@
 """Folders of pictures and stacks of TIFF pages: their order, and their frames."""
 
 import re
-from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import Counter
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from tifffile import TiffFile, TiffFileError
 
 from finloop.base.errors import FinloopError
-from finloop.io.footage.coding import CHROMA_FRACTION, chroma_fraction, deep_levels, stretch_levels
+from finloop.base.parallel import Threads, ordered_map
 from finloop.io.footage.source import (
+    CHROMA_FRACTION,
     SAMPLES,
     Footage,
     Loss,
     NumberedFrames,
+    chroma_fraction,
+    deep_levels,
     in_range,
     other_size,
+    stretch_levels,
     thin_frame,
     too_few,
 )
 from finloop.io.video import THREADS
 
-S = TypeVar("S")
-T = TypeVar("T")
-
 SUFFIXES = {".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2"}
 SUFFIXES |= {".pgm", ".ppm", ".pnm"}
 
 
-class Album(NamedTuple):
-    """The pictures of a folder, or the pages of a TIFF stack, by number from 0.
-
-    length: how many; name(k): of picture k, for messages; load(k): its pixels; threads: that may
-    load.
-    """
+class _Album(NamedTuple):
+    """The pictures of a folder, or the pages of a TIFF stack, by number from 0."""
 
     length: int
-    name: Callable[[int], str]
+    name: Callable[[int], str]  # for messages
     load: Callable[[int], np.ndarray]  # (h, w) grey or (h, w, 3) RGB, as stored
-    threads: int
+    threads: int  # that may load at a time
 
 
 @contextmanager
-def _album(path: Path) -> Iterator[Album]:
+def _open_album(path: Path) -> Iterator[_Album]:
     if path.is_dir():
         files = _list_pictures(path)
-        yield Album(len(files), lambda k: str(files[k]), lambda k: _load_picture(files[k]), THREADS)
+        yield _Album(
+            len(files), lambda k: str(files[k]), lambda k: _load_picture(files[k]), THREADS
+        )
         return
     try:
         with TiffFile(path) as stack:
             name = f"{path}, page {{}},"
-            load = partial(_page, stack)
-            yield Album(len(stack.pages), lambda k: name.format(k + 1), load, 1)
+            load = partial(_load_page, stack)
+            yield _Album(len(stack.pages), lambda k: name.format(k + 1), load, 1)
     except (TiffFileError, OSError) as error:
         raise FinloopError(
             came=f"{path} cannot be read as a TIFF: {error}",
@@ -70,12 +68,12 @@ def _album(path: Path) -> Iterator[Album]:
 def open_pictures(
     path: Path, rate: Fraction | None, colour: bool | None
 ) -> tuple[Footage, np.ndarray]:
-    """Return the facts of a folder of pictures or a TIFF stack, and its frames' times [s].
+    """Return the facts of a folder of pictures or a TIFF stack, and its frames' times [s] from 0.
 
-    The first time is 0. rate: frames per second, required. colour: whether frames will be RGB; None
-    = where they have colours. FinloopError without a rate, or for fewer than two pictures.
+    rate: frames per second, required. colour: whether frames will be RGB; None = where they have
+    colours. FinloopError without a rate, or for fewer than two pictures.
     """
-    with _album(path) as album:
+    with _open_album(path) as album:
         if album.length < 2:
             raise too_few(path, album.length)
         if rate is None:
@@ -99,7 +97,7 @@ def open_pictures(
         frame_rate=rate,
         colour=colour,
         frames_expected=len(times),
-        reader=picture_frames,
+        reader=_picture_frames,
         frames_in_source=len(times),
         levels=levels,
         renumbered=True,
@@ -154,7 +152,7 @@ def _load_picture(path: Path) -> np.ndarray:
     return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
 
 
-def _page(stack: TiffFile, number: int) -> np.ndarray:
+def _load_page(stack: TiffFile, number: int) -> np.ndarray:
     """Read one page of a stack: (h, w) grey or (h, w, 3) RGB."""
     try:
         picture = stack.pages[number].asarray()
@@ -185,10 +183,10 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
     return picture
 
 
-def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
+def _picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
     """Yield the frames of a folder or stack with times, numbers as `Footage.stream_numbered`."""
     size = footage.width_px, footage.height_px
-    with _album(footage.path) as album:
+    with _open_album(footage.path) as album:
 
         def load(number: int) -> tuple[float, tuple[int, np.ndarray]]:
             picture = album.load(number)
@@ -204,16 +202,4 @@ def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
             return time_s, (number, _to_uint8(picture, footage.colour, footage.levels))
 
         numbers = [k for k in range(album.length) if in_range(footage, k / footage.frame_rate)]
-        yield from _map_ahead(load, numbers, album.threads)
-
-
-def _map_ahead(work: Callable[[S], T], items: Iterable[S], threads: int) -> Iterator[T]:
-    """Yield results of `work` in the order of `items`; threads compute a few in advance."""
-    with ThreadPoolExecutor(threads) as pool:
-        waiting: deque[Future[T]] = deque()
-        for item in items:
-            waiting.append(pool.submit(work, item))
-            if len(waiting) > 2 * threads:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
+        yield from ordered_map(load, numbers, Threads(album.threads))

@@ -1,16 +1,19 @@
-"""A source of frames: its facts before they are read, and its faults."""
+"""A source of frames: its facts before they are read, how its pictures are coded, its faults.
+
+Frames are (h, w) grey or (h, w, 3) RGB; x runs right, y down.
+"""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Literal
 
+import cv2
 import numpy as np
 
 from finloop.base.errors import FinloopError
-from finloop.io.footage.coding import UPRIGHT, Turn
-from finloop.io.footage.fields import Order
 from finloop.io.video import VideoFacts
 
 SAMPLES = 12  # frames from which colour, depth and range are measured
@@ -18,10 +21,48 @@ SAMPLE_PIXELS = 5e5  # pixels of a sample frame, at most
 WANTED = "a film that FFmpeg can read (mp4, avi, mov, mkv, webm, gif) or a folder of pictures"
 WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
 
-Frames = Iterator[tuple[float, np.ndarray]]
-"""Time (s, 0 = first frame of the source) and picture, uint8 grey or RGB."""
+CHROMA_LEVELS = 12.0  # a pixel this far from the film's own tint is coloured
+CHROMA_FRACTION = 5e-4  # least share of coloured pixels of a colour film; a goldfish: 3e-3 of 1 MP
+DEEP_PERCENTILES = (0.01, 99.99)  # black and white of a deep film: hot pixels lie outside
+# Y of the limited ("studio") range: 16 is black and 235 white (BT.601).
+FULL_FROM_LIMITED = np.clip(np.rint((np.arange(256) - 16) * (255 / 219)), 0, 255).astype(np.uint8)
+
+Order = Literal["", "auto", "tff", "bff"]
+"""Which field is earlier: upper (tff), lower (bff), as the film states (auto); "" = no fields."""
 NumberedFrames = Iterator[tuple[float, tuple[int, np.ndarray]]]
-"""Time, and the picture with its number in the source: 0 = first frame of the source."""
+"""Time (s), and the uint8 picture with its number; both are 0 for the source's first frame."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One of the eight orientations by which a picture becomes upright.
+
+    A pixel goes from (x, y) to (a x + c y, b x + d y); each of a, b, c, d is −1, 0 or 1.
+    """
+
+    a: int = 1
+    b: int = 0
+    c: int = 0
+    d: int = 1
+
+    @property
+    def rotation_deg(self) -> int:
+        """Return the anticlockwise rotation, after the mirroring: 0, 90, 180 or 270 degrees."""
+        return round(np.degrees(np.arctan2(self.c, self.d))) % 360
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Return whether left and right are swapped before the rotation."""
+        return self.a * self.d - self.b * self.c < 0
+
+    def __call__(self, frame: np.ndarray) -> np.ndarray:
+        """Turn the picture upright; no pixel is lost or changed."""
+        if not self.a:
+            return np.ascontiguousarray(frame.swapaxes(0, 1)[:: self.b, :: self.c])
+        return np.ascontiguousarray(frame[:: self.d, :: self.a])
+
+
+UPRIGHT = Turn()
 
 
 @dataclass
@@ -53,34 +94,24 @@ class Footage:
     """A film, folder of pictures or TIFF stack, and what is known before reading its frames."""
 
     path: Path  # the film, the folder or the stack
-    # width_px, height_px: of the upright picture
-    width_px: int
+    width_px: int  # of the upright picture
     height_px: int
-    # the rate that the user sets, else the constant rate nearest to the film's time stamps
-    frame_rate: Fraction
-    colour: bool  # whether `frames` gives RGB
+    frame_rate: Fraction  # set by the user, else the one nearest to the film's time stamps
+    colour: bool  # whether frames are RGB
     frames_expected: int  # ticks of `frame_rate` in the range of time, by the file's head
     reader: Callable[["Footage", Loss], NumberedFrames]  # streams the frames of the range
     frames_in_source: int  # frames of the whole source, by the file's head
     turn: Turn = UPRIGHT  # turns the coded picture upright
-    # levels of a source of more than 8 bits that become 0 and 255; None for 8 bits
-    levels: tuple[float, float] | None = None
-    # width : height of a pixel as the file states it; pictures are not resampled
-    pixel_aspect: Fraction = Fraction(1)
+    levels: tuple[float, float] | None = None  # that become 0 and 255; None for 8 bits
+    pixel_aspect: Fraction = Fraction(1)  # width : height of a pixel, as the file states it
     fields: Order = ""  # field order of a film that is to be deinterlaced
     notes: tuple[str, ...] = ()  # sentences for the user
-    # start_s, end_s: half-open range of time that `frames` gives
-    start_s: float = 0.0
+    start_s: float = 0.0  # half-open range of time that is streamed
     end_s: float = math.inf
     full_range: bool = False  # whether Y spans 0 … 255 although the film does not say so
-    # whether frame k has the time k / `frame_rate`, whatever its time stamp
-    renumbered: bool = False
+    renumbered: bool = False  # whether frame k has the time k / frame_rate, whatever its stamp
     stamp_s: float = 0.0  # time stamp of the first frame
     last_s: float = 0.0  # time of the last frame that the file promises; 0 = the first frame
-
-    def frames(self, loss: Loss) -> Frames:
-        """Yield (time [s], picture) for each frame of the range, upright; see `stream_numbered`."""
-        return ((time_s, picture) for time_s, (_, picture) in self.stream_numbered(loss))
 
     def stream_numbered(self, loss: Loss) -> NumberedFrames:
         """Yield (time [s], (number in the source, picture)) for each frame of the range, upright.
@@ -91,10 +122,7 @@ class Footage:
         return self.reader(self, loss)
 
     def facts(self, source: str, crf: int) -> VideoFacts:
-        """Return the facts of the clip to be made that are known before frames are read.
-
-        source: "zebrafish", "carp" or "file". crf: quality of the coding, 0 = lossless.
-        """
+        """Return those facts of the clip to be made that are known before frames are read."""
         return VideoFacts(
             source=source,
             width_px=self.width_px,
@@ -115,10 +143,9 @@ class Footage:
 
 
 def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
-    """Return the source restricted to the times start_s … end_s, `end_s` excluded.
+    """Return a source restricted to start_s … end_s; times: of its frames, s from 0.
 
-    times (frames,): of its frames, s from 0. FinloopError if the range is empty, reaches beyond the
-    source, or holds fewer than two frames.
+    FinloopError if the range is empty, reaches beyond the source, or holds fewer than two frames.
     """
     step = 1 / float(footage.frame_rate)
     length = float(times[-1]) + step
@@ -147,17 +174,14 @@ def in_range(footage: Footage, time_s: float | Fraction) -> bool:
 
 
 def too_few(path: Path, count: int) -> FinloopError:
-    """Return the error for a source of `count` frames, fewer than two."""
+    """Return the error for a source of fewer than two frames."""
     came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
     folder = f", or the folder of pictures: {path.parent}"
     return FinloopError(came, WANTED_TWO, "give a whole film" + (folder if count else ""))
 
 
 def other_size(what: str, size: tuple[int, int], first: tuple[int, int]) -> FinloopError:
-    """Return the error for a frame whose size differs from that of the first frame.
-
-    what: the frame, for the message. size, first: (width, height) in px of it and of the first.
-    """
+    """Return the error for a frame whose size (width, height) is not that of the first frame."""
     return FinloopError(
         came=f"{what} is {size[0]}×{size[1]} pixels, those before it {first[0]}×{first[1]} pixels",
         wanted="frames of one size",
@@ -169,3 +193,50 @@ def thin_frame(frame: np.ndarray) -> np.ndarray:
     """Keep every k-th row and column of a frame, so that at most `SAMPLE_PIXELS` remain."""
     k = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
     return frame[::k, ::k]
+
+
+def turn_of(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
+    """Return the orientation nearest to a film's display matrix, and whether it is exact.
+
+    matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y.
+    """
+
+    def sign(value: float) -> int:
+        return -1 if value < 0 else 1
+
+    a, b, _, c, d = (float(value) for value in matrix[:5])
+    upright = abs(a) + abs(d) >= abs(b) + abs(c)
+    exact = max(abs(b), abs(c)) == 0 if upright else max(abs(a), abs(d)) == 0
+    if upright:
+        return Turn(a=sign(a), d=sign(d)), exact
+    return Turn(a=0, b=sign(b), c=sign(c), d=0), exact
+
+
+def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
+    """Return the share of RGB frames' pixels whose colour differs clearly from the frame's tint.
+
+    An even tint, as of an infrared camera, does not count as colour.
+    """
+    parts = []
+    for frame in frames:
+        chroma = cv2.cvtColor(frame, cv2.COLOR_RGB2YCrCb)[..., 1:].astype(np.float32)
+        chroma -= np.median(chroma, axis=(0, 1))
+        parts.append(float((np.hypot(chroma[..., 0], chroma[..., 1]) > CHROMA_LEVELS).mean()))
+    return float(np.mean(parts)) if parts else 0.0
+
+
+def deep_levels(frames: Iterable[np.ndarray]) -> tuple[float, float]:
+    """Return the two grey levels that become 0 and 255 in a film of more than 8 bits.
+
+    They are percentiles of sampled frames: cameras rarely fill their 16 bits, and a few hot pixels
+    must not decide.
+    """
+    lows, highs = zip(*(np.percentile(f, DEEP_PERCENTILES) for f in frames), strict=True)
+    low, high = float(min(lows)), float(max(highs))
+    return low, max(high, low + 1)
+
+
+def stretch_levels(frame: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Map a frame's levels `low` … `high` to 0 … 255, clip others; return the frame as uint8."""
+    scaled = (frame.astype(np.float32) - low) * (255 / (high - low))
+    return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)

@@ -20,14 +20,12 @@ CUT_S, CUT_FRAMES = 1.0, 5.0  # whichever is longer
 def frame_rate_of(
     times_s: Sequence[float] | np.ndarray, candidates: Sequence[Fraction]
 ) -> Fraction:
-    """Return the constant frame rate (frames per second) that a film's time stamps are nearest to.
+    """Return the constant frame rate that a film's ascending time stamps are nearest to.
 
     Each gap counts as the whole number of frames that it lasts at the median gap, so dropped frames
     do not lower the rate; cuts are left out. Of the rates that the file states (`candidates`), the
     first one within half a frame of this estimate over the whole film is taken: stamps are often
     rounded to milliseconds, and 30000/1001 is then a better answer.
-
-    times_s: time stamps of the frames, at least two, ascending.
     """
     gaps = np.diff(np.asarray(times_s, np.float64))
     gaps = gaps[(gaps > 0) & (gaps <= max(CUT_S, CUT_FRAMES * float(np.median(gaps))))]
@@ -43,28 +41,21 @@ def frame_rate_of(
 
 @dataclass
 class Timing:
-    """Counts that grow while a film is re-timed to a constant rate.
+    """Counts that grow while a film is re-timed to a constant rate."""
 
-    frames: written; repeated, dropped: frames shown twice and left out. cuts: the first frame of
-    each segment filmed without a cut.
-    """
-
-    frames: int = 0
+    frames: int = 0  # shown, repeats included
     repeated: int = 0
     dropped: int = 0
-    cuts: list[int] = field(default_factory=list)
+    cuts: list[int] = field(default_factory=list)  # first frame of each segment without a cut
 
 
 def nearest_in_time(
     stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: Timing
 ) -> Iterator[T]:
-    """Yield, for every tick of a constant rate, the item whose time is nearest.
+    """Yield, for every tick of a constant rate, the item of (time [s], item) that is nearest.
 
     Ticks start with the first item and again after every cut. A film of constant rate passes
-    through item by item if its time stamps jitter by less than half a frame.
-
-    stamped: pairs of time [s] and item. timing: counts ticks, repeats, drops and cuts as they
-    happen.
+    through item by item if its time stamps jitter by less than half a frame. `timing` counts.
     """
     rate = float(frame_rate)
     last: tuple[float, T] | None = None
@@ -72,7 +63,7 @@ def nearest_in_time(
     ticks = 0  # of this segment
 
     def repeats(until: float) -> Iterator[T]:
-        """Return the last item, once for each tick before `until` (in ticks of this segment)."""
+        """Yield the last item once for each tick before `until`."""
         nonlocal ticks
         assert last is not None
         times = max(0, int(np.ceil(until)) - ticks)
@@ -99,8 +90,5 @@ def nearest_in_time(
 
 
 def segments_of(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
-    """Return the half-open ranges of frames [start, stop) that lie between cuts.
-
-    cuts: the first frame of every segment. frames: number of all frames.
-    """
+    """Return the ranges [start, stop) of all frames that begin at cuts."""
     return tuple(zip(cuts, [*cuts[1:], frames], strict=True))
