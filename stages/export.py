@@ -26,8 +26,7 @@ from finloop.export.settings import ExportSettings
 from finloop.export.tracks import USED, poses
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.movie import AlphaWebpWriter, WebmWriter
-from finloop.io.poses.netcdf import save_netcdf
-from finloop.io.poses.nwb import save_nwb
+from finloop.io.poses.save import save_netcdf, save_nwb
 from finloop.io.record import save_json
 from finloop.io.table import save_csv, save_csv_in_blocks, save_table
 from finloop.project import EditSources, Project

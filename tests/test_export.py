@@ -41,8 +41,7 @@ from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import AlphaWebpWriter, WebmWriter
 from finloop.io.numbers import load_numbers
 from finloop.io.poses import load_poses
-from finloop.io.poses.netcdf import save_netcdf
-from finloop.io.poses.nwb import save_nwb
+from finloop.io.poses.save import save_netcdf, save_nwb
 from finloop.io.record import save_json, save_record
 from finloop.io.table import save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts, save_facts

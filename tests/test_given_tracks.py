@@ -20,7 +20,7 @@ import stages.clip
 import stages.extract
 import stages.features
 from finloop.base.errors import FinloopError
-from finloop.base.poses import Poses, poses_of
+from finloop.base.poses import Poses, poses_from_arrays
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
@@ -70,7 +70,7 @@ def truth_as_poses(truth: pd.DataFrame) -> Poses:
     named = [("head_x_px", "head_y_px"), ("tail_x_px", "tail_y_px"), ("x_px", "y_px")]
     places = np.stack([table[list(pair)].to_numpy() for pair in named], axis=1)
     places = places.reshape(-1, FISH, 3, 2)
-    return poses_of(
+    return poses_from_arrays(
         NAMES,
         ("Nose", "tail_tip", "centre"),
         np.arange(len(places)),
@@ -336,7 +336,7 @@ def poses_at(places, frames=None, names=None):
     places = np.asarray(places, float)[:, :, None]
     frames = np.arange(len(places)) if frames is None else np.asarray(frames)
     names = names or tuple("abcdefgh"[: places.shape[1]])
-    return poses_of(names, ("centre",), frames, places)
+    return poses_from_arrays(names, ("centre",), frames, places)
 
 
 def file_settings(**changes):
@@ -461,7 +461,7 @@ def test_places_are_scaled():
     ],
 )
 def test_common_names_of_head_and_tail_are_known(names, expected):
-    poses = poses_of(("x",), names, np.arange(3), np.full((3, 1, len(names), 2), 50.0))
+    poses = poses_from_arrays(("x",), names, np.arange(3), np.full((3, 1, len(names), 2), 50.0))
     told = map_poses_to_clip(poses, np.arange(3), FilmSize(3, 100, 100), file_settings())
     assert told[1:] == expected
     if expected[0]:
@@ -469,7 +469,7 @@ def test_common_names_of_head_and_tail_are_known(names, expected):
 
 
 def test_a_named_keypoint_is_taken_or_missed():
-    poses = poses_of(("x",), ("a", "b"), np.arange(3), np.full((3, 1, 2, 2), 50.0))
+    poses = poses_from_arrays(("x",), ("a", "b"), np.arange(3), np.full((3, 1, 2, 2), 50.0))
     assert keypoint(poses.keypoints, "b", (), "tracks_head_keypoint") == "b"
     assert keypoint(poses.keypoints, "none", ("a",), "tracks_head_keypoint") is None
     with pytest.raises(FinloopError, match="no keypoint 'nose'"):

@@ -18,7 +18,7 @@ import stages.plots.retarget
 import stages.render
 import stages.retarget
 from finloop.base.errors import FinloopError
-from finloop.base.poses import poses_of
+from finloop.base.poses import poses_from_arrays
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
@@ -82,7 +82,7 @@ def tracker_poses(line):
     )
     way = line[:, 4] - line[:, 0]
     places[:, NAMES.index("left_eye")] = line[:, 4] + way[:, ::-1] * (1, -1)
-    return poses_of(("anna",), NAMES, np.arange(len(line)), places[:, None])
+    return poses_from_arrays(("anna",), NAMES, np.arange(len(line)), places[:, None])
 
 
 def of_poses(poses, made, rate_hz=25.0, **changes):

@@ -47,7 +47,7 @@ def iterate_blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floa
         yield start, cells
 
 
-def poses_of(
+def poses_from_arrays(
     individuals: tuple[str, ...],
     keypoints: tuple[str, ...],
     frame: NDArray[np.integer],

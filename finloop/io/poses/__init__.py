@@ -1,22 +1,30 @@
 """Tracks of another program as poses: which program made them, and where animals are in each frame.
 
-`movement` reads every format that it knows; it is optional (the extra `tracks`). This package reads
-idtracker.ai and TRex, which `movement` does not know.
+`movement` reads DeepLabCut, SLEAP, LightningPose, Anipose, NWB, VIA and its own format; it is
+optional (the extra `tracks`). This package reads idtracker.ai and TRex, which it does not know.
 """
 
-from collections.abc import Callable
+import csv
+import warnings
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
+
+import numpy as np
 
 from finloop.base.errors import FinloopError
-from finloop.base.poses import Poses, Software
-from finloop.io.poses import idtracker, trex
-from finloop.io.poses.by_movement import read as by_movement
-from finloop.io.poses.software import software_of
+from finloop.base.poses import Poses, Software, poses_from_arrays
+from finloop.io.poses.extra import import_extra, not_installed, unreadable
+from finloop.io.poses.idtracker import read_idtracker
+from finloop.io.poses.trex import read_trex
 
-__all__ = ["load_poses"]
-
-_OWN: dict[Software, Callable[[Path], Poses]] = {"idtracker.ai": idtracker.read, "TRex": trex.read}
+_BY_SUFFIX: dict[str, Software] = {
+    ".slp": "SLEAP", ".nwb": "NWB", ".nc": "movement", ".npz": "TRex", ".npy": "idtracker.ai",
+    ".pickle": "idtracker.ai", ".parquet": "idtracker.ai",
+}  # fmt: skip
+_BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
+    "df_with_missing": "DeepLabCut", "node_names": "SLEAP", "trajectories": "idtracker.ai",
+    "specifications": "NWB", "position": "movement",
+}  # fmt: skip
 
 
 def load_poses(
@@ -24,12 +32,10 @@ def load_poses(
 ) -> Poses:
     """Load the named points of all animals from a tracking program's file, or a folder of files.
 
-    Frames are those of the film that the program tracked, from 0. FinloopError if there is nothing,
-    the format is unknown or not that of `software`, the file is damaged, is three-dimensional, or
-    holds no animal.
-
-    software: the program that made it; None = detect it from the file. rate_hz: of the film, for a
-    file that has times and no rate. parameter: the one that names the file, for messages.
+    software: the program that made it; None = detect it. rate_hz: of the film, for a file that has
+    times and no rate. parameter: the one that names the file, for messages. FinloopError if there
+    is nothing, the format is unknown or not that of `software`, the file is damaged, is
+    three-dimensional, or holds no animal.
     """
     if not path.exists():
         raise FinloopError(
@@ -37,9 +43,13 @@ def load_poses(
             f"tracks of {', '.join(get_args(Software))}",
             f"correct {parameter}, or make it absolute: an experiment may run in another folder",
         )
-    software = software_of(path) if software is None else software
-    own = _OWN.get(software)
-    poses = own(path) if own else by_movement(path, software, rate_hz)
+    software = _detect_software(path) if software is None else software
+    if software == "idtracker.ai":
+        poses = read_idtracker(path)
+    elif software == "TRex":
+        poses = read_trex(path)
+    else:
+        poses = _read_by_movement(path, software, rate_hz)
     if not len(poses.frame):
         raise FinloopError(
             f"{path} does not say where any animal is",
@@ -47,3 +57,124 @@ def load_poses(
             "export them again",
         )
     return poses
+
+
+def _detect_software(path: Path) -> Software:
+    """Detect the program that made tracks from their ending, header or keys."""
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        software = _folder_software(path)
+    elif suffix == ".csv":
+        software = _csv_software(path)
+    elif suffix in (".h5", ".hdf5"):
+        software = _hdf5_software(path)
+    else:
+        software = _BY_SUFFIX.get(suffix)
+    if software is None:
+        raise FinloopError(
+            f"the program that made {path} is unknown",
+            f"tracks of {', '.join(get_args(Software))}",
+            "name it: extract.tracks_software; or export tracks in one of these formats",
+        )
+    return software
+
+
+def _folder_software(path: Path) -> Software | None:
+    names = {file.name for file in path.iterdir()}
+    if any(name.startswith(("trajectories", "validated", "with")) for name in names):
+        return "idtracker.ai"
+    suffixes = {Path(name).suffix.lower() for name in names}
+    if ".nwb" in suffixes:
+        return "NWB"
+    if "data" in names or suffixes & {".npz", ".csv"}:
+        return "TRex"
+    return None
+
+
+def _csv_software(path: Path) -> Software | None:
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            header = [name.strip() for name in next(csv.reader(file), [])]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise unreadable(path, "any program", error) from error
+    first, names = header[0] if header else "", set(header)
+    if first == "scorer":
+        return "DeepLabCut"  # LightningPose writes the same
+    if {"time", "x1", "y1"} <= names or {"frame", "individual", "x", "y"} <= names:
+        return "idtracker.ai"
+    if first == "frame" and any(name.startswith("X") for name in names):
+        return "TRex"
+    if any(name.endswith("_ncams") for name in names):
+        return "Anipose"
+    return "VIA-tracks" if "region_shape_attributes" in names else None
+
+
+def _hdf5_software(path: Path) -> Software | None:
+    h5py = import_extra("h5py", path)
+    try:
+        with h5py.File(path) as file:
+            keys = set(file)
+    except OSError as error:
+        raise unreadable(path, "any program", error) from error
+    return next((software for key, software in _BY_KEY.items() if key in keys), None)
+
+
+def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
+    """Load poses with `movement` from a file, or from a folder of NWB files, one per animal."""
+    files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
+    sets = [_dataset(file, software) for file in files]
+    if len({tuple(dataset.keypoints.values) for dataset in sets}) > 1:
+        raise unreadable(path, software, "its animals have different keypoints")
+    names = [str(name) for dataset in sets for name in dataset.individuals.values]
+    if len(set(names)) < len(names):
+        raise unreadable(path, software, f"animals of one name: {', '.join(names)}")
+    frames = [_frame_numbers(dataset, rate_hz) for dataset in sets]
+    times = np.unique(np.concatenate(frames))
+    keypoints = tuple(str(name) for name in sets[0].keypoints.values)
+    places = np.full((len(times), len(names), len(keypoints), 2), np.nan)
+    confidence = np.full(places.shape[:-1], np.nan)
+    first = 0
+    for dataset, frame in zip(sets, frames, strict=True):
+        rows, last = np.searchsorted(times, frame), first + dataset.sizes["individuals"]
+        order = ("time", "individuals", "keypoints")
+        places[rows, first:last] = dataset.position.transpose(*order, "space").values
+        if "confidence" in dataset:
+            confidence[rows, first:last] = dataset.confidence.transpose(*order).values
+        first = last
+    return poses_from_arrays(tuple(names), keypoints, times, places, confidence)
+
+
+def _dataset(path: Path, software: Software) -> Any:
+    """Load an xarray dataset of movement: position (time, space, keypoints, individuals)."""
+    xarray = import_extra("xarray", path)
+    load = import_extra("movement.io", path).load_dataset
+    import_extra("loguru", path).logger.disable("movement")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if software == "movement":
+                dataset = xarray.load_dataset(path)
+            else:
+                dataset = load(path, source_software=software)
+    except ImportError as error:
+        raise not_installed(path, error) from error
+    except Exception as error:  # a library of many formats may raise anything for a damaged file
+        raise unreadable(path, software, f"{type(error).__name__}: {error}") from error
+    if "position" not in dataset or not {"time", "space", "individuals"} <= set(dataset.dims):
+        raise unreadable(path, software, "it holds no positions by time, space and individual")
+    if dataset.sizes["space"] != 2:
+        raise FinloopError(
+            f"{path} holds places in {dataset.sizes['space']} dimensions",
+            "places in the picture of one camera, x and y in px",
+            "give the tracks that were made in this film, before they were triangulated",
+        )
+    if "keypoints" not in dataset.dims:  # of boxes
+        dataset = dataset.expand_dims(keypoints=["centre"])
+    return dataset.sel(space=["x", "y"])
+
+
+def _frame_numbers(dataset: Any, rate_hz: float) -> np.ndarray:
+    time = dataset.time.values.astype(float)
+    if dataset.attrs.get("time_unit") == "seconds":
+        time = time * float(dataset.attrs.get("fps") or rate_hz)
+    return np.rint(time).astype(np.int64)

@@ -7,10 +7,7 @@ from finloop.base.errors import FinloopError
 
 
 def import_extra(module: str, path: object) -> ModuleType:
-    """Import a module of the optional packages (extra `tracks`) and return it.
-
-    path: the file to be read or written, for the message. FinloopError if it is not installed.
-    """
+    """Import a module of the extra `tracks`, which `path` needs; FinloopError if not installed."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -18,10 +15,7 @@ def import_extra(module: str, path: object) -> ModuleType:
 
 
 def not_installed(path: object, error: ImportError) -> FinloopError:
-    """Return the error for a missing package of the extra `tracks`.
-
-    path: the file that needs it; error: of the import. Both are for the message.
-    """
+    """Return the error for a file that needs a missing package of the extra `tracks`."""
     return FinloopError(
         f"{path} needs packages that are not all installed: {error}",
         "the optional packages of the extra `tracks` (pyproject.toml)",

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.base.poses import Poses, poses_of
+from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import import_extra, unreadable
 
 SOFTWARE, CENTRE = "idtracker.ai", "centre"
@@ -33,14 +33,14 @@ _HARMLESS = {  # the parts of a pickle of arrays, numbers and words; none of the
 }  # fmt: skip
 
 
-def read(path: Path) -> Poses:
+def read_idtracker(path: Path) -> Poses:
     """Load poses of idtracker.ai from a session's folder, its `trajectories`, or a file in it.
 
     The only keypoint is each animal's centre. FinloopError if nothing there can be read.
     """
-    path = _file(path)
+    path = _find_file(path)
     try:
-        places, names = _places(path)
+        places, names = _load_places(path)
     except FinloopError:
         raise
     except (
@@ -52,12 +52,12 @@ def read(path: Path) -> Poses:
         raise unreadable(path, SOFTWARE, f"its trajectories have the shape {places.shape}")
     count = places.shape[1]
     names = names if len(names) == count else [str(number) for number in range(1, count + 1)]
-    return poses_of(
+    return poses_from_arrays(
         tuple(names), (CENTRE,), np.arange(len(places)), places[:, :, None].astype(float)
     )
 
 
-def _file(path: Path) -> Path:
+def _find_file(path: Path) -> Path:
     if path.is_file() and path.parent.name.endswith("_csv"):
         return path.parent
     if path.is_file() or path.name.endswith("_csv"):
@@ -70,13 +70,13 @@ def _file(path: Path) -> Path:
     raise unreadable(path, SOFTWARE, "the folder holds no trajectories")
 
 
-def _places(path: Path) -> tuple[np.ndarray, list[str]]:
+def _load_places(path: Path) -> tuple[np.ndarray, list[str]]:
     """Return places (frames, animals, 2) px, and the animals' names, if they have any."""
     readers: dict[str, Callable[[Path], tuple[Any, dict[str, Any]]]] = {
-        ".npy": _npy, ".pickle": _pickle, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet,
-        ".csv": _csv,
+        ".npy": _load_npy, ".pickle": _load_pickle, ".h5": _load_hdf5, ".hdf5": _load_hdf5,
+        ".parquet": _load_parquet, ".csv": _load_csv,
     }  # fmt: skip
-    reader = _csv_folder if path.is_dir() else readers.get(path.suffix.lower())
+    reader = _load_csv_folder if path.is_dir() else readers.get(path.suffix.lower())
     if reader is None:
         raise unreadable(path, SOFTWARE, "its ending is another")
     places, facts = reader(path)
@@ -96,56 +96,56 @@ class _Arrays(pickle.Unpickler):
         return super().find_class(module, name)
 
 
-def _npy(path: Path) -> tuple[Any, dict[str, Any]]:
+def _load_npy(path: Path) -> tuple[Any, dict[str, Any]]:
     with path.open("rb") as file:
         version = np.lib.format.read_magic(file)
         headers = np.lib.format.read_array_header_1_0, np.lib.format.read_array_header_2_0
         shape, _, dtype = headers[version != (1, 0)](file)
         if dtype.hasobject and shape == ():
-            return _record(file)
+            return _unpickle(file)
     return np.load(path, allow_pickle=False), {}
 
 
-def _pickle(path: Path) -> tuple[Any, dict[str, Any]]:
+def _load_pickle(path: Path) -> tuple[Any, dict[str, Any]]:
     with path.open("rb") as file:
-        return _record(file)
+        return _unpickle(file)
 
 
-def _record(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
+def _unpickle(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
     record = _Arrays(file).load()
     record = record.item() if isinstance(record, np.ndarray) else record
     return record["trajectories"], record
 
 
-def _hdf5(path: Path) -> tuple[Any, dict[str, Any]]:
+def _load_hdf5(path: Path) -> tuple[Any, dict[str, Any]]:
     with import_extra("h5py", path).File(path) as file:
         return file["trajectories"][()], dict(file.attrs)
 
 
-def _parquet(path: Path) -> tuple[Any, dict[str, Any]]:
+def _load_parquet(path: Path) -> tuple[Any, dict[str, Any]]:
     import pyarrow.parquet as pq
 
     table = pq.read_table(path)
     facts = json.loads((table.schema.metadata or {}).get(b"idtrackerai_attributes", b"{}"))
-    return _wide(table.to_pandas()), facts
+    return _to_places(table.to_pandas()), facts
 
 
-def _csv(path: Path) -> tuple[Any, dict[str, Any]]:
+def _load_csv(path: Path) -> tuple[Any, dict[str, Any]]:
     table = pd.read_csv(path)
     if "individual" not in table:
         return table.drop(columns="time").to_numpy(float).reshape(len(table), -1, 2), {}
     facts = path.with_name("attributes_tidy.json")
-    return _wide(table), json.loads(facts.read_text("utf-8")) if facts.exists() else {}
+    return _to_places(table), json.loads(facts.read_text("utf-8")) if facts.exists() else {}
 
 
-def _csv_folder(path: Path) -> tuple[Any, dict[str, Any]]:
-    places, _ = _csv(path / "trajectories.csv")
+def _load_csv_folder(path: Path) -> tuple[Any, dict[str, Any]]:
+    places, _ = _load_csv(path / "trajectories.csv")
     facts = path / "attributes.json"
     return places, json.loads(facts.read_text("utf-8")) if facts.exists() else {}
 
 
-def _wide(table: pd.DataFrame) -> np.ndarray:
-    """Convert a table with a row per frame and animal to an array."""
+def _to_places(table: pd.DataFrame) -> np.ndarray:
+    """Convert a table with a row per frame and animal to an array (frames, animals, 2)."""
     frame, animal = (table[name].to_numpy(int) for name in ("frame", "individual"))
     places = np.full((frame.max() + 1, animal.max() + 1, 2), np.nan)
     places[frame, animal] = table[["x", "y"]].to_numpy(float)

@@ -12,57 +12,54 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.base.poses import Poses, poses_of
+from finloop.base.poses import Poses, poses_from_arrays
 from finloop.io.poses.extra import unreadable
 
 SOFTWARE, HEAD, CENTRE = "TRex", "head", "centre"
 _CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
 
 
-def read(path: Path) -> Poses:
+def read_trex(path: Path) -> Poses:
     """Load poses of TRex, head and centre, from a file, a folder of files or its folder `data`.
 
     FinloopError if nothing there can be read.
     """
-    files = _files(path)
-    tracks = {file: _fields(file) for file in files}
+    tracks = {file: _load_fields(file) for file in _list_files(path)}
     tracks = {file: fields for file, fields in tracks.items() if "frame" in fields}
     if not tracks:
         raise unreadable(path, SOFTWARE, "no file of it has `frame` and places")
     try:
-        animals = [_animal(fields) for fields in tracks.values()]
+        animals = [_to_points(fields) for fields in tracks.values()]
     except (KeyError, ValueError) as error:
         raise unreadable(path, SOFTWARE, f"{error} is missing or of another length") from error
     times = np.unique(np.concatenate([frame for frame, _ in animals]))
     places = np.full((len(times), len(animals), 2, 2), np.nan)
     for number, (frame, points) in enumerate(animals):
         places[np.searchsorted(times, frame), number] = points
-    return poses_of(_names(list(tracks)), (HEAD, CENTRE), times, places)
+    # An animal's name is the part after the film's, such as `id3`.
+    names = [file.stem.rsplit("_", 1)[-1] for file in tracks]
+    if len(set(names)) < len(names):
+        names = [file.stem for file in tracks]
+    return poses_from_arrays(tuple(names), (HEAD, CENTRE), times, places)
 
 
-def _files(path: Path) -> list[Path]:
+def _list_files(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     home = path / "data" if (path / "data").is_dir() else path
     for suffix in (".npz", ".csv"):
         files = [file for file in home.iterdir() if file.suffix.lower() == suffix]
         if files:
-            return sorted(files, key=_in_order)
+            return sorted(files, key=_number_key)
     raise unreadable(path, SOFTWARE, "the folder holds neither .npz nor .csv")
 
 
-def _in_order(path: Path) -> tuple[list[int], str]:
+def _number_key(path: Path) -> tuple[list[int], str]:
     """Return a sort key in which id2 comes before id10."""
     return [int(number) for number in re.findall(r"\d+", path.stem)], path.name
 
 
-def _names(files: list[Path]) -> tuple[str, ...]:
-    """Return the names of the animals: the part after the film's name, such as `id3`."""
-    short = [file.stem.rsplit("_", 1)[-1] for file in files]
-    return tuple(short if len(set(short)) == len(short) else [file.stem for file in files])
-
-
-def _fields(path: Path) -> dict[str, np.ndarray]:
+def _load_fields(path: Path) -> dict[str, np.ndarray]:
     try:
         if path.suffix.lower() == ".csv":
             table = pd.read_csv(path)
@@ -75,7 +72,7 @@ def _fields(path: Path) -> dict[str, np.ndarray]:
         raise unreadable(path, SOFTWARE, error) from error
 
 
-def _animal(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return frames (n,) and places (n, 2, 2) of head and centre; KeyError names a lost field."""
     frame = fields["frame"].ravel().astype(int)
     cm = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])

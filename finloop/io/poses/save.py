@@ -1,0 +1,101 @@
+"""Poses in the formats of `movement`: netCDF of all animals, and NWB, a file for each animal."""
+
+import re
+import warnings
+from dataclasses import replace
+from datetime import UTC, datetime
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from finloop.base.poses import BLOCK, Poses, iterate_blocks
+from finloop.io.atomic import whole_file
+from finloop.io.poses.extra import import_extra
+
+_SOFTWARE = "finloop"
+_UNKNOWN = datetime(1970, 1, 1, tzinfo=UTC)
+_ABOUT = (
+    "Points of one animal in a film, in px. Times are from the beginning of the film; when it was "
+    "taken is not known, and session_start_time says 1970."
+)
+
+
+def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
+    """Write poses as netCDF of `movement`, completely or not at all; rate: frames per second.
+
+    Dimensions are time, space, keypoints, individuals: `xarray.load_dataset` reads it. If
+    `mm_per_px` is known, the variable `position_mm` has the places in mm. FinloopError if the extra
+    `tracks` is not installed.
+    """
+    h5netcdf, words = import_extra("h5netcdf", path), import_extra("h5py", path).string_dtype()
+    sizes = {
+        "time": poses.frames, "space": 2,
+        "keypoints": len(poses.keypoints), "individuals": len(poses.individuals),
+    }  # fmt: skip
+    with whole_file(path) as part, h5netcdf.File(part, "w") as file:
+        file.dimensions = sizes
+        attributes = {"source_software": _SOFTWARE, "ds_type": "poses", "time_unit": "seconds"}
+        file.attrs.update(attributes | {"fps": float(rate)})
+        time = file.create_variable("time", ("time",), np.float64)
+        time[:] = np.arange(poses.frames) / float(rate)
+        for name, labels in (
+            ("space", ("x", "y")), ("keypoints", poses.keypoints),
+            ("individuals", poses.individuals),
+        ):  # fmt: skip
+            file.create_variable(name, (name,), words)[:] = np.array(labels, object)
+        kind = {"dtype": np.float32, "fillvalue": np.float32(np.nan), "compression": "gzip"}
+        chunk = (min(BLOCK, max(1, poses.frames)), *list(sizes.values())[1:])
+        position = file.create_variable("position", tuple(sizes), chunks=chunk, **kind)
+        position.attrs["units"] = "px"
+        if mm_per_px is not None:
+            file.attrs["mm_per_px"] = mm_per_px
+            in_mm = file.create_variable("position_mm", tuple(sizes), chunks=chunk, **kind)
+            in_mm.attrs["units"] = "mm"
+        axes, chunk = ("time", "keypoints", "individuals"), (chunk[0], *chunk[2:])
+        confidence = file.create_variable("confidence", axes, chunks=chunk, **kind)
+        for start, cells in iterate_blocks(poses):
+            here = slice(start, start + len(cells))
+            position[here] = places = cells[..., :2].transpose(0, 3, 2, 1)
+            if mm_per_px is not None:
+                in_mm[here] = places * mm_per_px
+            confidence[here] = cells[..., 2].transpose(0, 2, 1)
+
+
+def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
+    """Write poses as NWB (ndx-pose), a file <animal>.nwb each, in a new folder; rate: frames/s.
+
+    Places are in px; if `mm_per_px` is known, each series' `conversion` gives millimetres.
+    Characters that a file's name cannot hold become _. FinloopError if the extra `tracks` is not
+    installed.
+    """
+    load = import_extra("movement.io.load_poses", folder)
+    save = import_extra("movement.io.save_poses", folder)
+    config = import_extra("movement.io.nwb", folder).NWBFileSaveConfig
+    pynwb = import_extra("pynwb", folder)
+    import_extra("loguru", folder).logger.disable("movement")
+    folder.mkdir(parents=True)
+    series = {} if mm_per_px is None else {"unit": "millimeters", "conversion": mm_per_px}
+    for number, name in enumerate(poses.individuals):
+        rows = poses.individual == number
+        animal = replace(
+            poses, individuals=(name,), individual=np.zeros(rows.sum(), np.int64),
+            frame=poses.frame[rows], places=poses.places[rows], confidence=poses.confidence[rows],
+        )  # fmt: skip
+        cells = np.concatenate([block for _, block in iterate_blocks(animal)])
+        about = {"identifier": name, "session_description": _ABOUT, "session_start_time": _UNKNOWN}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            dataset = load.from_numpy(
+                cells[..., :2].transpose(0, 3, 2, 1), cells[..., 2].transpose(0, 2, 1),
+                [name], list(poses.keypoints), float(rate), _SOFTWARE,
+            )  # fmt: skip
+            document = save.to_nwb_file(dataset, config(
+                nwbfile_kwargs=about, pose_estimation_series_kwargs=series,
+            ))  # fmt: skip
+            plain = re.sub(r"[^\w.-]", "_", name)
+            path = folder / f"{plain}.nwb"
+            if path.exists():
+                path = folder / f"{plain}_{number + 1}.nwb"
+            with pynwb.NWBHDF5IO(path, "w") as file:
+                file.write(document)
