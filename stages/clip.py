@@ -11,8 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.clip.check import Quality
-from finloop.clip.quality import psnr_db
+from finloop.clip.check import Quality, psnr_db
 from finloop.clip.rewrite import Watch, make_clip
 from finloop.clip.settings import ClipSettings, File
 from finloop.clip.verdict import REPAIRS, findings

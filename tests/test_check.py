@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 
 from finloop.base.settings import settings
-from finloop.clip.check import CHECK, LENGTH, RUNS, Clip, check, spread_runs
+from finloop.clip.check import CHECK, LENGTH, RUNS, Tally, check_film, field_order, spread_runs
 from finloop.clip.doubled import find_repeats
-from finloop.clip.fields import field_order
 from finloop.clip.light import gain, measure_light, undo_gain
-from finloop.clip.quality import Tally
 from finloop.clip.shake import UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 from finloop.clip.verdict import findings
 from finloop.drawn.carp.film import film
@@ -196,8 +194,7 @@ def check_frames(frames: list[np.ndarray], rate_hz: float = 25.0):
     def read(*, start, stop):
         return iter(frames[start:stop])
 
-    samples = list(tally.samples.values())
-    return check(Clip(read, rate_hz, samples, tally.lights, tally.changes))
+    return check_film(read, rate_hz, tally)
 
 
 def faults(frames: list[np.ndarray]) -> set[str]:

@@ -27,9 +27,8 @@ from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings, variants
-from finloop.clip import quality
-from finloop.clip.arena import circle_arena, rectangle_arena
-from finloop.clip.quality import Tally, psnr_db
+from finloop.clip.check import SAMPLES, Tally, psnr_db
+from finloop.clip.write import circle_arena, rectangle_arena
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
 from finloop.io import wheel
@@ -208,7 +207,7 @@ def test_tally_is_bounded_and_spread():
     for level in range(200):
         tally.add(np.full((2, 2), level, np.uint8))
     assert (tally.darkest, tally.brightest, tally.brightness_mean) == (0, 199, 99.5)
-    assert quality.SAMPLES / 2 < len(tally.samples) <= quality.SAMPLES
+    assert SAMPLES / 2 < len(tally.samples) <= SAMPLES
     assert len(set(np.diff(list(tally.samples)))) == 1
     assert all(frame[0, 0] == number for number, frame in tally.samples.items())
     assert max(tally.samples) > 150

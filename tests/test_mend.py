@@ -11,8 +11,7 @@ from scratch import write_frames
 
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
-from finloop.clip.mend import repairs
-from finloop.clip.rewrite import ClipResult, make_clip
+from finloop.clip.rewrite import ClipResult, choose_repairs, make_clip
 from finloop.clip.shake import Shift, undo_shift
 from finloop.clip.verdict import findings
 from finloop.clip.write import open_source
@@ -156,15 +155,15 @@ def quality(**values) -> Quality:
 
 def test_what_cannot_be_mended_is_left():
     far = quality(shake_px=9.0, shake_most_px=30.0)
-    assert repairs(parameters(), far, 480) == set()
-    assert repairs(parameters(), quality(shake_px=2.0, shake_most_px=4.0), 480) == {"steady"}
+    assert choose_repairs(parameters(), far, 480) == set()
+    assert choose_repairs(parameters(), quality(shake_px=2.0, shake_most_px=4.0), 480) == {"steady"}
     turned = quality(shake_px=2.0, shake_most_px=4.0, shake_apart_px=1.5)
-    assert repairs(parameters(), turned, 480) == set()
-    assert repairs(parameters(stabilize="always"), far, 480) == {"steady"}
+    assert choose_repairs(parameters(), turned, 480) == set()
+    assert choose_repairs(parameters(stabilize="always"), far, 480) == {"steady"}
     unknown = quality(shake_px=np.nan, shake_most_px=np.nan, shake_apart_px=np.nan)
-    assert repairs(parameters(stabilize="always"), unknown, 480) == set()
+    assert choose_repairs(parameters(stabilize="always"), unknown, 480) == set()
     stutter = quality(doubled_pct=40.0, doubled_rate=np.nan)
-    assert repairs(parameters(drop_repeated_frames="always"), stutter, 480) == set()
+    assert choose_repairs(parameters(drop_repeated_frames="always"), stutter, 480) == set()
 
 
 def test_findings_say_what_was_and_what_is():

@@ -2,12 +2,11 @@
 
 The normalised clip, as grey, is examined in runs of successive frames spread over it, so a long
 film takes no longer than five hundred frames. Light and doubled pictures are measured in every
-frame, while the clip is written (`quality.Tally`).
+frame, while the clip is written (`Tally`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 
 import cv2
 import numpy as np
@@ -15,13 +14,14 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema, columns
-from finloop.clip.doubled import find_repeats
-from finloop.clip.fields import field_order
+from finloop.clip.doubled import change, find_repeats, subsample_grey
 from finloop.clip.light import gain, measure_light, undo_gain
 from finloop.clip.shake import STILL, UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
 RUNS, LENGTH = 8, 64  # number and length [frames] of the runs that are examined
+PLAIN_LEVELS = 8  # least difference between the darkest and brightest pixel of a usable film
+SAMPLES = 32  # most frames of a clip that are kept to compare them with the coded ones
 _SAMPLES = 15  # frames whose median is the still tank
 _STRIP = 64  # rows
 _TILES = 6  # tiles of the picture in both directions; the median tile gives the noise
@@ -29,6 +29,9 @@ _THIN = 3  # every 3rd pixel in both directions for noise and contrast
 _EVERY = 4  # frames from one measurement of noise, fields and contrast to the next
 _SIGMAS, _LEAST = 6.0, 15.0  # noises and grey levels from which a pixel is not tank
 _BLACK, _WHITE = 1, 254  # grey levels; beyond them nothing was recorded
+_FIELD_THIN = 4  # every 4th column tells the order of fields
+_MOTION = 12  # least change [grey levels] from frame to frame of a moved pixel
+_FEW = 50  # least number of moved pixels of a frame whose fields are judged
 
 CHECK = Schema(
     Column("frame", "int32", "1"),
@@ -62,43 +65,72 @@ class Quality:
     @classmethod
     def from_metrics(cls, numbers: Mapping[str, float], prefix: str = "") -> "Quality":
         """Return the measures stored in `numbers` under `prefix` + name; NaN if one is missing."""
-        return cls(
-            **{entry.name: numbers.get(prefix + entry.name, np.nan) for entry in fields(cls)}
-        )
+        return cls(*(numbers.get(prefix + entry.name, np.nan) for entry in fields(cls)))
 
 
-class GreyReader(Protocol):
-    """Streams the frames start … stop − 1 of a clip, grey."""
+@dataclass
+class Tally:
+    """Brightness of a clip, its changes and samples of its frames, gathered frame by frame."""
 
-    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]:
-        """Yield these frames, (h, w) uint8."""
+    frames: int = 0
+    brightness_sum: float = 0.0
+    darkest: int = 255
+    brightest: int = 0
+    samples: dict[int, np.ndarray] = field(default_factory=dict)  # some frames, by number
+    _stride: int = 1
+    # (frames,) brightness relative to the first frame, where both show the tank
+    lights: list[float] = field(default_factory=list)
+    # (frames,) how much each frame differs from the one before [grey levels]; NaN for the first
+    changes: list[float] = field(default_factory=list)
+    _first: np.ndarray | None = None
+    _last: np.ndarray | None = None
 
-
-class Clip(NamedTuple):
-    """A clip to check.
-
-    read: streams its frames, grey; rate_hz: frames per second; samples: some frames spread over it;
-    lights, changes (frames,): each frame's brightness, and its change from the frame before, as
-    `finloop.clip.quality.Tally` gathers them.
-    """
-
-    read: GreyReader
-    rate_hz: float
-    samples: Sequence[Picture]
-    lights: Sequence[float]
-    changes: Sequence[float]
+    def add(self, frame: np.ndarray) -> None:
+        """Measure one frame (h, w[, 3]); keep copies of at most `SAMPLES`, evenly spread."""
+        self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
+        low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
+        self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
+        here = subsample_grey(frame)
+        self._first = here if self._first is None else self._first
+        self.lights.append(float(gain(here, self._first)[0]))
+        self.changes.append(float("nan") if self._last is None else change(self._last, here))
+        self._last = here
+        if self.frames % self._stride == 0:
+            self.samples[self.frames] = frame.copy()
+            if len(self.samples) > SAMPLES:
+                self._stride *= 2
+                kept = [number for number in self.samples if number % self._stride == 0]
+                self.samples = {number: self.samples[number] for number in kept}
+        self.frames += 1
 
     @property
-    def frames(self) -> int:
-        """Return the clip's number of frames."""
-        return len(self.changes)
+    def brightness_mean(self) -> float:
+        """Return the mean grey level of all pixels of all frames, 0 … 255."""
+        return self.brightness_sum / max(self.frames, 1)
+
+    @property
+    def plain(self) -> bool:
+        """Return whether all pixels of all frames have about the same grey level."""
+        return self.brightest - self.darkest < PLAIN_LEVELS
+
+
+def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Return the peak signal-to-noise ratio [dB] of pairs of pictures, such as filmed and coded.
+
+    It is 10 log₁₀(255² / mean squared difference) of all pixels; infinite where nothing differs.
+    """
+    squares = pixels = 0.0
+    for a, b in pairs:
+        squares += float(np.square(cv2.absdiff(a, b).astype(np.float32)).sum(dtype=np.float64))
+        pixels += a.size
+    return 10 * np.log10(255**2 * pixels / squares) if squares else float("inf")
 
 
 def spread_runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
-    """Return the runs (start, stop) of successive frames, spread over a film, that are examined.
+    """Return the runs [start, stop) of successive frames, spread over a film, that are examined.
 
-    Frame `stop` is not in the run. A film of at most `RUNS` × `LENGTH` frames is a single run; a
-    longer one has `RUNS` runs of `LENGTH` frames, which begin at multiples of `stride`.
+    A film of at most `RUNS` × `LENGTH` frames is a single run; a longer one has `RUNS` runs of
+    `LENGTH` frames, which begin at multiples of `stride`.
     """
     if frames <= RUNS * LENGTH:
         return [(0, frames)]
@@ -106,29 +138,27 @@ def spread_runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
     return [(int(start), int(start) + LENGTH) for start in starts]
 
 
-def still_tank(samples: Sequence[Picture]) -> Picture:
-    """Return the picture (h, w[, 3]) of the still tank: the median of frames brought to one light.
-
-    Each of at most `_SAMPLES` frames is first brought to the median light of all, and moved to
-    their median place.
-    """
+def _still_tank(samples: Sequence[Picture]) -> Picture:
+    """Return the still tank (h, w[, 3]): the median of frames brought to one light and place."""
     few = samples[:: -(-len(samples) // _SAMPLES)]
     gains = [gain(frame, few[0]) for frame in few]
     usual = np.median(gains, axis=0)
-    few = [undo_gain(frame, of / usual) for frame, of in zip(few, gains, strict=True)]
-    first = find_landmarks(_median(few))
-    shifts = [measure_shift(frame, first) for frame in few]
-    certain = np.array([offset for offset in shifts if offset is not UNKNOWN])
+    few = [undo_gain(frame, bright / usual) for frame, bright in zip(few, gains, strict=True)]
+    landmarks = find_landmarks(_median_picture(few))
+    shifts = [measure_shift(frame, landmarks) for frame in few]
+    certain = np.array([shift for shift in shifts if shift is not UNKNOWN])
     if len(certain):
         middle = Shift(*np.median(certain, axis=0))
         few = [
-            frame if by is UNKNOWN else undo_shift(frame, by.beside(middle))
-            for frame, by in zip(few, shifts, strict=True)
+            frame
+            if shift is UNKNOWN
+            else undo_shift(frame, Shift(shift.x - middle.x, shift.y - middle.y, shift.apart))
+            for frame, shift in zip(few, shifts, strict=True)
         ]
-    return _median(few)
+    return _median_picture(few)
 
 
-def _median(frames: Sequence[Picture]) -> Picture:
+def _median_picture(frames: Sequence[Picture]) -> Picture:
     middle = np.empty_like(frames[0])
     for top in range(0, len(middle), _STRIP):
         strip = np.stack([frame[top : top + _STRIP] for frame in frames])
@@ -137,35 +167,40 @@ def _median(frames: Sequence[Picture]) -> Picture:
     return middle
 
 
-def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
-    """Measure a clip: return its quality, the measures of each frame, and the still tank's picture.
+def check_film(
+    read: Callable[..., Iterator[Picture]], rate_hz: float, tally: Tally, stride: int = 1
+) -> tuple[Quality, pd.DataFrame, Picture]:
+    """Measure a film: return its quality, a table of measures per frame, and the still tank.
 
-    The table has a row per frame and the columns `CHECK`; the picture is (h, w[, 3]). stride:
-    frames from one key frame of the clip to the next.
+    read(start=, stop=): streams its frames, grey (h, w) uint8. rate_hz: frames per second. tally:
+    of all its frames. stride: frames from one key frame to the next. The table has the columns
+    `CHECK`; the tank is a picture (h, w[, 3]).
     """
-    whole = still_tank(clip.samples)
-    tank, of, last = grey(whole), find_landmarks(whole), STILL
+    whole = _still_tank(list(tally.samples.values()))
+    tank, landmarks, last = grey(whole), find_landmarks(whole), STILL
     rows: list[dict[str, float]] = []
     movers: list[tuple[float, float, float, float]] = []
-    for start, stop in spread_runs(clip.frames, stride):
+    for start, stop in spread_runs(tally.frames, stride):
         before: Picture | None = None
         light_before = 1.0
-        for frame, picture in enumerate(clip.read(start=start, stop=stop), start):
+        for frame, picture in enumerate(read(start=start, stop=stop), start):
             here = picture.copy()  # the decoder reuses its memory
             bright = float(gain(here, tank)[0])
-            place = measure_shift(here, of, last)
-            last = last if place is UNKNOWN else place
-            row = {f"shift_{name}": value for name, value in place._asdict().items()}
+            shift = measure_shift(here, landmarks, last)
+            last = last if shift is UNKNOWN else shift
+            row = {f"shift_{name}": value for name, value in shift._asdict().items()}
             if before is not None and frame % _EVERY == 1:
-                row |= _against(before, here, light_before / bright)
-                steady = undo_shift(here, STILL if place is UNKNOWN else place, _THIN)
-                movers.append(_movers(steady, tank[::_THIN, ::_THIN], bright))
+                row["field_order"] = field_order(before, here)
+                row["noise"] = _measure_noise(before, here, light_before / bright)
+                steady = undo_shift(here, STILL if shift is UNKNOWN else shift, _THIN)
+                movers.append(_measure_movers(steady, tank[::_THIN, ::_THIN], bright))
             rows.append({"frame": frame} | row)
             before, light_before = here, bright
-    table = pd.DataFrame({"light": clip.lights, "change": clip.changes})
+    table = pd.DataFrame({"light": tally.lights, "change": tally.changes})
     table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
-    return _quality(table, clip, len(rows), np.array(movers).reshape(-1, 4)), table, whole
+    quality = _summarize(table, rate_hz, len(rows), np.array(movers).reshape(-1, 4))
+    return quality, table, whole
 
 
 def grey(picture: Picture) -> Picture:
@@ -173,24 +208,44 @@ def grey(picture: Picture) -> Picture:
     return picture.copy() if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
 
 
-def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float]:
-    """Measure two grey frames; `brighter`: the light of the first over the second's."""
+def field_order(before: Picture, frame: Picture) -> float:
+    """Measure which field of interlaced film is earlier: above 0 the upper one, below 0 the lower.
+
+    In interlaced film two fields, half a frame apart in time, are woven into one picture. The later
+    field of a frame and the earlier one of the next are one step of time apart, the earlier and the
+    later three. The number is the relative difference between two mean squares of what moved in two
+    successive grey frames: lower field before against upper field now, and the reverse. Whole
+    pictures give 0, interlaced ones up to ±0.8; NaN where too little moved.
+    """
+    last, here = (picture[:, ::_FIELD_THIN].astype(np.float64) for picture in (before, frame))
+    motion = np.abs(here - last) >= _MOTION
+    rows = (len(last) - 1) // 2 * 2
+    near = motion[:rows:2] | motion[1:rows:2] | motion[2 : rows + 1 : 2]
+    if near.sum() < _FEW:
+        return float("nan")
+    # A row of the lower field lies between two of the upper: it is compared with their mean.
+    upper = [(picture[:rows:2] + picture[2 : rows + 1 : 2]) / 2 for picture in (last, here)]
+    lower = [picture[1:rows:2] for picture in (last, here)]
+    if_upper = float(((lower[0] - upper[1])[near] ** 2).mean())
+    if_lower = float(((upper[0] - lower[1])[near] ** 2).mean())
+    whole = if_upper + if_lower
+    return (if_lower - if_upper) / whole if whole else 0.0
+
+
+def _measure_noise(before: Picture, here: Picture, brighter: float) -> float:
+    """Return the noise of two grey frames; `brighter`: the light of the first over the second's."""
     few = here[::_THIN, ::_THIN].astype(np.float32) * brighter
     off = np.abs(few - before[::_THIN, ::_THIN])
     size = min(_TILES, off.shape[1]), min(_TILES, off.shape[0])
     tiles = cv2.resize(off, size, interpolation=cv2.INTER_AREA)
-    return {
-        "field_order": field_order(before, here),
-        # Of normal noise the mean difference of two values is 2/√π of its standard deviation.
-        "noise": float(np.median(tiles)) * np.pi**0.5 / 2,
-    }
+    # Of normal noise the mean difference of two values is 2/√π of its standard deviation.
+    return float(np.median(tiles)) * np.pi**0.5 / 2
 
 
-def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
-    """Measure the moving pixels of a grey frame: count, median contrast, black ones, white ones.
-
-    here, tank: every `_THIN`-th pixel in both directions.
-    """
+def _measure_movers(
+    here: Picture, tank: Picture, bright: float
+) -> tuple[float, float, float, float]:
+    """Measure what moves in a frame: number of pixels, median contrast, black and white ones."""
     off = np.abs(here / bright - tank)
     usual = _SIGMAS * 1.4826 * float(np.median(off))
     # Where the tank's median still holds an animal, it is the floor that differs.
@@ -201,31 +256,27 @@ def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, 
     return level.size, contrast, (level <= _BLACK).sum(), (level >= _WHITE).sum()
 
 
-def _quality(table: pd.DataFrame, clip: Clip, looked: int, movers: Floats) -> Quality:
-    """Summarise the measures of all frames; `looked`: the number of examined frames."""
-    lamp = measure_light(np.array(clip.lights), clip.rate_hz)
+def _summarize(table: pd.DataFrame, rate_hz: float, examined: int, movers: Floats) -> Quality:
+    """Summarize the measures of all frames; `examined`: number of frames that were examined."""
+    lamp = measure_light(table["light"].to_numpy(np.float64), rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
     places = place[np.isfinite(place[:, 0])]
     far = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
-    still = 2 * len(places) >= looked  # else the floor has too few marks
-    twice = find_repeats(np.array(clip.changes))
+    known = 2 * len(places) >= examined  # else the floor has too few marks
+    twice = find_repeats(table["change"].to_numpy(np.float64))
     pixels, contrast, black, white = movers.T
+    medians = table[["shift_apart", "field_order", "noise"]].median()
     many = max(1.0, float(pixels.sum()))
     return Quality(
         **{f"light_{name}": value for name, value in lamp._asdict().items()},
-        shake_px=float(np.mean(far**2)) ** 0.5 if still else float("nan"),
-        shake_most_px=float(far.max()) if still else float("nan"),
-        shake_apart_px=_median_of(table["shift_apart"]) if still else float("nan"),
+        shake_px=float(np.mean(far**2)) ** 0.5 if known else float("nan"),
+        shake_most_px=float(far.max()) if known else float("nan"),
+        shake_apart_px=float(medians["shift_apart"]) if known else float("nan"),
         doubled_pct=100 * twice.share,
         doubled_rate=twice.rate,
-        field_order=_median_of(table["field_order"]),
-        noise_grey=_median_of(table["noise"]),
-        contrast_grey=_median_of(pd.Series(contrast)),
+        field_order=float(medians["field_order"]),
+        noise_grey=float(medians["noise"]),
+        contrast_grey=float(pd.Series(contrast).median()),
         animal_black_pct=100 * float(black.sum()) / many,
         animal_white_pct=100 * float(white.sum()) / many,
     )
-
-
-def _median_of(values: pd.Series) -> float:
-    """Return the median, ignoring NaN; NaN of nothing."""
-    return float(values.median())

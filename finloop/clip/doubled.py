@@ -32,9 +32,9 @@ def subsample_grey(frame: Picture) -> Picture:
 
 
 def change(before: Picture, after: Picture) -> float:
-    """Return how much two frames differ [grey levels]: the mean of the blocks that differ most.
+    """Return how much two frames of `subsample_grey` differ, in grey levels.
 
-    before, after (h, w): frames from `subsample_grey`. One block of 12×12 px in a hundred counts.
+    It is the mean of the blocks that differ most, one block of 12×12 px in a hundred.
     """
     size = tuple(max(1, side // _BLOCK) for side in before.shape[::-1])
     off = cv2.absdiff(before, after).astype(np.float32)
@@ -45,17 +45,14 @@ def change(before: Picture, after: Picture) -> float:
 class Doubled(NamedTuple):
     """The frames of a film that repeat the picture of the frame before.
 
-    A cadence is the regular rhythm of repeats that a conversion of the frame rate leaves. share: of
-    the frames in which enough moves to decide, those that repeat, 0 … 1. rate: different pictures
-    per frame; 1 where nothing repeats, NaN where repeats have no cadence. pictures (frames,): the
-    number of the picture that each frame shows; repeats (frames,): whether that is the picture of
-    the frame before. Without a cadence every frame counts as a new picture.
+    A cadence is the regular rhythm of repeats that a conversion of the frame rate leaves. Without
+    one every frame counts as a new picture.
     """
 
-    share: float
-    rate: float
-    pictures: Ints
-    repeats: Mask
+    share: float  # of repeats, 0 … 1, in the frames in which enough moves to decide
+    rate: float  # different pictures per frame; 1 without repeats, NaN without a cadence
+    pictures: Ints  # (frames,) the number of the picture that each frame shows
+    repeats: Mask  # (frames,) whether that is the picture of the frame before
 
 
 def find_repeats(changes: Floats) -> Doubled:
@@ -63,21 +60,20 @@ def find_repeats(changes: Floats) -> Doubled:
 
     changes: grey levels, by `change`; changes[k] is from frame k − 1 to frame k, changes[0] is NaN.
     """
-    decidable, twice = _decidable(changes)
-    count = int(decidable.sum())
-    share = float(twice[decidable].mean()) if count else 0.0
-    every = np.arange(len(changes)), np.zeros(len(changes), bool)
+    decidable, twice = _find_doubled(changes)
+    share = float(twice[decidable].mean()) if decidable.any() else 0.0
+    all_new = np.arange(len(changes)), np.zeros(len(changes), bool)
     if twice.sum() < _FEW:
-        return Doubled(share, 1.0 if not twice.any() else float("nan"), *every)
-    rate, pictures, repeats = _cadence(decidable, twice)
+        return Doubled(share, 1.0 if not twice.any() else float("nan"), *all_new)
+    rate, pictures, repeats = _find_cadence(decidable, twice)
     if np.mean(repeats[decidable] == twice[decidable]) < _AGREE:
-        return Doubled(share, float("nan"), *every)
+        return Doubled(share, float("nan"), *all_new)
     repeats = np.where(decidable, twice, repeats)  # the cadence may be off by a frame
     repeats[0] = False
     return Doubled(share, rate, pictures - pictures[0], repeats)
 
 
-def _decidable(changes: Floats) -> tuple[Mask, Mask]:
+def _find_doubled(changes: Floats) -> tuple[Mask, Mask]:
     """Return masks (frames,): where enough moves to decide, and which of these are doubled."""
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
@@ -91,20 +87,14 @@ def _decidable(changes: Floats) -> tuple[Mask, Mask]:
     gap = ratios.argmax(axis=1)
     below = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
     twice = (np.nan_to_num(changes) <= below) & (ratios.max(axis=1) >= _GAP)
-    return decidable, decidable & twice & _amid(changes, below)
-
-
-def _amid(changes: Floats, below: Floats) -> Mask:
-    """Return the frames (frames,) with a change above `below` on both sides, or at the film's end.
-
-    A resting animal that darts away has small changes on one side only.
-    """
+    # A resting animal that darts away has small changes on one side only.
     beyond = np.pad(np.nan_to_num(changes), _BESIDE, constant_values=np.inf)
     sides = np.lib.stride_tricks.sliding_window_view(beyond, _BESIDE).max(axis=1)
-    return np.asarray((sides[: len(changes)] > below) & (sides[_BESIDE + 1 :] > below))
+    amid = (sides[: len(changes)] > below) & (sides[_BESIDE + 1 :] > below)
+    return decidable, decidable & twice & amid
 
 
-def _cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
+def _find_cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
     """Return the cadence of a rate conversion: pictures a frame, their numbers, doubled frames.
 
     Frame k shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the new
@@ -122,17 +112,15 @@ def _cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
     waves = np.exp(-2j * np.pi * rates[:, None] * place[rare]).sum(axis=1)
     best = int(np.abs(waves).argmax())
     beat, phase = float(rates[best]), float(np.angle(waves[best])) / (2 * np.pi)
+
+    def rises(phase: float) -> Mask:
+        return np.floor(place * beat + phase) > np.floor((place - 1) * beat + phase)
+
     tries = [phase + beat * share for share in np.linspace(0, 1, _PHASES)]
-    right = np.array([np.mean(_beats(place, beat, t)[decidable] == rare[decidable]) for t in tries])
-    amid = np.flatnonzero(right == right.max())
-    phase = tries[amid[len(amid) // 2]]
+    right = np.array([np.mean(rises(t)[decidable] == rare[decidable]) for t in tries])
+    best_tries = np.flatnonzero(right == right.max())
+    phase = tries[best_tries[len(best_tries) // 2]]
     beats = np.floor(place * beat + phase).astype(np.int64)
-    rose = _beats(place, beat, phase)
     if rare is twice:
-        return 1 - beat, place - beats, rose
-    return beat, beats, ~rose
-
-
-def _beats(place: np.ndarray, beat: float, phase: float) -> Mask:
-    """Return the frames in which the count floor(k · beat + phase) goes up."""
-    return np.floor(place * beat + phase) > np.floor((place - 1) * beat + phase)
+        return 1 - beat, place - beats, rises(phase)
+    return beat, beats, ~rises(phase)

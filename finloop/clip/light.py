@@ -22,12 +22,12 @@ _PEAK = 0.5  # least share of the flicker's power in one peak that gives it a fr
 
 
 def gain(frame: Picture, tank: Picture) -> Floats:
-    """Return the brightness of `frame` relative to `tank` per channel: (1,) grey, (3,) RGB.
+    """Return the brightness of a frame relative to the still tank per channel: (1,) or (3,).
 
     It is a ratio of sums over the pixels that are tank in both, and neither black nor white; 1
     where there are none.
     """
-    here, there = (_grid(picture) for picture in (frame, tank))
+    here, there = (_spread_pixels(picture) for picture in (frame, tank))
     low, high = _LIT
     lit = ((there > low) & (there < high) & (here < high)).all(axis=1)
     if not lit.any():
@@ -41,7 +41,7 @@ def gain(frame: Picture, tank: Picture) -> Floats:
     return np.asarray(np.where(ratio > 0, ratio, 1.0))
 
 
-def _grid(picture: Picture) -> Floats:
+def _spread_pixels(picture: Picture) -> Floats:
     """Return some pixels (n, channels), evenly spread."""
     step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
     few = picture[::step, ::step].astype(np.float64)
@@ -49,23 +49,17 @@ def _grid(picture: Picture) -> Floats:
 
 
 def undo_gain(frame: Picture, gains: Floats) -> Picture:
-    """Return a frame (h, w[, 3]) in the tank's light: each channel divided by its gain, rounded.
-
-    gains (1,) or (3,): brightness of the frame relative to the tank, from `gain`.
-    """
+    """Return a frame (h, w[, 3]) in the tank's light: each channel divided by its `gain`."""
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
     return np.asarray(cv2.LUT(frame, table))
 
 
 class Light(NamedTuple):
-    """Flicker and drift of a film's light, in per cent of its mean brightness.
-
-    flicker_hz: NaN where the flicker has no single frequency.
-    """
+    """Flicker and drift of a film's light, in per cent of its mean brightness."""
 
     flicker_pct: float  # root mean square of the fast part over the mean, in the median second
-    flicker_hz: float
+    flicker_hz: float  # NaN where the flicker has no single frequency
     drift_pct: float  # range of the slow part, darkest to brightest moment, over the mean
 
 
@@ -75,22 +69,18 @@ def measure_light(lights: Floats, rate_hz: float) -> Light:
     rate_hz: frames per second. Changes slower than three seconds are drift, the rest is flicker.
     """
     mean = float(lights.mean())
-    slow = _running_mean(lights, rate_hz)
+    half = min(round(_SLOW_S * rate_hz / 2), (len(lights) - 1) // 2)
+    padded = np.pad(lights, half, mode="reflect") if half else lights
+    slow = np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
     fast = lights - slow
     second = max(2, round(rate_hz))
     parts = [fast[k : k + second] for k in range(0, len(fast), second)]
     usual = float(np.median([np.mean(part**2) for part in parts])) ** 0.5
     low, high = np.quantile(slow, (0.01, 0.99))
-    return Light(100 * usual / mean, _frequency(fast, rate_hz), 100 * float(high - low) / mean)
+    return Light(100 * usual / mean, _peak_frequency(fast, rate_hz), 100 * float(high - low) / mean)
 
 
-def _running_mean(lights: Floats, rate_hz: float) -> Floats:
-    half = min(round(_SLOW_S * rate_hz / 2), (len(lights) - 1) // 2)
-    padded = np.pad(lights, half, mode="reflect") if half else lights
-    return np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
-
-
-def _frequency(fast: Floats, rate_hz: float) -> float:
+def _peak_frequency(fast: Floats, rate_hz: float) -> float:
     """Return the frequency [Hz] that has most of the power; NaN if it is spread out."""
     length = min(len(fast), _WINDOW)
     starts = range(0, len(fast) - length + 1, length)

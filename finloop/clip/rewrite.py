@@ -1,26 +1,36 @@
 """Write the normalised clip of a film, check it, and write it again with its faults repaired.
 
 First the pictures are repaired (fields, doubled ones), then their light and shake, which can only
-be measured on whole pictures.
+be measured on whole pictures. A film without faults stays unchanged: its clip keeps every byte.
 """
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from finloop.base.arrays import Mask, Picture
-from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, check
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Quality, Tally, check_film, grey
 from finloop.clip.doubled import Doubled, find_repeats
-from finloop.clip.mend import FrameCorrector, field_of, new_pictures, repairs
-from finloop.clip.quality import Tally
+from finloop.clip.light import gain, undo_gain
 from finloop.clip.settings import ClipSettings, File
+from finloop.clip.shake import (
+    STILL,
+    UNKNOWN,
+    Landmarks,
+    Shift,
+    find_landmarks,
+    measure_shift,
+    undo_shift,
+)
+from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
 from finloop.clip.write import ClipSource, open_source, write_clip
-from finloop.io.footage.source import Order
+from finloop.io.footage.source import NumberedFrames, Order
 from finloop.io.picture import save_picture
 from finloop.io.table import save_table
 from finloop.io.video import (
@@ -35,23 +45,33 @@ from finloop.io.video import (
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 """Reports progress: (word, number of frames) → a block that yields `advance()`."""
 
+# Share of the picture's smaller side. A camera that moves farther loses a strip of that width on
+# both borders, and sees the tank from another place, so a single shift cannot repair it.
+FARTHEST = 0.03
+APART = 0.3  # share of the shake; parts of the picture that differ by more did not just shift
+_EDGE = 2  # px; reach of a Lanczos kernel
+
+REPAIRED_BY = {
+    "deinterlace": "deinterlace",
+    "undouble": "drop_repeated_frames",
+    "even_light": "correct_light",
+    "steady": "stabilize",
+}
+"""The parameter that says when a repair is made, by the repair's name among the metrics."""
+
 _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 
 @dataclass(frozen=True)
 class ClipResult:
-    """A new clip: its facts, the tally of its frames, its arena (h, w), and its quality.
-
-    filmed: the quality of the film before any repair; mended: the repairs that were made, of
-    `finloop.clip.mend.REPAIRED_BY`.
-    """
+    """A new clip: its facts, the tally of its frames, its arena (h, w), and its quality."""
 
     facts: VideoFacts
     tally: Tally
     arena: Mask
-    filmed: Quality
+    filmed: Quality  # of the film before any repair
     quality: Quality
-    mended: frozenset[str]
+    mended: frozenset[str]  # the repairs that were made, of `REPAIRED_BY`
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -71,8 +91,8 @@ def make_clip(
 ) -> ClipResult:
     """Write the normalised clip of a film and its check to a folder; repair a user's own footage.
 
-    The check is a table (`CHECK_NAME`) and the still tank's picture (`TANK_NAME`). A faulty clip is
-    written again, repaired. watch: reports progress. FinloopError as in `write_clip`.
+    The check is a table (`CHECK_NAME`) and the still tank's picture (`TANK_NAME`). FinloopError as
+    in `write_clip`.
     """
     with watch("clip", source.facts.frames) as advance:
         facts, tally, arena = write_clip(source, p, folder, advance)
@@ -82,51 +102,119 @@ def make_clip(
         return result
     fields: Order = ""
     twice: Doubled | None = None
-    calm: FrameCorrector | None = None
+    corrector: _FrameCorrector | None = None
     for kind in (_PICTURES, _TAKING):
-        todo = repairs(p, result.quality, min(arena.shape)) & kind
-        if "undouble" in todo and not _frame_by_frame(result.facts):
-            todo.remove("undouble")
+        todo = choose_repairs(p, result.quality, min(arena.shape)) & kind
+        facts = result.facts
+        retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
+        if retimed or len(facts.segments) > 1:  # frame k of the clip is not frame k of the film
+            todo.discard("undouble")
         if not todo:
             continue
         if "deinterlace" in todo:
-            fields = field_of(result.quality)
+            order = result.quality.field_order
+            fields = "tff" if order > 0 else "bff" if order <= 0 else "auto"  # auto: NaN
         if "undouble" in todo:
             twice = find_repeats(np.array(result.tally.changes))
         if todo & _TAKING:
-            calm = FrameCorrector(tank, "even_light" in todo, "steady" in todo)
-        again = _reopen_film(p, fields, twice, calm)
+            corrector = _FrameCorrector(tank, "even_light" in todo, "steady" in todo)
+        again = _reopen_film(p, fields, twice, corrector)
         with watch("mend", again.facts.frames) as advance:
             facts, tally, arena = write_clip(again, p, folder, advance)
-        if calm:
-            arena = arena & calm.common_mask()
+        if corrector:
+            arena = arena & corrector.common_mask()
             save_mask(folder / ARENA_NAME, arena)
         quality, tank = _check_clip(facts, tally, folder)
         result = ClipResult(facts, tally, arena, filmed, quality, result.mended | todo)
     return result
 
 
-def _frame_by_frame(facts: VideoFacts) -> bool:
-    """Return whether frame k of the clip is frame k of the film."""
-    retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
-    return not retimed and len(facts.segments) == 1
+def choose_repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
+    """Return the repairs, keys of `REPAIRED_BY`, that a film of a quality gets by the parameters.
+
+    smaller_px: the picture's smaller side, which limits the shake that can be repaired.
+    """
+    far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
+    converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
+    faults = {
+        "deinterlace": abs(q.field_order) >= INTERLACED,
+        "undouble": q.doubled_pct >= DOUBLED_PCT and converted,
+        "even_light": q.light_flicker_pct >= FLICKER_PCT or q.light_drift_pct >= DRIFT_PCT,
+        "steady": q.shake_px >= SHAKE_PX and far,
+    }
+    possible = {"undouble": converted, "steady": isfinite(q.shake_px)}
+    modes = {name: getattr(p, REPAIRED_BY[name]) for name in faults}
+    return {
+        name
+        for name, mode in modes.items()
+        if (mode == "always" and possible.get(name, True)) or (mode == "auto" and faults[name])
+    }
+
+
+def _drop_repeats(take: NumberedFrames, twice: Doubled, rate_hz: float) -> NumberedFrames:
+    """Yield the frames that do not repeat the frame before; picture k at k / rate_hz seconds."""
+    for (_, frame), picture, repeats in zip(take, twice.pictures, twice.repeats, strict=False):
+        if not repeats:
+            yield float(picture) / rate_hz, frame
+
+
+@dataclass
+class _FrameCorrector:
+    """Brings frames to the light and the place of the still tank (h, w) or (h, w, 3)."""
+
+    tank: Picture
+    light: bool  # whether to correct the light
+    place: bool  # whether to correct the place
+    right_px: float = 0.0  # the largest shift of a frame to that side, so far
+    left_px: float = 0.0
+    down_px: float = 0.0
+    up_px: float = 0.0
+    _marks: Landmarks | None = None
+    _last: Shift = field(default=STILL)
+
+    def correct(self, take: NumberedFrames) -> NumberedFrames:
+        """Yield the frames, light and place corrected, times and numbers unchanged."""
+        for time_s, (number, frame) in take:
+            if self.light:
+                frame = undo_gain(frame, gain(frame, self.tank))
+            if self.place:
+                frame = self._steady_frame(frame)
+            yield time_s, (number, frame)
+
+    def _steady_frame(self, frame: Picture) -> Picture:
+        self._marks = self._marks or find_landmarks(self.tank)
+        by = measure_shift(grey(frame), self._marks, self._last)
+        by = self._last if by is UNKNOWN else by
+        self._last = by
+        self.right_px, self.left_px = max(self.right_px, by.x), max(self.left_px, -by.x)
+        self.down_px, self.up_px = max(self.down_px, by.y), max(self.up_px, -by.y)
+        return undo_shift(frame, by)
+
+    def common_mask(self) -> Mask:
+        """Return the mask (h, w) of the pixels that every frame so far shows after its shift."""
+        height, width = self.tank.shape[:2]
+        mask = np.zeros((height, width), bool)
+        sides = (self.up_px, self.down_px, self.left_px, self.right_px)
+        top, bottom, left, right = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
+        mask[top : height - bottom, left : width - right] = True
+        return mask
 
 
 def _reopen_film(
-    p: File, fields: Order, twice: Doubled | None, calm: FrameCorrector | None
+    p: File, fields: Order, twice: Doubled | None, corrector: _FrameCorrector | None
 ) -> ClipSource:
     source = open_source(p, fields)
     facts, takes = source.facts, source.takes
     if twice is not None:
-        rate = facts.frame_rate * _simple(twice.rate, len(twice.repeats))
-        takes = [new_pictures(take, twice, float(rate)) for take in takes]
+        rate = facts.frame_rate * _simplest_fraction(twice.rate, len(twice.repeats))
+        takes = [_drop_repeats(take, twice, float(rate)) for take in takes]
         facts = replace(facts, frame_rate=rate, frames=int((~twice.repeats).sum()))
-    if calm is not None:
-        takes = [calm(take) for take in takes]
+    if corrector is not None:
+        takes = [corrector.correct(take) for take in takes]
     return replace(source, facts=facts, takes=takes)
 
 
-def _simple(rate: float, frames: int) -> Fraction:
+def _simplest_fraction(rate: float, frames: int) -> Fraction:
     """Return the simplest fraction within half a frame of a rate over `frames` frames."""
     tries = (Fraction(rate).limit_denominator(most) for most in range(1, 1002))
     return next(
@@ -136,10 +224,8 @@ def _simple(rate: float, frames: int) -> Fraction:
 
 
 def _check_clip(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
-    reader = partial(read_frames, folder / CLIP_NAME)
-    samples = list(tally.samples.values())
-    clip = Clip(reader, facts.frame_rate_hz, samples, tally.lights, tally.changes)
-    quality, table, tank = check(clip, KEY_FRAME_EVERY)
+    read = partial(read_frames, folder / CLIP_NAME)
+    quality, table, tank = check_film(read, facts.frame_rate_hz, tally, KEY_FRAME_EVERY)
     save_table(folder / CHECK_NAME, table, CHECK)
     save_picture(folder / TANK_NAME, tank)
     return quality, tank

@@ -89,13 +89,13 @@ class File:
 
     @property
     def film(self) -> Path:
-        """Return the path of the film; ValueError if `path` is a list of several films."""
+        """Return the path of the film; ValueError if there are several."""
         if not isinstance(self.path, str):
             raise ValueError(f"several films: {self.path}")
         return Path(self.path).expanduser()
 
     def settings_by_path(self) -> list[tuple[str, "File"]]:
-        """Return a path and its parameters for each entry of `path`, its own values included."""
+        """Return a path and its parameters for each entry of `path`."""
         if isinstance(self.path, str):
             return [(self.path, self)]
         return [

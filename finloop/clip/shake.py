@@ -26,37 +26,26 @@ _BEST = 0.33  # share of the tiles, those with most edges, that must not decide 
 
 
 class Landmarks(NamedTuple):
-    """Steep places of the still tank (marks), by which the shift of a frame is measured.
+    """Steep places of the still tank (marks), by which the shift of a frame is measured."""
 
-    All arrays but `small` are (marks,). x, y: px. level: grey level. right, down: its slope to that
-    side, grey levels per px. tile: number of the mark's tile. trust: weight of a mark, such that no
-    tile counts for more than the median one: the edges of an animal that stays are the strongest,
-    but in few tiles. small: the picture, `_LESS` times smaller, float32.
-    """
-
-    x: Ints
+    x: Ints  # (marks,) px, as all but `small`
     y: Ints
-    level: Floats
-    right: Floats
+    level: Floats  # grey level
+    right: Floats  # slope of the level to the right, grey levels per px
     down: Floats
-    tile: Ints
+    tile: Ints  # number of the mark's tile
+    # Weight, such that no tile counts for more than the median one: the edges of an animal that
+    # stays are the strongest, but in few tiles.
     trust: Floats
-    small: np.ndarray
+    small: np.ndarray  # the picture, `_LESS` times smaller, float32
 
 
 class Shift(NamedTuple):
-    """The shift of a frame against the still tank, px: the tank lies x to the right, y down in it.
-
-    apart: by how much parts of the picture moved differently (a turn, a zoom), px.
-    """
+    """The shift of a frame, px: the still tank lies x farther right and y farther down in it."""
 
     x: float
     y: float
-    apart: float
-
-    def beside(self, other: "Shift") -> "Shift":
-        """Return this shift relative to another one."""
-        return Shift(self.x - other.x, self.y - other.y, self.apart)
+    apart: float  # by how much parts of the picture moved differently (a turn, a zoom)
 
 
 STILL = Shift(0.0, 0.0, 0.0)
@@ -101,52 +90,57 @@ def find_landmarks(tank: Picture) -> Landmarks:
     return Landmarks(xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _small(soft))
 
 
-def measure_shift(frame: Picture, of: Landmarks, last: Shift = STILL) -> Shift:
-    """Measure the shift [px] of a frame against the still tank; `UNKNOWN` if too few marks show it.
+def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift:
+    """Measure the shift of a frame against the still tank; `UNKNOWN` if too few marks show it.
 
-    frame: (h, w[, 3]); of: the tank's marks; last: shift of the frame before, where the search
-    begins.
+    last: shift of the frame before, where the search begins.
     """
-    if len(of.x) < 12:
+    if len(tank.x) < 12:
         return UNKNOWN
     soft = _soft(frame)
-    place = _start(soft, of, last)
-    slope = np.stack([of.right, of.down, of.level, np.ones(len(of.level))], axis=1)
-    weight = of.trust
+    place = _start(soft, tank, last)
+    slope = np.stack([tank.right, tank.down, tank.level, np.ones(len(tank.level))], axis=1)
+    weight = tank.trust
     for _ in range(_ROUNDS):
-        value = _sample_marks(soft, of, place)
+        value = _sample_marks(soft, tank, place)
         for _ in range(2):
             normal = (slope * weight[:, None]).T @ slope + 1e-9 * np.eye(4)
             step = np.linalg.solve(normal, slope.T @ (weight * value))
             off = value - slope @ step
             sigma = max(0.3, 1.4826 * float(np.median(np.abs(off))))
-            weight = of.trust * np.maximum(0.0, 1 - (off / (_TUKEY * sigma)) ** 2) ** 2
+            weight = tank.trust * np.maximum(0.0, 1 - (off / (_TUKEY * sigma)) ** 2) ** 2
         move = np.clip(-step[:2] / max(0.2, step[2]), -1.5, 1.5)
         place = place + move
         if np.hypot(*move) < _STILL:
             break
-    return _judge_shift(place, off, weight, sigma, of)
+    return _judge_shift(place, off, weight, sigma, tank)
 
 
-def _start(soft: Picture, of: Landmarks, last: Shift) -> Floats:
+def _start(soft: Picture, tank: Landmarks, last: Shift) -> Floats:
     """Return where the search begins: no shift, the last one, or the phase correlation's."""
+
+    def misfit(place: Floats) -> float:
+        value = _sample_marks(soft, tank, place)
+        light = float(np.median(value)) / max(1.0, float(np.median(tank.level)))
+        return float(np.median(np.abs(value - light * tank.level)))
+
     starts = [np.zeros(2)]
     if np.isfinite(last.x):
         starts.append(np.array([last.x, last.y]))
-    misfits = [_misfit(soft, of, place) for place in starts]
-    if min(misfits) > _NEAR and min(of.small.shape) >= 16:
+    misfits = [misfit(place) for place in starts]
+    if min(misfits) > _NEAR and min(tank.small.shape) >= 16:
         small = _small(soft)
         window = cv2.createHanningWindow(small.shape[::-1], cv2.CV_32F)
-        starts.append(_LESS * np.array(cv2.phaseCorrelate(of.small, small, window)[0]))
-        misfits.append(_misfit(soft, of, starts[-1]))
+        starts.append(_LESS * np.array(cv2.phaseCorrelate(tank.small, small, window)[0]))
+        misfits.append(misfit(starts[-1]))
     return starts[int(np.argmin(misfits))]
 
 
-def _sample_marks(soft: Picture, of: Landmarks, place: Floats) -> Floats:
+def _sample_marks(soft: Picture, tank: Landmarks, place: Floats) -> Floats:
     """Return grey levels where the marks lie after a shift, between pixels bilinearly."""
     height, width = soft.shape
-    x = np.clip(of.x + place[0], 0, width - 1.001)
-    y = np.clip(of.y + place[1], 0, height - 1.001)
+    x = np.clip(tank.x + place[0], 0, width - 1.001)
+    y = np.clip(tank.y + place[1], 0, height - 1.001)
     left, top = x.astype(int), y.astype(int)
     u, v = x - left, y - top
     above = soft[top, left] * (1 - u) + soft[top, left + 1] * u
@@ -154,18 +148,14 @@ def _sample_marks(soft: Picture, of: Landmarks, place: Floats) -> Floats:
     return np.asarray(above * (1 - v) + below * v)
 
 
-def _misfit(soft: Picture, of: Landmarks, place: Floats) -> float:
-    value = _sample_marks(soft, of, place)
-    light = float(np.median(value)) / max(1.0, float(np.median(of.level)))
-    return float(np.median(np.abs(value - light * of.level)))
-
-
-def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: Landmarks) -> Shift:
+def _judge_shift(
+    place: Floats, off: Floats, weight: Floats, sigma: float, tank: Landmarks
+) -> Shift:
     """Return the shift, if enough of the picture supports it, and how far apart its tiles lie."""
     apart = []
-    for slope in (of.right, of.down):
-        count = np.bincount(of.tile, weight * slope**2, _TILES**2)
-        push = np.bincount(of.tile, weight * slope * off, _TILES**2)
+    for slope in (tank.right, tank.down):
+        count = np.bincount(tank.tile, weight * slope**2, _TILES**2)
+        push = np.bincount(tank.tile, weight * slope * off, _TILES**2)
         informed = np.sort(count)[: round((1 - _BEST) * len(count))].sum()
         if informed * _SURE**2 < sigma**2:
             return UNKNOWN
@@ -176,9 +166,9 @@ def _judge_shift(place: Floats, off: Floats, weight: Floats, sigma: float, of: L
 
 
 def undo_shift(frame: Picture, by: Shift, every: int = 1) -> Picture:
-    """Return a new frame moved back by a shift; what was not filmed repeats the border.
+    """Return a frame moved back by a shift, thinned to every n-th pixel in both directions.
 
-    every: reduces the frame; 3 keeps every third pixel in both directions.
+    What was not filmed repeats the border.
     """
     size = [-(-side // every) for side in frame.shape[1::-1]]
     matrix = np.array([[every, 0, by.x], [0, every, by.y]])

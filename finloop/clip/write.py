@@ -1,7 +1,7 @@
 """Write a film, drawn or filmed, as the normalised clip: constant rate, facts, arena, truth.
 
-It connects the packages of films (`clip`, `drawn`) to files, for the stage `clip` and for the
-library's verbs `open_film` and `draw_carp`.
+An arena, where animals can be, is a mask of the picture: (height, width) bool, True inside. x runs
+right, y down, and the centre of pixel (row 0, column 0) is the point (0, 0).
 """
 
 from array import array
@@ -18,14 +18,13 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import prefetch
-from finloop.clip.arena import circle_arena, rectangle_arena
-from finloop.clip.quality import Tally
+from finloop.clip.check import Tally
 from finloop.clip.settings import CIRCLE, Carp, ClipSettings, File, Zebrafish
 from finloop.drawn.carp.film import film, is_tank_large_enough
 from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
 from finloop.io.footage import open_footage
-from finloop.io.footage.source import Loss, NumberedFrames, Order
+from finloop.io.footage.source import Footage, Loss, NumberedFrames, Order
 from finloop.io.footage.timing import Timing, nearest_in_time, segments_of
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
@@ -51,21 +50,12 @@ WriteRows = Callable[[pd.DataFrame], None]
 
 @dataclass(frozen=True)
 class ClipSource:
-    """A clip before it is written: its facts and its frames.
-
-    truth: ground truth of the drawn carp; rows collect here while `takes` is read.
-    """
+    """A clip before it is written: its facts and its frames."""
 
     facts: VideoFacts
     takes: list[NumberedFrames]  # frames are numbered through all takes
     loss: Loss
-    truth: list[dict[str, Any]]  # rows of truth about the carp, not written yet
-
-    def flush(self, write: WriteRows) -> None:
-        """Write the rows of truth to their table, and empty the list."""
-        if self.truth:
-            write(pd.DataFrame(self.truth))
-            self.truth.clear()
+    truth: list[dict[str, Any]]  # rows about the drawn carp that collect while `takes` is read
 
 
 def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
@@ -74,7 +64,7 @@ def open_source(p: ClipSettings, fields: Order = "") -> ClipSource:
     fields: which field of the user's footage is earlier, if it is to be deinterlaced. FinloopError
     if the film cannot be opened, or the carp have no room.
     """
-    return _carp(p) if isinstance(p, Carp) else _films(p, fields)
+    return _open_carp(p) if isinstance(p, Carp) else _open_films(p, fields)
 
 
 def write_clip(
@@ -82,12 +72,12 @@ def write_clip(
 ) -> tuple[VideoFacts, Tally, np.ndarray]:
     """Write clip, facts, arena, frame numbers and a carp's truth to a folder.
 
-    Return the facts, the tally of the frames, and the mask (height, width) of the pixels where
-    animals can be. `advance()` after each frame. FinloopError if fewer than two frames can be read,
-    all frames are plain, or the mask does not fit.
+    Return the facts, the tally of the frames, and the arena. `advance()` is called after each
+    frame. FinloopError if fewer than two frames can be read, all frames are plain, or the mask does
+    not fit.
     """
     facts = source.facts
-    arena = _arena(p, facts.width_px, facts.height_px)
+    arena = _make_arena(p, facts.width_px, facts.height_px)
     with ExitStack() as stack:
         writer = stack.enter_context(VideoWriter.from_facts(folder / CLIP_NAME, facts))
         truth = None
@@ -113,7 +103,7 @@ def write_clip(
     return facts, tally, arena
 
 
-def _carp(p: Carp) -> ClipSource:
+def _open_carp(p: Carp) -> ClipSource:
     if not is_tank_large_enough(p):
         raise FinloopError(
             came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
@@ -136,7 +126,7 @@ def _carp(p: Carp) -> ClipSource:
     return ClipSource(facts, [take()], Loss(), truth)
 
 
-def _films(p: Zebrafish | File, fields: Order) -> ClipSource:
+def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
     if isinstance(p, Zebrafish):
         paths = zebrafish_clips(p.parts, cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
@@ -155,15 +145,13 @@ def _films(p: Zebrafish | File, fields: Order) -> ClipSource:
     )
     loss = Loss()
     starts = accumulate(lengths, initial=0)
-    takes = [
-        _counted_on(f.stream_numbered(loss), start) for f, start in zip(films, starts, strict=False)
-    ]
+
+    def stream_from(footage: Footage, start: int) -> NumberedFrames:
+        for time_s, (number, picture) in prefetch(footage.stream_numbered(loss)):
+            yield time_s, (start + number, picture)
+
+    takes = list(map(stream_from, films, starts))
     return ClipSource(facts, takes, loss, [])
-
-
-def _counted_on(frames: NumberedFrames, start: int) -> NumberedFrames:
-    """Yield the frames of a film, counted from `start`; a thread decodes them."""
-    return ((time_s, (start + number, picture)) for time_s, (number, picture) in prefetch(frames))
 
 
 def _record(
@@ -174,18 +162,25 @@ def _record(
     Return the timing, the tally, and the source's numbers of the frames that were written.
     """
     timing, tally, source_frames = Timing(), Tally(), array("i")
+
+    def flush_truth(least: int) -> None:
+        if truth and len(source.truth) >= least:
+            truth(pd.DataFrame(source.truth))
+            source.truth.clear()
+
     for take in source.takes:
         for number, frame in nearest_in_time(take, source.facts.frame_rate, timing):
             writer.write(frame)
             source_frames.append(number)
             tally.add(frame)
-            if tally.frames == _SAMPLE:
-                _refuse_small_disk(writer, source.facts.frames)
-            if truth and len(source.truth) >= _ROWS:
-                source.flush(truth)
+            if tally.frames == _SAMPLE:  # is there space for a clip as its beginning suggests?
+                size = writer.bytes_per_frame() * (source.facts.frames - writer.frames)
+                what = f"the clip of {source.facts.frames} frames"
+                do = "take a shorter film (clip.end_s)"
+                require_free_space(writer.path.parent, size, what, do)
+            flush_truth(_ROWS)
             advance()
-    if truth:
-        source.flush(truth)
+    flush_truth(1)
     if tally.frames < 2:
         raise FinloopError(
             came=f"only {tally.frames} frame(s) could be decoded",
@@ -202,18 +197,7 @@ def _record(
     return timing, tally, source_frames
 
 
-def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
-    """Raise FinloopError if the disk has no space for a clip as large as its beginning suggests."""
-    size = writer.bytes_per_frame() * (frames - writer.frames)
-    require_free_space(
-        writer.path.parent,
-        size,
-        f"the clip of {frames} frames",
-        "take a shorter film (clip.end_s)",
-    )
-
-
-def _arena(p: ClipSettings, width: int, height: int) -> np.ndarray:
+def _make_arena(p: ClipSettings, width: int, height: int) -> np.ndarray:
     """Return the mask (height, width) of the pixels where animals can be."""
     if isinstance(p, Zebrafish):
         return rectangle_arena(width, height, *TANK_PX)
@@ -223,3 +207,39 @@ def _arena(p: ClipSettings, width: int, height: int) -> np.ndarray:
         return load_mask(Path(p.arena).expanduser(), width, height)
     shape = circle_arena if len(p.arena) == CIRCLE else rectangle_arena
     return shape(width, height, *p.arena)
+
+
+def rectangle_arena(
+    width: int, height: int, left_px: float, top_px: float, width_px: float, height_px: float
+) -> np.ndarray:
+    """Return the mask of a picture's pixels (height, width) whose centres lie in a rectangle.
+
+    The left and top edges belong to it, the right and bottom ones do not: 10 px wide from 0 is the
+    columns 0 … 9. FinloopError if no pixel of the picture lies in it.
+    """
+    x, y = np.arange(width), np.arange(height)[:, None]
+    mask = (x >= left_px) & (x < left_px + width_px) & (y >= top_px) & (y < top_px + height_px)
+    size = f"{width_px:g}×{height_px:g} px"
+    return _refuse_empty(mask, f"rectangle of {size} with its corner at ({left_px:g}, {top_px:g})")
+
+
+def circle_arena(width: int, height: int, x_px: float, y_px: float, radius_px: float) -> np.ndarray:
+    """Return the mask of a picture's pixels (height, width) whose centres lie in or on a circle.
+
+    FinloopError if no pixel of the picture lies in it.
+    """
+    x, y = np.arange(width), np.arange(height)[:, None]
+    mask = (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2
+    return _refuse_empty(mask, f"circle of radius {radius_px:g} px about ({x_px:g}, {y_px:g})")
+
+
+def _refuse_empty(mask: np.ndarray, shape: str) -> np.ndarray:
+    if not mask.any():
+        height, width = mask.shape
+        raise FinloopError(
+            came=f"the arena lies outside the picture: a {shape}",
+            wanted=f"an arena that covers part of the picture, x 0 … {width - 1}, "
+            f"y 0 … {height - 1} (x right, y down, in the upright picture)",
+            do="correct clip.arena",
+        )
+    return mask
