@@ -10,7 +10,6 @@ import math
 import subprocess
 import sys
 import zipfile
-from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
 
@@ -144,16 +143,10 @@ def test_a_crooked_turn_is_told():
 # --- arena
 
 
-def test_rectangle_arena():
+def test_an_arena_is_the_pixels_whose_centres_lie_in_the_shape():
     mask = rectangle_arena(6, 4, 1, 1, 3, 2)
-    assert mask.shape == (4, 6)
-    np.testing.assert_array_equal(np.argwhere(mask).min(axis=0), [1, 1])
-    np.testing.assert_array_equal(np.argwhere(mask).max(axis=0), [2, 3])
-    assert mask.sum() == 6
+    assert mask.shape == (4, 6) and mask[1:3, 1:4].all() and mask.sum() == 6
     assert rectangle_arena(6, 4, -9, -9, 99, 99).all()
-
-
-def test_circle_arena():
     mask = circle_arena(50, 40, 20, 19, 15)
     x, y = np.argwhere(mask)[:, ::-1].T
     assert np.hypot(x - 20, y - 19).max() <= 15
@@ -162,17 +155,17 @@ def test_circle_arena():
 
 
 @pytest.mark.parametrize(
-    "make",
+    ("shape", "numbers"),
     [
-        lambda: rectangle_arena(6, 4, 6, 0, 3, 3),
-        lambda: rectangle_arena(6, 4, 1.2, 1.2, 0.5, 0.5),
-        lambda: circle_arena(6, 4, 30, 2, 5),
-        lambda: circle_arena(6, 4, 0.5, 0.5, 0.1),
+        (rectangle_arena, (6, 0, 3, 3)),
+        (rectangle_arena, (1.2, 1.2, 0.5, 0.5)),
+        (circle_arena, (30, 2, 5)),
+        (circle_arena, (0.5, 0.5, 0.1)),
     ],
 )
-def test_an_arena_outside_the_picture_is_refused(make):
+def test_an_arena_outside_the_picture_is_refused(shape, numbers):
     with pytest.raises(FinloopError, match="outside the picture"):
-        make()
+        shape(6, 4, *numbers)
 
 
 # --- light and colour
@@ -188,16 +181,13 @@ def test_colour_is_what_differs_from_the_tint():
     assert chroma_fraction([film]) > CHROMA_FRACTION
 
 
-def test_deep_levels_ignore_hot_pixels():
+def test_deep_levels_ignore_hot_pixels_and_are_stretched():
     frame = np.linspace(1000, 3000, 10**5).astype(np.uint16).reshape(100, 1000)
     frame[0, :3] = 65535
     low, high = deep_levels([frame, frame])
     assert (abs(low - 1000) < 3, abs(high - 3000) < 3) == (True, True)
     flat = np.full((4, 4), 7, np.uint16)
     assert not stretch_levels(flat, *deep_levels([flat])).any()
-
-
-def test_stretching():
     frame = np.array([[0, 1000, 1500, 2000, 65535]], np.uint16)
     np.testing.assert_array_equal(stretch_levels(frame, 1000, 2000), [[0, 0, 128, 255, 255]])
 
@@ -211,9 +201,6 @@ def test_tally_is_bounded_and_spread():
     assert len(set(np.diff(list(tally.samples)))) == 1
     assert all(frame[0, 0] == number for number, frame in tally.samples.items())
     assert max(tally.samples) > 150
-
-
-def test_tally_of_colour_and_of_nothing_to_see():
     tally = Tally()
     tally.add(np.full((2, 2, 3), [10, 12, 17], np.uint8))
     assert tally.brightness_mean == pytest.approx(13)
@@ -257,12 +244,14 @@ def make_film(
     matrix: tuple[int, ...] | None = None,
     gop: int = 12,
     source: str = "rgb24",
+    title: str = "",
 ) -> Path:
     """Write a film; `pts` in milliseconds make its rate variable."""
-    pictures = list(pictures)
+    frames = [av.VideoFrame.from_ndarray(one, format=source) for one in pictures]
     with av.open(str(path), "w") as container:
+        container.metadata["title"] = title
         stream = container.add_stream(codec, rate=rate, options=options)
-        stream.height, stream.width = pictures[0].shape[:2]
+        stream.height, stream.width = frames[0].height, frames[0].width
         stream.pix_fmt = pix_fmt
         stream.codec_context.gop_size = gop
         base = Fraction(1, 1000) if pts else Fraction(1, rate)
@@ -270,12 +259,19 @@ def make_film(
         stream.bit_rate = 10_000_000  # so that greys stay what they are
         if matrix:
             stream.set_display_matrix(matrix)
-        for number, one in enumerate(pictures):
-            frame = av.VideoFrame.from_ndarray(one, format=source)
+        for number, frame in enumerate(frames):
             frame.pts, frame.time_base = pts[number] if pts else number, base
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
     return path
+
+
+def goldfish(count: int) -> list[np.ndarray]:
+    """Pictures with something red."""
+    coloured = [picture(k) for k in range(count)]
+    for one in coloured:
+        one[30:40, 30:40] = [200, 40, 40]
+    return coloured
 
 
 def read(footage: Footage, loss: Loss | None = None) -> tuple[list[float], list[np.ndarray]]:
@@ -338,14 +334,13 @@ def test_every_container_comes_through_whole(tmp_path, kind):
 
 
 def test_colour_is_found_kept_or_left(tmp_path):
-    coloured = [picture(k) for k in range(5)]
-    for one in coloured:
-        one[30:40, 30:40] = [200, 40, 40]
+    coloured = goldfish(5)
     path = make_film(tmp_path / "a.mkv", coloured, codec="ffv1", pix_fmt="bgr0")
-    footage = open_footage(path)
-    assert footage.colour
-    np.testing.assert_array_equal(read(footage)[1], coloured)
-    assert read(open_footage(path, colour=False))[1][0].ndim == 2
+    for source in (path, write_pictures(tmp_path / "film", coloured)):
+        footage = open_footage(source, frame_rate_hz=25)
+        assert footage.colour
+        np.testing.assert_array_equal(read(footage)[1], coloured)
+        assert read(open_footage(source, frame_rate_hz=25, colour=False))[1][0].ndim == 2
     grey = make_film(tmp_path / "b.mkv", map(picture, range(5)), codec="ffv1", pix_fmt="bgr0")
     assert not open_footage(grey).colour
     assert open_footage(grey, colour=True).colour
@@ -355,15 +350,7 @@ def luma_film(path: Path, low: int, high: int) -> Path:
     """A film that does not state its range, with a ramp of Y from `low` to `high`."""
     ramp = np.tile(np.linspace(low, high, WIDTH).astype(np.uint8), (HEIGHT, 1))
     planes = np.vstack([ramp, np.full((HEIGHT // 2, WIDTH), 128, np.uint8)])
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("ffv1", rate=25)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        for number in range(3):
-            frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
-            frame.pts = number
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
-    return path
+    return make_film(path, [planes] * 3, codec="ffv1", source="yuv420p")
 
 
 def test_limited_range_becomes_full(tmp_path):
@@ -483,15 +470,7 @@ def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
 
 
 def test_a_title_in_another_encoding_is_no_obstacle(tmp_path):
-    path = tmp_path / "a.avi"
-    with av.open(str(path), "w") as container:
-        container.metadata["title"] = "Tuempel"
-        stream = container.add_stream("mjpeg", rate=25)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuvj420p"
-        for number in range(3):
-            shown = av.VideoFrame.from_ndarray(picture(number), format="rgb24")
-            container.mux(stream.encode(shown))
-        container.mux(stream.encode(None))
+    path = make_film(tmp_path / "a.avi", map(picture, range(3)), title="Tuempel")
     path.write_bytes(path.read_bytes().replace(b"Tuempel", "Tümpel ".encode("latin-1")))
     assert len(read(open_footage(path))[1]) == 3
 
@@ -520,15 +499,6 @@ def test_a_folder_of_pictures_in_natural_order(tmp_path):
     part = open_footage(folder, frame_rate_hz=50, start_s=0.1, end_s=0.2)
     assert numbers(read(part)[1]) == [5, 6, 7, 8, 9]
     assert [number for _, (number, _) in part.stream_numbered(Loss())] == [5, 6, 7, 8, 9]
-
-
-def test_pictures_in_colour(tmp_path):
-    pictures = [picture(k) for k in range(3)]
-    for one in pictures:
-        one[30:40, 30:40] = [200, 40, 40]
-    footage = open_footage(write_pictures(tmp_path / "film", pictures), frame_rate_hz=10)
-    assert footage.colour
-    np.testing.assert_array_equal(read(footage)[1], pictures)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
@@ -571,105 +541,80 @@ def test_a_stack_in_colour_and_of_another_shape(tmp_path):
 # --- bad input: one clear message each
 
 
-def text_as_film(folder: Path) -> Path:
-    path = folder / "film.mp4"
-    path.write_text("This is no film.\n" * 100)
-    return path
-
-
-def audio(folder: Path) -> Path:
-    path = folder / "sound.wav"
+def write_sound(path: Path, cover: bool) -> Path:
+    """Sound, perhaps with a cover: a picture, but no film."""
+    codec, kind, rate = ("aac", "fltp", 2048) if cover else ("pcm_s16le", "s16", 800)
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("pcm_s16le", rate=8000, layout="mono")
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), layout="mono")
+        sound = container.add_stream(codec, rate=8000, layout="mono")
+        silence = np.zeros((1, rate), np.float32 if cover else np.int16)
+        frame = av.AudioFrame.from_ndarray(silence, format=kind, layout="mono")
         frame.rate = 8000
-        container.mux(stream.encode(frame))
-    return path
-
-
-def song(folder: Path) -> Path:
-    """Sound with a cover: a picture, but no film."""
-    path = folder / "song.mp4"
-    with av.open(str(path), "w") as container:
-        sound = container.add_stream("aac", rate=8000, layout="mono")
-        cover = container.add_stream("mjpeg", rate=25)
-        cover.width, cover.height, cover.pix_fmt = WIDTH, HEIGHT, "yuvj420p"
-        cover.disposition = Disposition.attached_pic
-        silence = np.zeros((1, 2048), np.float32)
-        frame = av.AudioFrame.from_ndarray(silence, format="fltp", layout="mono")
-        frame.rate = 8000
-        container.mux(cover.encode(av.VideoFrame.from_ndarray(picture(0), format="rgb24")))
-        container.mux(cover.encode(None))
+        if cover:
+            stream = container.add_stream("mjpeg", rate=25)
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuvj420p"
+            stream.disposition = Disposition.attached_pic
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture(0), format="rgb24")))
+            container.mux(stream.encode(None))
         container.mux(sound.encode(frame))
         container.mux(sound.encode(None))
     return path
 
 
-def empty(folder: Path) -> Path:
-    path = folder / "film.mp4"
-    path.write_bytes(b"")
-    return path
+def make_bad(what: str, folder: Path) -> Path:
+    """Make something that is no film; return its path."""
+    film, stack = folder / "film.mp4", folder / "stack.tif"
+    match what:
+        case "empty":
+            film.touch()
+        case "text":
+            film.write_text("This is no film.\n" * 100)
+        case "sound" | "sound with a cover":
+            return write_sound(
+                folder / ("song.mp4" if "cover" in what else "sound.wav"), "cover" in what
+            )
+        case "without index":
+            make_film(film, map(picture, range(20)), codec="libx264")
+            film.write_bytes(film.read_bytes()[:-1000])
+        case "single frame":
+            return make_film(folder / "film.avi", [picture(0)])
+        case "empty folder":
+            return write_pictures(folder / "film", [])
+        case "one picture":
+            return write_pictures(folder / "film", [picture(0)])
+        case "one picture's file":
+            return write_pictures(folder / "film", [picture(0)]) / "img0.png"
+        case "several kinds":
+            (write_pictures(folder / "film", [picture(0)] * 3) / "mask.bmp").touch()
+            return folder / "film"
+        case "compressed stack":
+            cv2.imwritemulti(str(stack), [picture(k)[..., 0] for k in range(3)])
+            return stack
+        case "text as stack":
+            stack.write_text("This is no film.\n" * 100)
+            return stack
+    return film
 
 
-def without_index(folder: Path) -> Path:
-    path = make_film(folder / "film.mp4", map(picture, range(20)), codec="libx264")
-    path.write_bytes(path.read_bytes()[:-1000])
-    return path
-
-
-def empty_folder(folder: Path) -> Path:
-    (folder / "film").mkdir()
-    return folder / "film"
-
-
-def one_picture(folder: Path) -> Path:
-    return write_pictures(folder / "film", [picture(0)])
-
-
-def one_picture_file(folder: Path) -> Path:
-    return one_picture(folder) / "img0.png"
-
-
-def mixed_folder(folder: Path) -> Path:
-    made = write_pictures(folder / "film", [picture(0)] * 3)
-    (made / "mask.bmp").write_bytes(b"")
-    return made
-
-
-def single(folder: Path) -> Path:
-    return make_film(folder / "film.avi", [picture(0)])
-
-
-def lzw_stack(folder: Path) -> Path:
-    cv2.imwritemulti(str(folder / "stack.tif"), [picture(k)[..., 0] for k in range(3)])
-    return folder / "stack.tif"
-
-
-def text_as_stack(folder: Path) -> Path:
-    return text_as_film(folder).rename(folder / "stack.tif")
-
-
-BAD = {
-    "nothing there": (lambda folder: folder / "none.mp4", "there is nothing at"),
-    "empty": (empty, "is empty: 0 bytes"),
-    "text": (text_as_film, "cannot be read as a film: Invalid data"),
-    "sound": (audio, "holds no pictures, only audio"),
-    "sound with a cover": (song, "holds no pictures, only audio"),
-    "without index": (without_index, "holds nothing that can be decoded"),
-    "single frame": (single, "a single frame"),
-    "empty folder": (empty_folder, "holds no pictures"),
-    "one picture": (one_picture, "a single frame"),
-    "one picture's file": (one_picture_file, "a single frame"),
-    "compressed stack": (lzw_stack, "page 1, cannot be read: .*LZW"),
-    "text as stack": (text_as_stack, "cannot be read as a TIFF"),
-    "several kinds": (mixed_folder, r"several kinds: 1 \.bmp, 3 \.png"),
-}
-
-
-@pytest.mark.parametrize("what", BAD)
-def test_bad_input_is_said(tmp_path, what):
-    make, said = BAD[what]
-    path = make(tmp_path)
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("nothing", "there is nothing at"),
+        ("empty", "is empty: 0 bytes"),
+        ("text", "cannot be read as a film: Invalid data"),
+        ("sound", "holds no pictures, only audio"),
+        ("sound with a cover", "holds no pictures, only audio"),
+        ("without index", "holds nothing that can be decoded"),
+        ("single frame", "a single frame"),
+        ("empty folder", "holds no pictures"),
+        ("one picture", "a single frame"),
+        ("one picture's file", "a single frame"),
+        ("compressed stack", "page 1, cannot be read: .*LZW"),
+        ("text as stack", "cannot be read as a TIFF"),
+        ("several kinds", r"several kinds: 1 \.bmp, 3 \.png"),
+    ],
+)
+def test_bad_input_is_said(tmp_path, what, said):
+    path = make_bad(what, tmp_path)
     with pytest.raises(FinloopError, match=said) as caught:
         open_footage(path, frame_rate_hz=25.0)
     assert str(path.name) in str(caught.value)
@@ -746,12 +691,11 @@ def test_frames_that_change_their_size_are_said(tmp_path):
 
 def test_pictures_that_change_are_said(tmp_path):
     pictures = [picture(k) for k in range(4)]
-    odd = {
-        "size": (picture(4, 32, 32), "img4.png is 32×32 pixels"),
-        "depth": (picture(4).astype(np.uint16), "img4.png has uint16 levels"),
-    }
-    for name, (last, said) in odd.items():
-        folder = write_pictures(tmp_path / name, [*pictures, last])
+    for last, said in (
+        (picture(4, 32, 32), r"img4\.png is 32×32 pixels"),
+        (picture(4).astype(np.uint16), r"img4\.png has uint16 levels"),
+    ):
+        folder = write_pictures(tmp_path / str(last.dtype), [*pictures, last])
         with pytest.raises(FinloopError, match=said):
             read(open_footage(folder, frame_rate_hz=10))
     (folder / "img4.png").write_bytes(b"no picture")
@@ -797,18 +741,15 @@ def index(monkeypatch) -> Index:
     return made
 
 
-def test_the_footage_is_fetched_once(tmp_path, index):
-    for _ in range(2):
-        paths = wheel.zebrafish_clips("AB", tmp_path / "cache")
-        assert [path.read_bytes() for path in paths] == [b"film A", b"film B"]
+def test_the_footage_is_fetched_once_and_again_if_it_is_corrupt(tmp_path, index):
+    def fetch() -> list[bytes]:
+        return [path.read_bytes() for path in wheel.zebrafish_clips("AB", tmp_path / "cache")]
+
+    assert fetch() == fetch() == [b"film A", b"film B"]
     assert index.asked == 1
-    assert len(list((tmp_path / "cache").iterdir())) == 2
-
-
-def test_corrupt_footage_is_fetched_again(tmp_path, index):
-    path = wheel.zebrafish_clips("A", tmp_path)[0]
-    path.write_bytes(b"film")
-    assert wheel.zebrafish_clips("A", tmp_path)[0].read_bytes() == b"film A"
+    first, _ = (tmp_path / "cache").iterdir()
+    first.write_bytes(b"film")
+    assert fetch() == [b"film A", b"film B"]
     assert index.asked == 2
 
 
@@ -901,9 +842,7 @@ def test_a_lossy_clip_tells_its_quality(run_stage, avi):
 
 
 def test_mask_arena_and_odd_colour(run_stage, tmp_path):
-    pictures = [picture(k, 63, 47) for k in range(5)]
-    for one in pictures:
-        one[30:40, 30:40] = [200, 40, 40]
+    pictures = [one[:47, :63] for one in goldfish(5)]
     folder = write_pictures(tmp_path / "film", pictures)
     mask = np.zeros((47, 63), np.uint8)
     mask[5:, 9:] = 255
@@ -922,23 +861,13 @@ def test_mask_arena_and_odd_colour(run_stage, tmp_path):
 
 
 def test_drawn_carp_with_truth(run_stage):
-    metrics = run_stage(
-        "carp", frames=6, width_px=320, height_px=240, body_length_px=60.0, crf=0, colour=False
-    )
+    size = {"frames": 6, "width_px": 320, "height_px": 240, "body_length_px": 60.0}
+    metrics = run_stage("carp", crf=0, colour=False, **size)
     facts = load_facts(stage.CLIP / "facts.json")
     truth = load_table(stage.CLIP / "truth.parquet", TRUTH)
     assert (facts.source, facts.frames, facts.colour) == ("carp", 6, False)
     assert metrics["frames"] == len(truth) == 6
-    film = settings(
-        "clip",
-        source="carp",
-        frames=6,
-        width_px=320,
-        height_px=240,
-        body_length_px=60.0,
-        colour=False,
-    )
-    drawn = list(carp.film(film))
+    drawn = list(carp.film(settings("clip", source="carp", colour=False, **size)))
     back = list(read_frames(stage.CLIP / "clip.mp4"))
     np.testing.assert_array_equal(back, [frame for frame, _ in drawn])
     rows = pd.DataFrame([row for _, rows in drawn for row in rows])
@@ -1017,15 +946,6 @@ def test_a_full_disk_leaves_the_last_clip(run_stage, avi, monkeypatch):
 
 
 # --- parameters
-
-
-def test_conf_and_carp_have_the_same_defaults():
-    given, problems = parameters("carp")
-    assert not problems
-    film = settings("clip", source="carp")
-    assert {f.name: getattr(given, f.name) for f in fields(film)} == {
-        f.name: getattr(film, f.name) for f in fields(film)
-    }
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import textwrap
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -67,20 +66,15 @@ def test_lossless_grey_is_bit_exact_at_any_size(tmp_path, size):
     np.testing.assert_array_equal(back, frames)
 
 
-def test_all_levels_survive(tmp_path):
-    frames = np.tile(np.arange(256, dtype=np.uint8), (2, 16, 1))
-    np.testing.assert_array_equal(list(read_frames(write(tmp_path / "clip.mp4", frames))), frames)
-
-
-@pytest.mark.parametrize(("size", "worst"), [((48, 64), 2), ((47, 63), 2)])
-def test_colour_keeps_its_meaning(tmp_path, size, worst):
+@pytest.mark.parametrize("size", [(48, 64), (47, 63)])
+def test_colour_keeps_its_meaning(tmp_path, size):
     """Even sizes are 4:2:0, so colours are compared where they are even over many pixels."""
     colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255], [9, 99, 199]])
     frames = np.broadcast_to(colours[:, None, None], (5, *size, 3)).astype(np.uint8)
     path = write(tmp_path / "clip.mp4", frames)
     back = np.array(list(read_frames(path, colour=True)))
     assert back.shape == frames.shape
-    assert np.abs(back.astype(int) - frames).max() <= worst
+    assert np.abs(back.astype(int) - frames).max() <= 2
     grey = np.array(list(read_frames(path)))
     luma = colours @ [0.299, 0.587, 0.114]  # BT.601, full range
     assert np.abs(grey - luma[:, None, None]).max() <= 1
@@ -113,9 +107,10 @@ def test_lossy_is_smaller_and_near(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("start", "stop"), [(0, 5), (1, 4), (11, 13), (12, 15), (23, 61), (99, None), (100, None)]
+    ("start", "stop"),
+    [(0, None), (0, 5), (1, 4), (11, 13), (12, 15), (23, 61), (99, None), (100, None)],
 )
-def test_any_range_is_exact(film, start, stop):
+def test_any_range_is_exact_and_frames_outlive_the_reading(film, start, stop):
     path, frames = film
     back = list(read_frames(path, start=start, stop=stop))
     assert len(back) == len(frames[start:stop])
@@ -151,12 +146,6 @@ def test_grey_frames_are_not_to_be_written_to(film):
     frame = next(read_frames(film[0]))
     with pytest.raises(ValueError, match="read-only"):
         frame[0, 0] = 0
-
-
-def test_frames_outlive_the_reading(film):
-    path, frames = film
-    kept = list(read_frames(path))
-    np.testing.assert_array_equal(kept, frames)
 
 
 def test_rate_and_order_are_in_the_file(film):
@@ -284,29 +273,27 @@ def test_damage_is_said(tmp_path, film):
         list(read_frames(tmp_path / "none.mp4"))
 
 
-def test_too_few_frames_are_said(tmp_path, film):
-    """The index promises what the data no longer hold."""
-    short = tmp_path / "clip.mp4"
-    with av.open(str(film[0])) as source, av.open(str(short), "w") as target:
-        stream = target.add_stream_from_template(source.streams.video[0])
-        for packet in source.demux(video=0):
-            if packet.dts is not None and packet.pts != source.streams.video[0].duration * 5 // 100:
+def remux(source: Path, target: Path, left_out: int = -1) -> Path:
+    """Copy a film of 100 frames with its index in front, perhaps without one frame."""
+    options = {"movflags": "faststart"}
+    with av.open(str(source)) as film, av.open(str(target), "w", options=options) as copy:
+        stream = copy.add_stream_from_template(film.streams.video[0])
+        skipped = film.streams.video[0].duration * left_out // 100
+        for packet in film.demux(video=0):
+            if packet.dts is not None and packet.pts != skipped:
                 packet.stream = stream
-                target.mux(packet)
+                copy.mux(packet)
+    return target
+
+
+def test_a_missing_frame_is_said(tmp_path, film):
     with pytest.raises(FinloopError, match="normalised clip"):
-        list(read_frames(short))
+        list(read_frames(remux(film[0], tmp_path / "clip.mp4", left_out=5)))
 
 
 def test_an_early_end_is_said(tmp_path, film):
     """The index is whole, the data behind it are not."""
-    short = tmp_path / "clip.mp4"
-    options = {"movflags": "faststart"}
-    with av.open(str(film[0])) as source, av.open(str(short), "w", options=options) as target:
-        stream = target.add_stream_from_template(source.streams.video[0])
-        for packet in source.demux(video=0):
-            if packet.dts is not None:
-                packet.stream = stream
-                target.mux(packet)
+    short = remux(film[0], tmp_path / "clip.mp4")
     with av.open(str(short)) as container:
         at = [packet.pos for packet in container.demux(video=0)][50]
     short.write_bytes(short.read_bytes()[:at])
@@ -337,7 +324,7 @@ def test_broken_facts_are_said(tmp_path, text):
 
 def test_unknown_facts_are_said(tmp_path):
     path = tmp_path / "facts.json"
-    save_facts(path, replace(FACTS, notes=()))
+    save_facts(path, FACTS)
     path.write_text(path.read_text().replace('"source"', '"origin"'))
     with pytest.raises(FinloopError, match="origin"):
         load_facts(path)
@@ -345,14 +332,11 @@ def test_unknown_facts_are_said(tmp_path):
         load_facts(tmp_path / "none.json")
 
 
-def test_mask_comes_back(tmp_path):
-    mask = noise(1, (9, 13))[0] > 128
-    save_mask(tmp_path / "arena.png", mask)
-    np.testing.assert_array_equal(load_mask(tmp_path / "arena.png", 13, 9), mask)
-
-
-def test_bad_masks_are_said(tmp_path):
-    path = tmp_path / "arena.png"
+def test_masks_come_back_and_bad_ones_are_said(tmp_path):
+    mask, path = noise(1, (9, 13))[0] > 128, tmp_path / "arena.png"
+    save_mask(path, mask)
+    np.testing.assert_array_equal(load_mask(path, 13, 9), mask)
+    path.unlink()
     with pytest.raises(FinloopError, match="there is no mask picture"):
         load_mask(path, 13, 9)
     for content in (b"", b"no picture"):
