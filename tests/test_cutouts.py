@@ -80,20 +80,14 @@ def test_rows_of_a_film_are_sorted_by_track_and_frame_beside_their_cutouts(tmp_p
 
 @pytest.mark.parametrize("count", [0, 1, 256, BATCHES])
 @pytest.mark.parametrize("channels", [2, 4])
-def test_round_trip(tmp_path, count, channels):
+def test_cutouts_come_back_in_any_order(tmp_path, count, channels):
     given = list(pictures(count, channels))
     with open_cutouts(write_cutouts(tmp_path / "c.arrow", given)) as store:
         assert len(store) == len(store.index) == count
-        assert all(same(store[k], cutout) for k, cutout in enumerate(given))
+        for k in np.random.default_rng(1).permutation(count):
+            assert same(store[k], given[k])
         assert store.index["track_id"].tolist() == [cutout.track_id for cutout in given]
         assert store.index["frame"].tolist() == [cutout.frame for cutout in given]
-
-
-def test_any_order(tmp_path):
-    given = list(pictures(BATCHES))
-    with open_cutouts(write_cutouts(tmp_path / "c.arrow", given)) as store:
-        for k in np.random.default_rng(1).permutation(BATCHES):
-            assert same(store[k], given[k])
 
 
 def test_a_view_of_a_larger_picture_can_be_stored(tmp_path):
@@ -198,18 +192,13 @@ def test_a_cutout_over_a_background(tank):
 # -- pictures, figures, facts -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", [(9, 14), (9, 14, 3)])
-def test_a_picture_comes_back_as_it_was(tmp_path, shape):
+@pytest.mark.parametrize("shape", [(9, 14), (9, 14, 3), (9, 14, 4)])
+def test_a_picture_comes_back_as_it_was_without_alpha(tmp_path, shape):
     picture = np.random.default_rng(3).integers(0, 256, shape, np.uint8)
     save_picture(tmp_path / "p.png", picture)
-    assert np.array_equal(load_picture(tmp_path / "p.png"), picture)
+    colours = picture[..., :3] if len(shape) == 3 else picture
+    assert np.array_equal(load_picture(tmp_path / "p.png"), colours)
     assert [p.name for p in tmp_path.iterdir()] == ["p.png"]
-
-
-def test_a_picture_with_alpha_keeps_its_colours(tmp_path):
-    picture = np.random.default_rng(4).integers(0, 256, (9, 14, 4), np.uint8)
-    save_picture(tmp_path / "p.png", picture)
-    assert np.array_equal(load_picture(tmp_path / "p.png"), picture[..., :3])
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no picture"])
@@ -258,31 +247,20 @@ def test_a_file_appears_when_it_is_whole(tmp_path):
     assert [p.name for p in path.parent.iterdir()] == ["file.txt"]
     assert path.read_text() == "whole"
 
-
-@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_what_fails_leaves_the_file_as_it_was(tmp_path, error):
-    path = tmp_path / "file.txt"
-    path.write_text("before")
-    with pytest.raises(error), whole_file(path) as part:
-        part.write_text("half")
-        raise error
-    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
-    assert path.read_text() == "before"
-
-
-def test_what_a_killed_process_left_is_written_over(tmp_path):
-    path = tmp_path / "file.txt"
-    with whole_file(path) as part:
-        part.write_text("first")
     part.write_text("of a process that was killed here")
     with whole_file(path) as part:
-        part.write_text("whole")
-    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
-    assert path.read_text() == "whole"
+        part.write_text("again")
+    assert [p.name for p in path.parent.iterdir()] == ["file.txt"]
+    assert path.read_text() == "again"
 
 
-def test_a_full_disk_is_said(tmp_path):
-    with pytest.raises(FinloopError, match="disk is full"), whole_file(tmp_path / "f") as part:
+@pytest.mark.parametrize("error", [ValueError(), KeyboardInterrupt(), OSError(28, "No space left")])
+def test_what_fails_leaves_the_file_as_it_was_and_a_full_disk_is_said(tmp_path, error):
+    path = tmp_path / "file.txt"
+    path.write_text("before")
+    with pytest.raises((type(error), FinloopError)) as caught, whole_file(path) as part:
         part.write_text("half")
-        raise OSError(28, "No space left on device")
-    assert not list(tmp_path.iterdir())
+        raise error
+    assert ("disk is full" in str(caught.value)) == isinstance(error, OSError)
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+    assert path.read_text() == "before"

@@ -81,9 +81,12 @@ def test_traces_come_back(tmp_path):
     assert found[1] == {"leg": BORDER, "body": None}
 
 
-def test_masks_of_other_sizes_are_refused(masks):
+def test_masks_of_other_sizes_or_none_are_refused(masks):
     cv2.imwrite(str(masks / "leg/0001.png"), np.full((40, 51), 255, np.uint8))
     with pytest.raises(FinloopError, match="51×40"):
+        load_regions(masks, region_contour, trace_contour)
+    (masks / "leg/0001.png").write_bytes(b"no picture")
+    with pytest.raises(FinloopError, match="cannot be read"):
         load_regions(masks, region_contour, trace_contour)
 
 
@@ -119,10 +122,4 @@ def test_masks_of_ones_are_told(masks):
 def test_names_must_tell_the_frame(masks, name, word):
     (masks / "leg/0002.png").rename(masks / "leg" / name)
     with pytest.raises(FinloopError, match=word):
-        load_regions(masks, region_contour, trace_contour)
-
-
-def test_a_picture_that_is_none_is_refused(masks):
-    (masks / "leg/0001.png").write_bytes(b"no picture")
-    with pytest.raises(FinloopError, match="cannot be read"):
         load_regions(masks, region_contour, trace_contour)

@@ -1,6 +1,7 @@
 """SVG in: geometry against formulas and fontTools' own reader, names, styles, files that do harm."""
 
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from finloop.io.svg import FLATNESS, MOST_BYTES, MOST_DRAWN, MOST_NESTED, load_s
 
 DRAWINGS = Path(__file__).parents[1] / "data/drawings"
 SIDE = 100
+CODE = (".py", ".pyc", ".so")
 REACHED = []  # what Python opened or asked the network for while `watched` held
 watched = []
 
@@ -26,6 +28,20 @@ def listen(event, arguments):
 
 
 sys.addaudithook(listen)
+
+
+@contextmanager
+def nothing_fetched(path):
+    """Fail if the block opens another file than `path`, or asks the network."""
+    REACHED.clear()
+    watched.append(True)
+    try:
+        yield
+    finally:
+        watched.clear()
+    reached = [one for one in REACHED if one[0] != "open" or not one[1].endswith(CODE)]
+    assert ("open", str(path)) in reached  # the listener does hear
+    assert {*reached} == {("open", str(path))}
 
 
 def put(tmp_path, body, attributes='viewBox="0 0 100 100"', head=""):
@@ -145,16 +161,13 @@ def test_curves_are_followed_within_flatness(tmp_path_factory, nodes):
 
 
 def test_closed_or_open(tmp_path):
-    closed = {
-        name: curve.closed
-        for name, curve in load(
-            tmp_path,
-            '<path id="z" d="M0 0H9V9Z"/><path id="meets" d="M0 0H9V9L0 0"/>'
-            '<path id="open" d="M0 0H9V9"/><polyline id="line" points="0 0 9 0 9 9"/>'
-            '<polygon id="gon" points="0,0 9,0 9,9"/><line id="one" x2="9"/>',
-        ).curves.items()
-    }
-    assert closed == {
+    drawing = load(
+        tmp_path,
+        '<path id="z" d="M0 0H9V9Z"/><path id="meets" d="M0 0H9V9L0 0"/>'
+        '<path id="open" d="M0 0H9V9"/><polyline id="line" points="0 0 9 0 9 9"/>'
+        '<polygon id="gon" points="0,0 9,0 9,9"/><line id="one" x2="9"/>',
+    )
+    assert {name: curve.closed for name, curve in drawing.curves.items()} == {
         "z": True, "meets": True, "open": False, "line": False, "gon": True, "one": False,
     }  # fmt: skip
 
@@ -302,13 +315,11 @@ def test_what_is_hidden_or_no_contour_is_left_out(tmp_path):
 
 
 def test_the_example_drawings():
-    faces = [load_svg(DRAWINGS / f"face_{which}.svg") for which in "ab"]
-    assert list(faces[0].curves) == list(faces[1].curves)
-    assert {name: c.closed for name, c in faces[0].curves.items()} == {
-        name: c.closed for name, c in faces[1].curves.items()
-    }
-    assert not faces[0].curves["nose"].closed
-    assert faces[0].curves["mouth"].closed
+    one, other = (
+        {name: c.closed for name, c in load_svg(DRAWINGS / f"face_{which}.svg").curves.items()}
+        for which in "ab"
+    )
+    assert one == other and one["mouth"] and not one["nose"]
     assert list(load_svg(DRAWINGS / "hoop.svg").curves) == ["hoop"]
 
 
@@ -359,16 +370,10 @@ def test_refused(tmp_path, body, head, says):
     path = put(tmp_path, body, head=head)
     if len(body) < 100_000:
         assert path.stat().st_size <= MOST_BYTES
-    REACHED.clear()
-    watched.append(True)
-    try:
-        with pytest.raises(FinloopError) as error:
-            load_svg(path)
-    finally:
-        watched.clear()
+    with nothing_fetched(path), pytest.raises(FinloopError) as error:
+        load_svg(path)
     assert says in error.value.came.replace(str(path), "")
     assert "secret" not in str(error.value)
-    assert_nothing_fetched(path)
 
 
 def test_outside_references_are_not_fetched(tmp_path):
@@ -384,22 +389,8 @@ def test_outside_references_are_not_fetched(tmp_path):
         '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://127.0.0.1:9/svg11.dtd">'
     )
     path = put(tmp_path, body, head=head)
-    REACHED.clear()
-    watched.append(True)
-    try:
+    with nothing_fetched(path):
         assert list(load_svg(path).curves) == ["p"]
-    finally:
-        watched.clear()
-    assert_nothing_fetched(path)
-
-
-def assert_nothing_fetched(path):
-    reached = [
-        (event, what) for event, what in REACHED
-        if event != "open" or not what.endswith((".py", ".pyc", ".so"))
-    ]  # fmt: skip
-    assert ("open", str(path)) in reached  # the listener does hear
-    assert [r for r in reached if r != ("open", str(path))] == []
 
 
 @pytest.mark.parametrize(
