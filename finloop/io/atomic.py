@@ -27,17 +27,10 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     After an exception `path` is unchanged. FinloopError if the disk is full.
     """
-    part = path.with_name(f".{path.stem}.{_process_tag()}.part{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_leftovers(path.parent)
+    with _temporary(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
         yield part
         _to_disk(part)
         part.replace(path)
-    except BaseException as error:
-        part.unlink(missing_ok=True)
-        _raise_when_full(error, path)
-        raise
     _to_disk(path.parent)
 
 
@@ -47,10 +40,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
     After an exception `path` is unchanged. FinloopError if the disk is full.
     """
-    part = path.with_name(f".{path.name}.{_process_tag()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_leftovers(path.parent)
+    with _temporary(path, f".{path.name}.{_process_tag()}.part") as part:
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
         yield part
@@ -59,23 +49,34 @@ def whole_folder(path: Path) -> Iterator[Path]:
         _to_disk(part)
         shutil.rmtree(path, ignore_errors=True)
         part.replace(path)
-    except BaseException as error:
-        shutil.rmtree(part, ignore_errors=True)
-        _raise_when_full(error, path)
-        raise
     _to_disk(path.parent)
 
 
 @contextmanager
 def temporary_file(path: Path) -> Iterator[Path]:
     """Yield a hidden temporary path beside `path`; remove its file when the block ends."""
-    part = path.with_name(f".{path.name}.{_process_tag()}.part")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _remove_leftovers(path.parent)
-    try:
+    with _temporary(path, f".{path.name}.{_process_tag()}.part") as part:
         yield part
+
+
+@contextmanager
+def _temporary(path: Path, name: str) -> Iterator[Path]:
+    """Yield the temporary path that has a name beside `path`; remove what then still lies there."""
+    part = path.with_name(name)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_leftovers(path.parent)
+        yield part
+    except OSError as error:
+        if error.errno not in _NO_SPACE:
+            raise
+        raise FinloopError(
+            came=f"the disk is full: {path} could not be written, and no part of it was kept",
+            wanted="room for the whole output",
+            do="free some space (old cache entries: `dvc gc -w`), then run the same command again",
+        ) from error
     finally:
-        part.unlink(missing_ok=True)
+        _remove(part)
 
 
 def _process_tag() -> str:
@@ -93,11 +94,15 @@ def _remove_leftovers(folder: Path) -> None:
         try:
             os.kill(int(number), 0)  # asks whether the process runs
         except ProcessLookupError:
-            shutil.rmtree(path, ignore_errors=True)
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
+            _remove(path)
         except (PermissionError, OverflowError):
             pass  # it runs, or there is no such number
+
+
+def _remove(path: Path) -> None:
+    shutil.rmtree(path, ignore_errors=True)
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
 
 
 def _to_disk(path: Path) -> None:
@@ -107,16 +112,6 @@ def _to_disk(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def _raise_when_full(error: BaseException, path: Path) -> None:
-    """Raise FinloopError in place of "no space left"; ignore other exceptions."""
-    if isinstance(error, OSError) and error.errno in _NO_SPACE:
-        raise FinloopError(
-            came=f"the disk is full: {path} could not be written, and no part of it was kept",
-            wanted="room for the whole output",
-            do="free some space (old cache entries: `dvc gc -w`), then run the same command again",
-        ) from error
 
 
 def save_bytes(path: Path, content: bytes) -> None:

@@ -28,20 +28,16 @@ _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each 
 
 
 class Regions(NamedTuple, Generic[T]):
-    """Regions of limbs in consecutive frames; first: the number in the first frame's file name.
+    """Regions of limbs in consecutive frames."""
 
-    frames: for each frame, a value for each limb's id, such as its contour; None where it is
-    hidden.
-    """
-
-    frames: list[dict[str, T | None]]
-    first: int
+    frames: list[dict[str, T | None]]  # a value by limb, such as its contour; None where hidden
+    first: int  # the number in the first frame's file name
 
 
 def save_masks(folder: Path, frames: Iterable[Mapping[str, Mask]]) -> None:
-    """Write masks as `folder`/<id>/<frame>.png, frames numbered from 0; the folder is replaced.
+    """Write each frame's boolean masks (h, w) by limb as `folder`/<id>/<frame>.png, from frame 0.
 
-    frames: for each frame, a boolean mask (h, w) for each limb's id.
+    The folder is replaced.
     """
     with whole_folder(folder) as part:
         for k, frame in enumerate(frames):
@@ -53,16 +49,14 @@ def save_masks(folder: Path, frames: Iterable[Mapping[str, Mask]]) -> None:
 
 def load_regions(
     folder: Path,
-    of_mask: Callable[[Mask], T],
-    of_trace: Callable[[Curve, float, float], T],
+    convert_mask: Callable[[Mask], T],
+    convert_trace: Callable[[Curve, float, float], T],
 ) -> Regions[T]:
-    """Load each limb's region in each frame from masks or traces, converted to values.
+    """Load each limb's region in each frame from masks (h, w) or traces, converted to values.
 
-    FinloopError if there is no folder or nothing in it, masks and traces are mixed, a file's name
-    has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
-
-    folder: as described at the top of this module. of_mask: converts a mask (h, w) to a value.
-    of_trace: converts a closed path in a picture of this width and height [px] to a value.
+    convert_trace gets a closed path and the width and height of its picture [px]. FinloopError if
+    there is no folder or nothing in it, masks and traces are mixed, a file's name has no number,
+    two have the same, a picture cannot be read, masks are dark, or sizes differ.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
@@ -80,10 +74,10 @@ def load_regions(
             _WANTED,
             "keep one kind" if traces else "put the masks or the traces there",
         )
-    return _load_traces(traces, of_trace) if traces else _load_masks(masks, of_mask)
+    return _load_traces(traces, convert_trace) if traces else _load_masks(masks, convert_mask)
 
 
-def _load_masks(paths: Mapping[str, list[Path]], of_mask: Callable[[Mask], T]) -> Regions[T]:
+def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], T]) -> Regions[T]:
     numbered = {name: _paths_by_number(files) for name, files in paths.items()}
     numbers = [number for files in numbered.values() for number in files]
     first, last = min(numbers), max(numbers)
@@ -96,7 +90,7 @@ def _load_masks(paths: Mapping[str, list[Path]], of_mask: Callable[[Mask], T]) -
             mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)
             _note_size(sizes, mask.shape, path)
             brightest = max(brightest, int(mask.max()))
-            frames[k - first][name] = of_mask(mask >= BRIGHT)
+            frames[k - first][name] = convert_mask(mask >= BRIGHT)
         if 0 < brightest < BRIGHT:
             raise FinloopError(
                 f"no mask of {name} has a pixel brighter than {brightest} of 255",
@@ -106,7 +100,9 @@ def _load_masks(paths: Mapping[str, list[Path]], of_mask: Callable[[Mask], T]) -
     return Regions(frames, first)
 
 
-def _load_traces(paths: list[Path], of_trace: Callable[[Curve, float, float], T]) -> Regions[T]:
+def _load_traces(
+    paths: list[Path], convert_trace: Callable[[Curve, float, float], T]
+) -> Regions[T]:
     numbered = _paths_by_number(paths)
     first, last = min(numbered), max(numbered)
     frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]
@@ -121,10 +117,9 @@ def _load_traces(paths: list[Path], of_trace: Callable[[Curve, float, float], T]
                     "closed paths: a limb is a region",
                     "close it in a drawing program",
                 )
-            frames[k - first][name] = of_trace(curve, drawing.width, drawing.height)
+            frames[k - first][name] = convert_trace(curve, drawing.width, drawing.height)
     names = dict.fromkeys(name for frame in frames for name in frame)
-    whole = [{name: frame.get(name) for name in names} for frame in frames]
-    return Regions(whole, first)
+    return Regions([{name: frame.get(name) for name in names} for frame in frames], first)
 
 
 def _paths_by_number(paths: list[Path]) -> dict[int, Path]:

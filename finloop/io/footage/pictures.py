@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -35,28 +34,21 @@ SUFFIXES = {".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2"}
 SUFFIXES |= {".pgm", ".ppm", ".pnm"}
 
 
-class _Album(NamedTuple):
-    """The pictures of a folder, or the pages of a TIFF stack, by number from 0."""
-
-    length: int
-    name: Callable[[int], str]  # for messages
-    load: Callable[[int], np.ndarray]  # (h, w) grey or (h, w, 3) RGB, as stored
-    threads: int  # that may load at a time
+Load = Callable[[int], np.ndarray]
+"""Loads a picture by its number, as stored: (h, w) grey or (h, w, 3) RGB."""
 
 
 @contextmanager
-def _open_album(path: Path) -> Iterator[_Album]:
+def _open_album(path: Path) -> Iterator[tuple[list[str], Load]]:
+    """Yield the names of a folder's pictures, or of a TIFF's pages, and what loads one of them."""
     if path.is_dir():
         files = _list_pictures(path)
-        yield _Album(
-            len(files), lambda k: str(files[k]), lambda k: _load_picture(files[k]), THREADS
-        )
+        yield [str(file) for file in files], lambda k: _load_picture(files[k])
         return
     try:
         with TiffFile(path) as stack:
-            name = f"{path}, page {{}},"
-            load = partial(_load_page, stack)
-            yield _Album(len(stack.pages), lambda k: name.format(k + 1), load, 1)
+            names = [f"{path}, page {k + 1}," for k in range(len(stack.pages))]
+            yield names, partial(_load_page, stack)
     except (TiffFileError, OSError) as error:
         raise FinloopError(
             came=f"{path} cannot be read as a TIFF: {error}",
@@ -73,19 +65,19 @@ def open_pictures(
     rate: frames per second, required. colour: whether frames will be RGB; None = where they have
     colours. FinloopError without a rate, or for fewer than two pictures.
     """
-    with _open_album(path) as album:
-        if album.length < 2:
-            raise too_few(path, album.length)
+    with _open_album(path) as (names, load):
+        if len(names) < 2:
+            raise too_few(path, len(names))
         if rate is None:
             raise FinloopError(
-                came=f"{path}: {album.length} pictures, which do not state how fast they were shot",
+                came=f"{path}: {len(names)} pictures, which do not state how fast they were shot",
                 wanted="their frame rate",
                 do="give it: -S clip.frame_rate_hz=30.0",
             )
-        first = album.load(0)
-        numbers = np.unique(np.linspace(0, album.length - 1, SAMPLES).astype(int))
-        samples = [thin_frame(album.load(int(k))) for k in numbers]
-        times = np.arange(album.length) / float(rate)
+        first = load(0)
+        numbers = np.unique(np.linspace(0, len(names) - 1, SAMPLES).astype(int))
+        samples = [thin_frame(load(int(k))) for k in numbers]
+        times = np.arange(len(names)) / float(rate)
     levels = None if first.dtype == np.uint8 else deep_levels(samples)
     if colour is None:
         rgb = (_to_uint8(sample, True, levels) for sample in samples)
@@ -186,20 +178,21 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
 def _picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
     """Yield the frames of a folder or stack with times, numbers as `Footage.stream_numbered`."""
     size = footage.width_px, footage.height_px
-    with _open_album(footage.path) as album:
+    with _open_album(footage.path) as (names, load):
 
-        def load(number: int) -> tuple[float, tuple[int, np.ndarray]]:
-            picture = album.load(number)
+        def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
+            picture = load(number)
             if picture.shape[1::-1] != size:
-                raise other_size(album.name(number), picture.shape[1::-1], size)
+                raise other_size(names[number], picture.shape[1::-1], size)
             if (picture.dtype == np.uint8) == (footage.levels is not None):
                 raise FinloopError(
-                    came=f"{album.name(number)} has {picture.dtype} levels, unlike earlier ones",
+                    came=f"{names[number]} has {picture.dtype} levels, unlike earlier ones",
                     wanted="pictures of one depth",
                     do="move it away, or convert all alike",
                 )
             time_s = number / float(footage.frame_rate)
             return time_s, (number, _to_uint8(picture, footage.colour, footage.levels))
 
-        numbers = [k for k in range(album.length) if in_range(footage, k / footage.frame_rate)]
-        yield from ordered_map(load, numbers, Threads(album.threads))
+        numbers = [k for k in range(len(names)) if in_range(footage, k / footage.frame_rate)]
+        threads = THREADS if footage.path.is_dir() else 1  # of a stack pages follow one another
+        yield from ordered_map(load_frame, numbers, Threads(threads))

@@ -5,12 +5,12 @@ They hold the centre of every animal in every frame of the film, x and y in px, 
 
 import json
 import pickle
-from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, poses_from_arrays
@@ -40,7 +40,9 @@ def read_idtracker(path: Path) -> Poses:
     """
     path = _find_file(path)
     try:
-        places, names = _load_places(path)
+        loaded, facts = _load_places(path)
+        places, labels = np.asarray(loaded), facts.get("identities_labels")
+        names = [] if labels is None else [str(label) for label in labels]
     except FinloopError:
         raise
     except (
@@ -70,18 +72,39 @@ def _find_file(path: Path) -> Path:
     raise unreadable(path, SOFTWARE, "the folder holds no trajectories")
 
 
-def _load_places(path: Path) -> tuple[np.ndarray, list[str]]:
-    """Return places (frames, animals, 2) px, and the animals' names, if they have any."""
-    readers: dict[str, Callable[[Path], tuple[Any, dict[str, Any]]]] = {
-        ".npy": _load_npy, ".pickle": _load_pickle, ".h5": _load_hdf5, ".hdf5": _load_hdf5,
-        ".parquet": _load_parquet, ".csv": _load_csv,
-    }  # fmt: skip
-    reader = _load_csv_folder if path.is_dir() else readers.get(path.suffix.lower())
-    if reader is None:
-        raise unreadable(path, SOFTWARE, "its ending is another")
-    places, facts = reader(path)
-    names = facts.get("identities_labels")
-    return np.asarray(places), [] if names is None else [str(name) for name in names]
+def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Return places (frames, animals, 2) px, and the facts that are stored beside them."""
+    if path.is_dir():
+        return _load_places(path / "trajectories.csv")[0], _load_facts(path / "attributes.json")
+    match path.suffix.lower():
+        case ".npy":
+            with path.open("rb") as file:
+                version = np.lib.format.read_magic(file)
+                headers = np.lib.format.read_array_header_1_0, np.lib.format.read_array_header_2_0
+                shape, _, dtype = headers[version != (1, 0)](file)
+                if dtype.hasobject and shape == ():
+                    return _unpickle(file)
+            return np.load(path, allow_pickle=False), {}
+        case ".pickle":
+            with path.open("rb") as file:
+                return _unpickle(file)
+        case ".h5" | ".hdf5":
+            with import_extra("h5py", path).File(path) as file:
+                return file["trajectories"][()], dict(file.attrs)
+        case ".parquet":
+            table = pq.read_table(path)
+            facts = (table.schema.metadata or {}).get(b"idtrackerai_attributes", b"{}")
+            return _to_places(table.to_pandas()), json.loads(facts)
+        case ".csv":
+            wide = pd.read_csv(path)
+            if "individual" in wide:
+                return _to_places(wide), _load_facts(path.with_name("attributes_tidy.json"))
+            return wide.drop(columns="time").to_numpy(float).reshape(len(wide), -1, 2), {}
+    raise unreadable(path, SOFTWARE, "its ending is another")
+
+
+def _load_facts(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text("utf-8")) if path.exists() else {}
 
 
 class _Arrays(pickle.Unpickler):
@@ -96,52 +119,10 @@ class _Arrays(pickle.Unpickler):
         return super().find_class(module, name)
 
 
-def _load_npy(path: Path) -> tuple[Any, dict[str, Any]]:
-    with path.open("rb") as file:
-        version = np.lib.format.read_magic(file)
-        headers = np.lib.format.read_array_header_1_0, np.lib.format.read_array_header_2_0
-        shape, _, dtype = headers[version != (1, 0)](file)
-        if dtype.hasobject and shape == ():
-            return _unpickle(file)
-    return np.load(path, allow_pickle=False), {}
-
-
-def _load_pickle(path: Path) -> tuple[Any, dict[str, Any]]:
-    with path.open("rb") as file:
-        return _unpickle(file)
-
-
 def _unpickle(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
     record = _Arrays(file).load()
     record = record.item() if isinstance(record, np.ndarray) else record
     return record["trajectories"], record
-
-
-def _load_hdf5(path: Path) -> tuple[Any, dict[str, Any]]:
-    with import_extra("h5py", path).File(path) as file:
-        return file["trajectories"][()], dict(file.attrs)
-
-
-def _load_parquet(path: Path) -> tuple[Any, dict[str, Any]]:
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(path)
-    facts = json.loads((table.schema.metadata or {}).get(b"idtrackerai_attributes", b"{}"))
-    return _to_places(table.to_pandas()), facts
-
-
-def _load_csv(path: Path) -> tuple[Any, dict[str, Any]]:
-    table = pd.read_csv(path)
-    if "individual" not in table:
-        return table.drop(columns="time").to_numpy(float).reshape(len(table), -1, 2), {}
-    facts = path.with_name("attributes_tidy.json")
-    return _to_places(table), json.loads(facts.read_text("utf-8")) if facts.exists() else {}
-
-
-def _load_csv_folder(path: Path) -> tuple[Any, dict[str, Any]]:
-    places, _ = _load_csv(path / "trajectories.csv")
-    facts = path / "attributes.json"
-    return places, json.loads(facts.read_text("utf-8")) if facts.exists() else {}
 
 
 def _to_places(table: pd.DataFrame) -> np.ndarray:
