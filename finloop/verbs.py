@@ -60,7 +60,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutWriter
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
-from finloop.io.table import as_loaded, load_table
+from finloop.io.table import apply_schema, load_table
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.source import InMemory
 from finloop.jumps.table import JUMPS
@@ -115,7 +115,7 @@ def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
     """
     p = settings("features", **changes)
     table, _ = measure_features(tracks.table, tracks.film.rate_hz, p, tracks.given)
-    return as_loaded(table, FEATURES)
+    return apply_schema(table, FEATURES)
 
 
 def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel:
@@ -147,7 +147,7 @@ def make_sprites(
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
             writer.write(sprite)
-    return Reel(features, film, as_loaded(sprites, SPRITES), open_store(home / "sprites.arrow"))
+    return Reel(features, film, apply_schema(sprites, SPRITES), open_store(home / "sprites.arrow"))
 
 
 def compare(reel: Reel, **changes: Any) -> FrameComparison:
@@ -157,7 +157,7 @@ def compare(reel: Reel, **changes: Any) -> FrameComparison:
     distances are of pixels 0 … 1. `changes` override `finloop.distance.settings.DistanceSettings`.
     """
     pairs, steps, facts = compare_frames(reel, settings("distance", **changes))
-    return FrameComparison(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
+    return FrameComparison(apply_schema(pairs, PAIRS), apply_schema(steps, STEPS), facts)
 
 
 def find_loops(
@@ -175,7 +175,7 @@ def find_loops(
     except NoLoops as none:
         warnings.warn(str(none), stacklevel=2)
         loops = LOOPS.empty()
-    return as_loaded(loops, LOOPS)
+    return apply_schema(loops, LOOPS)
 
 
 def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.DataFrame:
@@ -187,7 +187,7 @@ def find_gateways(similar: FrameComparison, reel: Reel, **changes: Any) -> pd.Da
     p, facts = settings("gateways", **changes), similar.facts
     near = nearness(reel, map_rows(reel.features, similar.steps), facts.size, facts.pose)
     ways = gateways(near, reel.sprites, reel.features, facts.step_median, p)
-    return as_loaded(ways, GATEWAYS)
+    return apply_schema(ways, GATEWAYS)
 
 
 def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
@@ -207,7 +207,7 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
     """
     p = settings("jumps", **changes)
     result = film_jumps(InMemory.from_reel(reel, poses, p.look_px), p)
-    return result._replace(jumps=as_loaded(result.jumps, JUMPS))
+    return result._replace(jumps=apply_schema(result.jumps, JUMPS))
 
 
 def train_forecast(
@@ -239,7 +239,7 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
     if lack := shortage(group):
         warnings.warn(lack, stacklevel=2)
     rule = require_rule(film_rule(group, p)[0])
-    steps = as_loaded(pd.DataFrame(rows_of(rule.steps)), SOCIAL_STEPS)
+    steps = apply_schema(pd.DataFrame(rows_of(rule.steps)), SOCIAL_STEPS)
     return replace(rule, steps=steps_of(steps, rule.steps.forward, rule.steps.onward))
 
 
@@ -296,7 +296,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         else:
             own = p["network"], p["loops"], p["hybrid"]
             animator = hybrid_animator(made, model, loops, gateways, p["animate"], own)
-    return as_loaded(animator.plan(animator.goals())[1], EDIT)
+    return apply_schema(animator.plan(animator.goals())[1], EDIT)
 
 
 GROUPS_OF = {

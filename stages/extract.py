@@ -24,7 +24,7 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.write import Extraction, describe_lost_frames, extract
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import Stamp, file_stamps
-from finloop.io.pieces import Pieces, keep_only
+from finloop.io.pieces import Pieces, remove_except
 from finloop.io.several import FILMS, FilmPart, all_parts, readable_parts
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
@@ -56,14 +56,14 @@ def main() -> None:
             numbers, films = extract_films(CLIP, settings, pool, folder)
         else:
             pieces = Pieces(PIECES / name_of(track_inputs(CLIP, settings)))
-            keep_only(PIECES, [pieces.folder.name])
+            remove_except(PIECES, [pieces.folder.name])
             numbers = extract_film(CLIP, settings, pool, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             contribution = Contribution(
                 name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness()
             )
             films = [film_row(contribution)]
-    keep_only(PIECES, [])
+    remove_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
 
@@ -148,7 +148,7 @@ def extract_films(
                     path = tracks_of(Path(part.path), settings.tracks_path)
                     own = replace(settings, tracks_path=path)
                 todo.append((part, own, track_inputs(clip / FILMS / part.name, own)))
-    keep_only(PIECES, [name_of(key) for _, _, key in todo])
+    remove_except(PIECES, [name_of(key) for _, _, key in todo])
     for part, own, key in todo:
         home = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)

@@ -40,7 +40,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import NoReturn
 
-from finloop.base.digits import significant
+from finloop.base.digits import round_significant
 from finloop.base.errors import FinloopError
 from finloop.base.process import die_with_parent
 
@@ -216,7 +216,7 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
         if isinstance(value, Integral):
             values[name] = int(value)
         elif isinstance(value, Real) and math.isfinite(value):
-            values[name] = significant(float(value))
+            values[name] = round_significant(float(value))
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name} must be a number, got {value!r}")
     save_numbers(path.parent, values)

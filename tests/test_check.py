@@ -7,7 +7,7 @@ import pytest
 from finloop.base.settings import settings
 from finloop.clip.check import CHECK, LENGTH, RUNS, Tally, check_film, field_order, spread_runs
 from finloop.clip.doubled import find_repeats
-from finloop.clip.light import gain, measure_light, undo_gain
+from finloop.clip.light import measure_gain, measure_light, undo_gain
 from finloop.clip.shake import UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 from finloop.clip.verdict import findings
 from finloop.drawn.carp.film import film
@@ -54,16 +54,16 @@ def tank_picture(
 def test_a_gain_is_that_of_the_lamp_whatever_swims(bright):
     tank = floor()
     frame = np.clip(np.rint(tank_picture(tank, fish=40) * bright), 0, 255).astype(np.uint8)
-    assert gain(frame, tank_picture(tank)) == pytest.approx(bright, abs=4e-3)
-    back = undo_gain(frame, gain(frame, tank_picture(tank)))
-    assert gain(back, tank_picture(tank)) == pytest.approx(1, abs=4e-3)
+    assert measure_gain(frame, tank_picture(tank)) == pytest.approx(bright, abs=4e-3)
+    back = undo_gain(frame, measure_gain(frame, tank_picture(tank)))
+    assert measure_gain(back, tank_picture(tank)) == pytest.approx(1, abs=4e-3)
 
 
 def test_every_channel_has_its_gain_and_a_black_frame_none():
     tank = np.dstack([tank_picture(floor())] * 3)
     frame = (tank * [0.9, 1.0, 0.8]).round().astype(np.uint8)
-    np.testing.assert_allclose(gain(frame, tank), [0.9, 1.0, 0.8], atol=4e-3)
-    np.testing.assert_array_equal(gain(frame * 0, tank * 0), 1)
+    np.testing.assert_allclose(measure_gain(frame, tank), [0.9, 1.0, 0.8], atol=4e-3)
+    np.testing.assert_array_equal(measure_gain(frame * 0, tank * 0), 1)
 
 
 def test_flicker_and_drift_are_what_was_put_in():

@@ -40,10 +40,10 @@ from finloop.io.footage.source import (
     Turn,
     chroma_fraction,
     deep_levels,
+    nearest_turn,
     stretch_levels,
-    turn_of,
 )
-from finloop.io.footage.timing import Timing, frame_rate_of, nearest_in_time, segments_of
+from finloop.io.footage.timing import Timing, estimate_frame_rate, nearest_in_time, split_at_cuts
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 from finloop.io.video import FRAMES, load_facts, load_mask, read_frames
@@ -59,17 +59,17 @@ WIDTH, HEIGHT = 64, 48
 @pytest.mark.parametrize("rate", [Fraction(25), Fraction(30000, 1001), Fraction(1, 10)])
 def test_constant_rate_is_found_through_rounded_stamps(rate):
     times = np.round(np.arange(300) / float(rate), 3)  # milliseconds, as in webm
-    assert frame_rate_of(times, [rate]) == rate
-    assert abs(float(frame_rate_of(times, []) / rate) - 1) < 1e-4
+    assert estimate_frame_rate(times, [rate]) == rate
+    assert abs(float(estimate_frame_rate(times, []) / rate) - 1) < 1e-4
 
 
 def test_dropped_frames_and_pauses_do_not_slow_the_rate_down():
     times = np.delete(np.arange(200) / 30, [5, 6, 50, 90])
     times[100:] += 60
-    assert frame_rate_of(times, [Fraction(99, 7), Fraction(30)]) == 30
-    assert frame_rate_of(times, []) == 30
+    assert estimate_frame_rate(times, [Fraction(99, 7), Fraction(30)]) == 30
+    assert estimate_frame_rate(times, []) == 30
     rounded = np.round(times, 3)  # at the median gap of 33 ms the pause would count 18 frames more
-    assert abs(float(frame_rate_of(rounded, [])) / 30 - 1) < 1e-3
+    assert abs(float(estimate_frame_rate(rounded, [])) / 30 - 1) < 1e-3
 
 
 def retime(times, rate) -> tuple[list[int], Timing]:
@@ -103,7 +103,7 @@ def test_a_pause_or_a_clock_that_runs_back_is_a_cut():
     shown, timing = retime(times, Fraction(10))
     assert shown == list(range(8))
     assert timing == Timing(frames=8, cuts=[0, 3, 5])
-    assert segments_of(timing.cuts, timing.frames) == ((0, 3), (3, 5), (5, 8))
+    assert split_at_cuts(timing.cuts, timing.frames) == ((0, 3), (3, 5), (5, 8))
 
 
 # --- which way is up
@@ -123,7 +123,7 @@ MATRICES = {  # of the display, by FFmpeg's convention: x′ = a x + c y, y′ =
 @pytest.mark.parametrize("way", MATRICES)
 def test_all_eight_ways_to_lie(way):
     (a, b, c, d), reference = MATRICES[way]
-    turn, exact = turn_of(np.array([a, b, 0, c, d, 0, 0, 0, 1]) * 65536)
+    turn, exact = nearest_turn(np.array([a, b, 0, c, d, 0, 0, 0, 1]) * 65536)
     assert exact
     for shape in [(3, 4), (3, 4, 3)]:
         picture = np.arange(math.prod(shape)).reshape(shape)
@@ -136,7 +136,7 @@ def test_all_eight_ways_to_lie(way):
 def test_a_crooked_turn_is_told():
     angle = np.radians(80)
     cos, sin = np.cos(angle), np.sin(angle)
-    turn, exact = turn_of([cos, -sin, 0, sin, cos, 0, 0, 0, 1])
+    turn, exact = nearest_turn([cos, -sin, 0, sin, cos, 0, 0, 0, 1])
     assert (turn.rotation_deg, exact) == (90, False)
 
 

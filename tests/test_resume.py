@@ -20,7 +20,7 @@ from finloop.extract.table import tracks_schema
 from finloop.io import atomic
 from finloop.io.atomic import require_free_space
 from finloop.io.numbers import load_numbers
-from finloop.io.pieces import Pieces, keep_only
+from finloop.io.pieces import Pieces, remove_except
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, KEY_FRAME_EVERY, load_facts, load_mask
 from finloop.verbs import Film, track
@@ -54,9 +54,9 @@ def test_a_piece_that_is_damaged_is_made_again(tmp_path, left):
 def test_pieces_of_something_else_are_removed(tmp_path):
     for name in "abc":
         Pieces(tmp_path / name).load_or_make("1", lambda: 1)
-    keep_only(tmp_path, ["b"])
+    remove_except(tmp_path, ["b"])
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
-    keep_only(tmp_path, [])
+    remove_except(tmp_path, [])
     assert not tmp_path.exists()
 
 

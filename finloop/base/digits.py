@@ -7,6 +7,6 @@ five digits or more.
 DIGITS = 4
 
 
-def significant(value: float) -> float:
+def round_significant(value: float) -> float:
     """Return the value rounded to DIGITS significant digits; NaN stays NaN."""
     return float(f"{float(value):.{DIGITS}g}")

@@ -105,14 +105,16 @@ def paint_layers(
     for form, contours in layers:
         how = form.paint
         if how.fill is not None:
-            _lay(picture, contours, form.closed, scale, how.fill, how.fill_opacity, None)
+            _paint_colour(picture, contours, form.closed, scale, how.fill, how.fill_opacity, None)
         if how.stroke is not None:
             width = how.width * scale
-            _lay(picture, contours, form.closed, scale, how.stroke, how.stroke_opacity, width)
+            _paint_colour(
+                picture, contours, form.closed, scale, how.stroke, how.stroke_opacity, width
+            )
     return np.round(picture).astype(np.uint8)
 
 
-def _lay(
+def _paint_colour(
     picture: NDArray[np.float32],
     contours: list[Points],
     closed: tuple[bool, ...],

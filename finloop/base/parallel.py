@@ -84,7 +84,7 @@ class Processes:
     def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
         """Start the processes; yield a function that submits one item and returns its future."""
         start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
-        with ProcessPoolExecutor(self.count, start, _begin) as pool, ExitStack() as stack:
+        with ProcessPoolExecutor(self.count, start, _set_up_worker) as pool, ExitStack() as stack:
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
 
             def submit(item: A) -> Future[B]:
@@ -100,7 +100,7 @@ class Processes:
             yield submit
 
 
-def _begin() -> None:
+def _set_up_worker() -> None:
     """Set up a worker: ignore Ctrl-C, use one thread, end with the main process.
 
     The main process is not its parent: that is a server that forks workers and outlives them.
@@ -151,7 +151,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
     ones repeat the unfinished items; FinloopError if that happens `TRIES` times at the same item.
     """
     todo = deque(items)
-    work = partial(_persist, work)
+    work = partial(_retry, work)
     if workers.alone or len(todo) < 2:
         yield from map(work, todo)
         return
@@ -191,7 +191,7 @@ def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
             yield made[0]
 
 
-def _persist(work: Callable[[A], B], item: A) -> B:
+def _retry(work: Callable[[A], B], item: A) -> B:
     """Return `work(item)`; try again after an OSError."""
     for _ in range(TRIES - 1):
         with suppress(OSError):

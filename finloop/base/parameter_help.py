@@ -68,7 +68,7 @@ def _range_text(hint: Any) -> str:
         return "null"
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _limits(parts[0], parts[1:])
+        return _limit_text(parts[0], parts[1:])
     if origin in (Union, types.UnionType):
         return " or ".join(map(_range_text, parts))
     if origin is Literal:
@@ -85,7 +85,7 @@ def _range_text(hint: Any) -> str:
     return plain.get(hint, "any value")
 
 
-def _limits(base: Any, marks: tuple[Any, ...]) -> str:
+def _limit_text(base: Any, marks: tuple[Any, ...]) -> str:
     """Return a range in words, such as "whole, ≥ 1"; a text among the marks says it itself."""
     if texts := [mark for mark in marks if isinstance(mark, str)]:
         return texts[0]

@@ -41,7 +41,7 @@ CONF = Path(__file__).parents[2] / "conf"
 @cache
 def default_variants() -> dict[str, str]:
     """Return the default variant of every group of parameters, in the order of conf/config.yaml."""
-    listed = _load(CONF / "config.yaml")["defaults"]
+    listed = _load_yaml(CONF / "config.yaml")["defaults"]
     return {
         word: option
         for entry in listed
@@ -51,7 +51,7 @@ def default_variants() -> dict[str, str]:
     }
 
 
-def _load(path: Path) -> dict[str, Any]:
+def _load_yaml(path: Path) -> dict[str, Any]:
     return yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
 
 
@@ -126,7 +126,7 @@ def settings(word: str, **values: Any) -> Any:
 
 def variants(word: str) -> dict[str, type]:
     """Return a group's dataclasses by variant, its file's name in conf/<word>/; often "default"."""
-    declared = getattr(_declaration(word), f"{word.capitalize()}Settings")
+    declared = getattr(_load_declaration(word), f"{word.capitalize()}Settings")
     union = get_args(declared)
     if not union:
         return {"default": declared}
@@ -143,7 +143,7 @@ def settings_file(word: str) -> str:
     return path.relative_to(package).as_posix()
 
 
-def _declaration(word: str) -> ModuleType:
+def _load_declaration(word: str) -> ModuleType:
     """Load the declarations of a group without their package, which brings torch and the like."""
     path = settings_file(word)
     name = "finloop." + path.removesuffix(".py").replace("/", ".")
@@ -158,7 +158,7 @@ def _declaration(word: str) -> ModuleType:
 def values_of(word: str, option: str) -> dict[str, Any]:
     """Return the values in conf/<word>/<option>.yaml by name; empty where there is no such file."""
     path = CONF / word / f"{option}.yaml"
-    values = _load(path) if path.is_file() else {}
+    values = _load_yaml(path) if path.is_file() else {}
     return {key: value for key, value in values.items() if key != "defaults"}
 
 
@@ -182,7 +182,9 @@ def check_values(
     try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
         group = _strict_check(option).validate_json(json.dumps(values, default=str))
     except ValidationError as error:
-        return None, [_problem(word, option, names, dict(detail)) for detail in error.errors()]
+        return None, [
+            _describe_problem(word, option, names, dict(detail)) for detail in error.errors()
+        ]
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
     return option(**{name: getattr(group, name) for name in names}), []
 
@@ -193,12 +195,12 @@ def _strict_check(option: type) -> TypeAdapter[Any]:
     return TypeAdapter(checked(option, frozen=True, config=strict))
 
 
-def _problem(word: str, option: type, names: list[str], detail: dict[str, Any]) -> str:
+def _describe_problem(word: str, option: type, names: list[str], detail: dict[str, Any]) -> str:
     name = ".".join(map(str, (word, *detail["loc"])))
     if detail["type"] == "missing":
         return f"{name}: has no value"
     if detail["type"] == "unexpected_keyword_argument":
-        return f"{name}: unknown; {_hint(word, option, str(detail['loc'][0]), names)}"
+        return f"{name}: unknown; {_suggest(word, option, str(detail['loc'][0]), names)}"
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
     got = f", got {detail['input']!r}" if detail["loc"] else ""
     if detail["type"] == "literal_error" and (renamed := RENAMED.get(str(detail["input"]))):
@@ -206,7 +208,7 @@ def _problem(word: str, option: type, names: list[str], detail: dict[str, Any]) 
     return f"{name}: {message}{got}"
 
 
-def _hint(word: str, option: type, key: str, names: list[str]) -> str:
+def _suggest(word: str, option: type, key: str, names: list[str]) -> str:
     """Return where a parameter is that a group with these names lacks."""
     if renamed := getattr(option, "RENAMED", {}).get(key):
         return f"it is {word}.{renamed} now"

@@ -14,8 +14,8 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema, columns
-from finloop.clip.doubled import change, find_repeats, subsample_grey
-from finloop.clip.light import gain, measure_light, undo_gain
+from finloop.clip.doubled import find_repeats, picture_change, subsample_grey
+from finloop.clip.light import measure_gain, measure_light, undo_gain
 from finloop.clip.shake import STILL, UNKNOWN, Shift, find_landmarks, measure_shift, undo_shift
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
@@ -92,8 +92,10 @@ class Tally:
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
         here = subsample_grey(frame)
         self._first = here if self._first is None else self._first
-        self.lights.append(float(gain(here, self._first)[0]))
-        self.changes.append(float("nan") if self._last is None else change(self._last, here))
+        self.lights.append(float(measure_gain(here, self._first)[0]))
+        self.changes.append(
+            float("nan") if self._last is None else picture_change(self._last, here)
+        )
         self._last = here
         if self.frames % self._stride == 0:
             self.samples[self.frames] = frame.copy()
@@ -141,7 +143,7 @@ def spread_runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
 def _still_tank(samples: Sequence[Picture]) -> Picture:
     """Return the still tank (h, w[, 3]): the median of frames brought to one light and place."""
     few = samples[:: -(-len(samples) // _SAMPLES)]
-    gains = [gain(frame, few[0]) for frame in few]
+    gains = [measure_gain(frame, few[0]) for frame in few]
     usual = np.median(gains, axis=0)
     few = [undo_gain(frame, bright / usual) for frame, bright in zip(few, gains, strict=True)]
     landmarks = find_landmarks(_median_picture(few))
@@ -185,7 +187,7 @@ def check_film(
         light_before = 1.0
         for frame, picture in enumerate(read(start=start, stop=stop), start):
             here = picture.copy()  # the decoder reuses its memory
-            bright = float(gain(here, tank)[0])
+            bright = float(measure_gain(here, tank)[0])
             shift = measure_shift(here, landmarks, last)
             last = last if shift is UNKNOWN else shift
             row = {f"shift_{name}": value for name, value in shift._asdict().items()}

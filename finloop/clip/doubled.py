@@ -26,12 +26,12 @@ _FEW = 8  # doubled pictures from which a cadence is searched for
 
 
 def subsample_grey(frame: Picture) -> Picture:
-    """Return a frame at half its size, grey: every other row and column, for use by `change`."""
+    """Return every other row and column of a frame, grey, for `picture_change`."""
     few = frame[::_THIN, ::_THIN]
     return np.ascontiguousarray(few) if few.ndim == 2 else cv2.cvtColor(few, cv2.COLOR_RGB2GRAY)
 
 
-def change(before: Picture, after: Picture) -> float:
+def picture_change(before: Picture, after: Picture) -> float:
     """Return how much two frames of `subsample_grey` differ, in grey levels.
 
     It is the mean of the blocks that differ most, one block of 12×12 px in a hundred.
@@ -58,7 +58,7 @@ class Doubled(NamedTuple):
 def find_repeats(changes: Floats) -> Doubled:
     """Find the frames that repeat the frame before, from the changes (frames,) between frames.
 
-    changes: grey levels, by `change`; changes[k] is from frame k − 1 to frame k, changes[0] is NaN.
+    changes: grey levels, by `picture_change`; changes[k] is from frame k − 1 to k, changes[0] NaN.
     """
     decidable, twice = _find_doubled(changes)
     share = float(twice[decidable].mean()) if decidable.any() else 0.0

@@ -21,7 +21,7 @@ _FINER = 8  # the spectrum's bins between two that are independent
 _PEAK = 0.5  # least share of the flicker's power in one peak that gives it a frequency
 
 
-def gain(frame: Picture, tank: Picture) -> Floats:
+def measure_gain(frame: Picture, tank: Picture) -> Floats:
     """Return the brightness of a frame relative to the still tank per channel: (1,) or (3,).
 
     It is a ratio of sums over the pixels that are tank in both, and neither black nor white; 1
@@ -49,7 +49,7 @@ def _spread_pixels(picture: Picture) -> Floats:
 
 
 def undo_gain(frame: Picture, gains: Floats) -> Picture:
-    """Return a frame (h, w[, 3]) in the tank's light: each channel divided by its `gain`."""
+    """Return a frame (h, w[, 3]) in the tank's light: each channel divided by its gain."""
     levels = np.arange(256)[:, None] / gains
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
     return np.asarray(cv2.LUT(frame, table))

@@ -17,7 +17,7 @@ import numpy as np
 from finloop.base.arrays import Mask, Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Quality, Tally, check_film, grey
 from finloop.clip.doubled import Doubled, find_repeats
-from finloop.clip.light import gain, undo_gain
+from finloop.clip.light import measure_gain, undo_gain
 from finloop.clip.settings import ClipSettings, File
 from finloop.clip.shake import (
     STILL,
@@ -176,7 +176,7 @@ class _FrameCorrector:
         """Yield the frames, light and place corrected, times and numbers unchanged."""
         for time_s, (number, frame) in take:
             if self.light:
-                frame = undo_gain(frame, gain(frame, self.tank))
+                frame = undo_gain(frame, measure_gain(frame, self.tank))
             if self.place:
                 frame = self._steady_frame(frame)
             yield time_s, (number, frame)

@@ -83,7 +83,7 @@ class File:
             problems.append("path is empty")
         for path in paths:
             if isinstance(path, dict):
-                problems += self._with(path)[1]
+                problems += self._settings_of_film(path)[1]
         if problems:
             raise ValueError("; ".join(problems))
 
@@ -100,11 +100,11 @@ class File:
             return [(self.path, self)]
         return [
             (path, replace(self, path=path)) if isinstance(path, str)
-            else (path["path"], self._with(path)[0])
+            else (path["path"], self._settings_of_film(path)[0])
             for path in self.path
         ]  # fmt: skip
 
-    def _with(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
+    def _settings_of_film(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
         """Return these parameters with the values of one film, or what is wrong with those."""
         if not isinstance(values.get("path"), str):
             return None, [f"a film of the list needs a path, got {values!r}"]

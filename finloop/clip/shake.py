@@ -52,20 +52,20 @@ STILL = Shift(0.0, 0.0, 0.0)
 UNKNOWN = Shift(float("nan"), float("nan"), float("nan"))
 
 
-def _soft(picture: Picture) -> Picture:
+def _smooth_grey(picture: Picture) -> Picture:
     """Convert to grey and smooth, so that slopes are those of edges and not of noise."""
     grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     return np.asarray(cv2.GaussianBlur(grey, (7, 7), 1.2))
 
 
-def _small(soft: Picture) -> np.ndarray:
+def _shrink(soft: Picture) -> np.ndarray:
     size = tuple(max(1, side // _LESS) for side in soft.shape[::-1])
     return cv2.resize(soft, size, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
 def find_landmarks(tank: Picture) -> Landmarks:
     """Return the steepest places of the still tank (h, w[, 3]), at most 60 in each of 36 tiles."""
-    soft = _soft(tank)
+    soft = _smooth_grey(tank)
     level = soft.astype(np.float64)
     down, right = (np.asarray(part) for part in np.gradient(level))
     steep: Floats = np.asarray(np.hypot(right, down))
@@ -87,7 +87,9 @@ def find_landmarks(tank: Picture) -> Landmarks:
     share = np.bincount(tiles, steep[ys, xs] ** 2, _TILES**2)
     usual = float(np.median(share[share > 0])) if len(tiles) else 1.0
     trust = np.minimum(1.0, usual / share[tiles])
-    return Landmarks(xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _small(soft))
+    return Landmarks(
+        xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _shrink(soft)
+    )
 
 
 def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift:
@@ -97,8 +99,8 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
     """
     if len(tank.x) < 12:
         return UNKNOWN
-    soft = _soft(frame)
-    place = _start(soft, tank, last)
+    soft = _smooth_grey(frame)
+    place = _choose_start(soft, tank, last)
     slope = np.stack([tank.right, tank.down, tank.level, np.ones(len(tank.level))], axis=1)
     weight = tank.trust
     for _ in range(_ROUNDS):
@@ -116,7 +118,7 @@ def measure_shift(frame: Picture, tank: Landmarks, last: Shift = STILL) -> Shift
     return _judge_shift(place, off, weight, sigma, tank)
 
 
-def _start(soft: Picture, tank: Landmarks, last: Shift) -> Floats:
+def _choose_start(soft: Picture, tank: Landmarks, last: Shift) -> Floats:
     """Return where the search begins: no shift, the last one, or the phase correlation's."""
 
     def misfit(place: Floats) -> float:
@@ -129,7 +131,7 @@ def _start(soft: Picture, tank: Landmarks, last: Shift) -> Floats:
         starts.append(np.array([last.x, last.y]))
     misfits = [misfit(place) for place in starts]
     if min(misfits) > _NEAR and min(tank.small.shape) >= 16:
-        small = _small(soft)
+        small = _shrink(soft)
         window = cv2.createHanningWindow(small.shape[::-1], cv2.CV_32F)
         starts.append(_LESS * np.array(cv2.phaseCorrelate(tank.small, small, window)[0]))
         misfits.append(misfit(starts[-1]))

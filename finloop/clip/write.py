@@ -25,7 +25,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
 from finloop.io.footage import open_footage
 from finloop.io.footage.source import Footage, Loss, NumberedFrames, Order
-from finloop.io.footage.timing import Timing, nearest_in_time, segments_of
+from finloop.io.footage.timing import Timing, nearest_in_time, split_at_cuts
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
 from finloop.io.video import (
@@ -83,11 +83,11 @@ def write_clip(
         truth = None
         if isinstance(p, Carp):
             truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
-        timing, tally, source_frames = _record(writer, source, truth, advance)
+        timing, tally, source_frames = _write_takes(writer, source, truth, advance)
     facts = replace(
         facts,
         frames=timing.frames,
-        segments=segments_of(timing.cuts, timing.frames),
+        segments=split_at_cuts(timing.cuts, timing.frames),
         frames_repeated=timing.repeated,
         frames_dropped=timing.dropped,
         frames_missing=source.loss.frames,
@@ -154,7 +154,7 @@ def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
     return ClipSource(facts, takes, loss, [])
 
 
-def _record(
+def _write_takes(
     writer: VideoWriter, source: ClipSource, truth: WriteRows | None, advance: Callable[[], None]
 ) -> tuple[Timing, Tally, array]:
     """Write the takes one after the other, re-timed to a constant rate from their first frames.

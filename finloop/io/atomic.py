@@ -29,9 +29,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     with _temporary(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
         yield part
-        _to_disk(part)
+        _flush(part)
         part.replace(path)
-    _to_disk(path.parent)
+    _flush(path.parent)
 
 
 @contextmanager
@@ -45,11 +45,11 @@ def whole_folder(path: Path) -> Iterator[Path]:
         part.mkdir()
         yield part
         for inner in part.rglob("*"):
-            _to_disk(inner)
-        _to_disk(part)
+            _flush(inner)
+        _flush(part)
         shutil.rmtree(path, ignore_errors=True)
         part.replace(path)
-    _to_disk(path.parent)
+    _flush(path.parent)
 
 
 @contextmanager
@@ -105,7 +105,7 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _to_disk(path: Path) -> None:
+def _flush(path: Path) -> None:
     """Flush a file's or folder's bytes to the disk before the rename."""
     handle = os.open(path, os.O_RDONLY)
     try:

@@ -192,19 +192,19 @@ def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
             folder / TRACKS_NAME, arrow_schema(schema), **parquet_coding(schema)
         ) as to,
     ):
-        for lot in _in_order(source, order, _LOT):
+        for lot in _reorder(source, order, _LOT):
             to.write_table(lot)
     with (
         pa.memory_map(str(store)) as source,
         pa.ipc.new_file(str(folder / CUTOUTS_NAME), pa.ipc.open_file(source).schema) as to,
     ):
-        for lot in _in_order(source, order, _BATCH):
+        for lot in _reorder(source, order, _BATCH):
             to.write_table(lot.combine_chunks())
     table.unlink()
     store.unlink()
 
 
-def _in_order(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
+def _reorder(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
     """Yield the rows of an Arrow file in another order, `lot` at a time."""
     file = pa.ipc.open_file(source)
     batches = [file.get_batch(k) for k in range(file.num_record_batches)]

@@ -59,7 +59,7 @@ def pack_piece(piece: object) -> bytes:
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
-def keep_only(folder: Path, names: Iterable[str]) -> None:
+def remove_except(folder: Path, names: Iterable[str]) -> None:
     """Remove the folders in `folder` except some names, and `folder` itself if it is then empty."""
     names = set(names)
     for path in folder.glob("*"):

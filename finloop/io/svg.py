@@ -179,33 +179,33 @@ def _polyline(segment: Any, flat: float) -> Points:
     if isinstance(segment, svg.Arc):
         radius, sweep = max(segment.rx, segment.ry), abs(float(segment.sweep))
         turn = 2 * np.arccos(np.clip(1 - flat / max(radius, flat), -1, 1))
-        along = np.linspace(0, 1, _pieces(sweep / turn) + 1)
+        along = np.linspace(0, 1, _piece_count(sweep / turn) + 1)
         points = np.asarray(segment.npoint(along), np.float64)
-        points[[0, -1]] = _xy(segment.start, segment.end)
+        points[[0, -1]] = _to_points(segment.start, segment.end)
         return points
     control = [segment.start, segment.end]
     if isinstance(segment, svg.CubicBezier):
         control[1:1] = [segment.control1, segment.control2]
     elif isinstance(segment, svg.QuadraticBezier):
         control[1:1] = [segment.control]
-    nodes = _xy(*control)
+    nodes = _to_points(*control)
     degree = len(nodes) - 1
     if degree == 1:
         return nodes
     # A chord of a curve b(t) over a step h is at most h² max|b″| / 8 from it.
     bend = degree * (degree - 1) * np.abs(np.diff(nodes, 2, axis=0)).sum(axis=1).max()
-    t = np.linspace(0, 1, _pieces(np.sqrt(bend / (8 * flat))) + 1)[:, None]
+    t = np.linspace(0, 1, _piece_count(np.sqrt(bend / (8 * flat))) + 1)[:, None]
     level: list[Points] = list(nodes)
     while len(level) > 1:  # de Casteljau, all t at once
         level = [(1 - t) * a + t * b for a, b in pairwise(level)]
     return level[0]
 
 
-def _pieces(count: float) -> int:
+def _piece_count(count: float) -> int:
     return int(np.ceil(np.clip(count, 1, _MOST_PIECES))) if np.isfinite(count) else 1
 
 
-def _xy(*points: Any) -> Points:
+def _to_points(*points: Any) -> Points:
     return np.array([[p.x, p.y] for p in points], np.float64)
 
 
@@ -215,7 +215,7 @@ def _xy(*points: Any) -> Points:
 def _style(shape: Any) -> str:
     """Return what is needed to paint a shape again, "" if nothing is."""
     values = shape.values
-    whole = _share(values.get("opacity"))
+    whole = _opacity(values.get("opacity"))
     style = {kind: _paint(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")}
     if set(style.values()) == {"none"}:
         return ""
@@ -235,7 +235,7 @@ def _paint(colour: Any, text: object) -> str:
     return f"#{colour.red:02x}{colour.green:02x}{colour.blue:02x}"
 
 
-def _share(text: str | None) -> float:
+def _opacity(text: str | None) -> float:
     try:
         return min(max(float(text or 1), 0), 1)
     except ValueError:

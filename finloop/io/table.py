@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from finloop.base.digits import significant
+from finloop.base.digits import round_significant
 from finloop.base.errors import FinloopError
 from finloop.base.schema import ANY, Column, Schema
 from finloop.io.atomic import whole_file
@@ -84,7 +84,7 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=arrow_schema(schema))
 
 
-def as_loaded(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
+def apply_schema(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
     """Return a table as `load_table` would after `save_table`: converted and checked."""
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
@@ -181,7 +181,9 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False
     frame = frame.round(decimals)
     if not exact:
         floats = frame.select_dtypes("floating")
-        frame = frame.assign(**{name: column.map(significant) for name, column in floats.items()})
+        frame = frame.assign(
+            **{name: column.map(round_significant) for name, column in floats.items()}
+        )
     with whole_file(path) as part:
         frame.to_csv(part, index=False, lineterminator="\n")
 

@@ -78,10 +78,10 @@ def load_facts(path: Path) -> VideoFacts:
     """Read the facts of a clip that `save_facts` wrote; FinloopError if missing or damaged."""
     keys = ", ".join(field.name for field in fields(VideoFacts))
     do = "make the clip again: `dvc repro --force clip`"
-    return load_json(path, _facts, f"the facts of a clip: JSON with {keys}", do)
+    return load_json(path, _parse_facts, f"the facts of a clip: JSON with {keys}", do)
 
 
-def _facts(record: dict[str, Any]) -> VideoFacts:
+def _parse_facts(record: dict[str, Any]) -> VideoFacts:
     record.pop("frame_rate_hz")
     record |= {key: Fraction(record[key]) for key in ("frame_rate", "pixel_aspect")}
     record["segments"] = tuple((int(a), int(b)) for a, b in record["segments"])

@@ -8,7 +8,7 @@ import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, grey
-from finloop.clip.light import gain, undo_gain
+from finloop.clip.light import measure_gain, undo_gain
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.several import film_folders
 from finloop.io.table import load_table
@@ -36,7 +36,7 @@ def film(name: str, clip: Path) -> Picture:
     (plain,) = read_spread(clip / CLIP_NAME, middle)
     tank = grey(load_picture(clip / TANK_NAME))
     table = load_table(clip / CHECK_NAME, CHECK)
-    even = undo_gain(plain, gain(plain, tank))
+    even = undo_gain(plain, measure_gain(plain, tank))
     return film_check(frame, np.abs(even.astype(np.float32) - tank), table, facts.frame_rate_hz,
                       f"{name} a frame of the film".strip())  # fmt: skip
 

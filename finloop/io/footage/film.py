@@ -35,13 +35,13 @@ from finloop.io.footage.source import (
     chroma_fraction,
     deep_levels,
     in_range,
-    other_size,
+    nearest_turn,
+    other_size_error,
     stretch_levels,
     thin_frame,
-    too_few,
-    turn_of,
+    too_few_error,
 )
-from finloop.io.footage.timing import frame_rate_of
+from finloop.io.footage.timing import estimate_frame_rate
 from finloop.io.video import THREADS, luma
 
 # A film that does not state its range of levels counts as limited (16 … 235), unless so many pixels
@@ -130,7 +130,7 @@ def _survey(path: Path, stamps: np.ndarray) -> _CodingSurvey:
     chroma, outside, deep = [], [], []
     low, high = OUTSIDE_LEVELS
     first: VideoFrame | None = None
-    for frame in _samples(path, stamps):
+    for frame in _sample_frames(path, stamps):
         first = first or frame
         if (frame.width, frame.height) != (first.width, first.height):
             continue  # `_film_frames` reports it
@@ -141,8 +141,8 @@ def _survey(path: Path, stamps: np.ndarray) -> _CodingSurvey:
         if first_component.bits > 8 and not others:  # it does not state how many are used
             deep.append(thin_frame(frame.to_ndarray(format="gray16le")))
     if first is None:
-        raise too_few(path, 0)
-    turn, exact = turn_of(_display_matrix(first))
+        raise too_few_error(path, 0)
+    turn, exact = nearest_turn(_display_matrix(first))
     stated = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
     yuv = first.format.name.startswith(_YUV)
     return _CodingSurvey(
@@ -158,7 +158,7 @@ def _survey(path: Path, stamps: np.ndarray) -> _CodingSurvey:
     )
 
 
-def _samples(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
+def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
     """Decode some frames spread over a film; its first ones if it cannot be sought."""
 
     def good(count: int) -> Iterator[VideoFrame]:
@@ -184,9 +184,9 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         aspect = stream.sample_aspect_ratio or Fraction(1)
         streams = len(_picture_streams(container))
     if stamps.size < 2:
-        raise too_few(path, stamps.size)
+        raise too_few_error(path, stamps.size)
     coding = _survey(path, stamps)
-    own_rate = frame_rate_of(stamps, stated)
+    own_rate = estimate_frame_rate(stamps, stated)
     if rate is None:
         times, last_s = stamps - stamps[0], (promised - stamps.size) / float(own_rate)
         last_s += float(times[-1])
@@ -270,7 +270,7 @@ def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
                 time_s = float(frame.pts * (stream.time_base or 1)) - footage.stamp_s
             if (frame.width, frame.height) != size:
                 what = f"{footage.path}: the frame at {time_s:.3f} s"
-                raise other_size(what, (frame.width, frame.height), size)
+                raise other_size_error(what, (frame.width, frame.height), size)
             if in_range(footage, time_s):
                 if stamps.size and frame.pts is not None:
                     number = int(np.searchsorted(stamps, frame.pts))
@@ -319,7 +319,7 @@ def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
 
 
 def _display_matrix(frame: VideoFrame) -> np.ndarray:
-    """Return the matrix (9 numbers) by which a player turns a frame upright; see `turn_of`."""
+    """Return the matrix (9 numbers) by which a player turns a frame upright; see `nearest_turn`."""
     side: Any
     for side in frame.side_data:
         if side.type == SideDataType.DISPLAYMATRIX:

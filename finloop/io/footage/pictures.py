@@ -23,10 +23,10 @@ from finloop.io.footage.source import (
     chroma_fraction,
     deep_levels,
     in_range,
-    other_size,
+    other_size_error,
     stretch_levels,
     thin_frame,
-    too_few,
+    too_few_error,
 )
 from finloop.io.video import THREADS
 
@@ -67,7 +67,7 @@ def open_pictures(
     """
     with _open_album(path) as (names, load):
         if len(names) < 2:
-            raise too_few(path, len(names))
+            raise too_few_error(path, len(names))
         if rate is None:
             raise FinloopError(
                 came=f"{path}: {len(names)} pictures, which do not state how fast they were shot",
@@ -183,7 +183,7 @@ def _picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
         def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
             picture = load(number)
             if picture.shape[1::-1] != size:
-                raise other_size(names[number], picture.shape[1::-1], size)
+                raise other_size_error(names[number], picture.shape[1::-1], size)
             if (picture.dtype == np.uint8) == (footage.levels is not None):
                 raise FinloopError(
                     came=f"{names[number]} has {picture.dtype} levels, unlike earlier ones",

@@ -173,14 +173,14 @@ def in_range(footage: Footage, time_s: float | Fraction) -> bool:
     return footage.start_s - slack <= time_s < footage.end_s - slack
 
 
-def too_few(path: Path, count: int) -> FinloopError:
+def too_few_error(path: Path, count: int) -> FinloopError:
     """Return the error for a source of fewer than two frames."""
     came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
     folder = f", or the folder of pictures: {path.parent}"
     return FinloopError(came, WANTED_TWO, "give a whole film" + (folder if count else ""))
 
 
-def other_size(what: str, size: tuple[int, int], first: tuple[int, int]) -> FinloopError:
+def other_size_error(what: str, size: tuple[int, int], first: tuple[int, int]) -> FinloopError:
     """Return the error for a frame whose size (width, height) is not that of the first frame."""
     return FinloopError(
         came=f"{what} is {size[0]}×{size[1]} pixels, those before it {first[0]}×{first[1]} pixels",
@@ -195,7 +195,7 @@ def thin_frame(frame: np.ndarray) -> np.ndarray:
     return frame[::k, ::k]
 
 
-def turn_of(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
+def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
     """Return the orientation nearest to a film's display matrix, and whether it is exact.
 
     matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y.

@@ -17,7 +17,7 @@ T = TypeVar("T")
 CUT_S, CUT_FRAMES = 1.0, 5.0  # whichever is longer
 
 
-def frame_rate_of(
+def estimate_frame_rate(
     times_s: Sequence[float] | np.ndarray, candidates: Sequence[Fraction]
 ) -> Fraction:
     """Return the constant frame rate that a film's ascending time stamps are nearest to.
@@ -89,6 +89,6 @@ def nearest_in_time(
         yield from repeats((last[0] - start_s) * rate + 0.5)
 
 
-def segments_of(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
+def split_at_cuts(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
     """Return the ranges [start, stop) of all frames that begin at cuts."""
     return tuple(zip(cuts, [*cuts[1:], frames], strict=True))
