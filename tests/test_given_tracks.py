@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from scratch import content, prepare
 
@@ -70,13 +72,8 @@ def truth_as_poses(truth: pd.DataFrame) -> Poses:
     named = [("head_x_px", "head_y_px"), ("tail_x_px", "tail_y_px"), ("x_px", "y_px")]
     places = np.stack([table[list(pair)].to_numpy() for pair in named], axis=1)
     places = places.reshape(-1, FISH, 3, 2)
-    return poses_from_arrays(
-        NAMES,
-        ("Nose", "tail_tip", "centre"),
-        np.arange(len(places)),
-        places,
-        np.ones(places.shape[:3]),
-    )
+    points, frames = ("Nose", "tail_tip", "centre"), np.arange(len(places))
+    return poses_from_arrays(NAMES, points, frames, places, np.ones(places.shape[:3]))
 
 
 def arrays(poses: Poses) -> np.ndarray:
@@ -179,9 +176,8 @@ def test_swapped_heads_decide_and_are_reported(tracks_run):
     tracks, given = table(tracks_run, "tracks"), table(tracks_run, "given")
     swapped = (given["track_id"] == 1).to_numpy()
     line = lists_to_points(tracks, "backbone")
-    told = match_head_end(
-        line, given[["head_x_px", "head_y_px"]].to_numpy(), np.full((len(line), 2), np.nan)
-    )
+    heads = given[["head_x_px", "head_y_px"]].to_numpy()
+    told = match_head_end(line, heads, np.full(heads.shape, np.nan))
     ends = np.where((told == 1)[:, None], line[:, -1], line[:, 0])  # the tail as it was told
     given.loc[swapped, ["head_x_px", "head_y_px"]] = ends[swapped]
     made = against_given(tracks, given, 25.0)
@@ -263,11 +259,8 @@ def test_several_films_of_another_programs_tracks_become_one(
     prepare(tmp_path, *CARP, f"extract.tracks_path='{code}'")
     monkeypatch.chdir(tmp_path)
     stages.extract.main()
-    tracks, given, alone = (
-        table(tmp_path, "tracks"),
-        table(tmp_path, "given"),
-        table(tracks_run, "given"),
-    )
+    tracks, given = table(tmp_path, "tracks"), table(tmp_path, "given")
+    alone = table(tracks_run, "given")
     assert tracks[["track_id", "frame"]].equals(given[["track_id", "frame"]])
     assert set(given["animal"]) == {f"{name}-{animal}" for name in "ab" for animal in NAMES}
     ends = ["head_x_px", "head_y_px"]
@@ -284,13 +277,8 @@ def test_several_films_of_another_programs_tracks_become_one(
 def spot(x, y, isolated=True, long=10, wide=4):
     """A silhouette that is a rectangle about a place."""
     box = (x - long, y - wide, x + long + 1, y + wide + 1)
-    corners = [
-        (x - long, y - wide),
-        (x + long, y - wide),
-        (x + long, y + wide),
-        (x - long, y + wide),
-    ]
-    outline = np.array(corners, np.int32)[:, None]
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [long, wide] + [x, y]
+    outline = corners.astype(np.int32)[:, None]
     return SilhouettePlace(x, y, 4.0 * long * wide, box, isolated, outline)
 
 
@@ -311,6 +299,7 @@ def place_array(*places):
         ([(50, 40), (50, 62)], [(50, 50)], [("shared", 0), ("shared", 0)]),
         ([(50, 50), (50, 66)], [(50, 50), (50, 75)], [("used", 0), ("used", 1)]),
         ([(53, 50)], [(47, 50), (52, 50), (60, 50)], [("used", 1)]),  # they overlap
+        ([(50, 50)], [(50, 50, False)], [("not isolated", 0)]),
     ],
 )
 def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outcomes):
@@ -318,12 +307,6 @@ def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outco
     assert match_silhouettes(place_array(*places), silhouettes, 20.0) == outcomes
     mirrored = match_silhouettes(place_array(*places[::-1]), silhouettes, 20.0)
     assert mirrored == outcomes[::-1]
-
-
-def test_no_animal_is_taken_from_where_none_is_isolated():
-    assert match_silhouettes(place_array((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [
-        ("not isolated", 0)
-    ]
 
 
 def test_of_several_points_those_that_are_given_count():
@@ -363,9 +346,7 @@ def run(told, frames, cuts=(), least=3):
 
 def test_a_gap_or_a_cut_ends_a_track_and_the_animal_stays():
     count = 20
-    places = np.stack(
-        [np.linspace([30, 30], [130, 30], count), np.linspace([30, 90], [130, 90], count)], 1
-    )
+    places = np.stack([np.linspace([30, y], [130, y], count) for y in (30, 90)], 1)
     places[8:10, 1] = np.nan
     film = [[spot(*map(int, place)) for place in (frame[0], (frame[0][0], 90))] for frame in places]
     rows, followed = run(map_poses(poses_at(places)), film, cuts=[15])
@@ -432,6 +413,8 @@ def test_frames_of_the_film_are_found_in_a_clip_that_begins_late_repeats_and_dro
     assert [told.points[told.rows(k)][0, 0, 0] for k in range(5)] == [45, 50, 50, 60, 65]
     rows = told.row_of(np.arange(5), np.zeros(5, int))
     assert told.points[rows, 0, 0].tolist() == [45, 50, 50, 60, 65]
+    scaled = map_poses(poses_at(places / 2), shown, frames=20, tracks_px_per_unit=2.0)
+    np.testing.assert_allclose(scaled.points, told.points)
 
 
 def test_points_of_little_confidence_count_as_not_given(monkeypatch):
@@ -441,11 +424,6 @@ def test_points_of_little_confidence_count_as_not_given(monkeypatch):
     monkeypatch.setattr(ExtractSettings, "tracks_least_confidence", 0.95)
     with pytest.raises(FinloopError, match=r"confidence of 0\.95"):
         map_poses(Poses(**vars(doubtful) | {"confidence": np.full((4, 1), 0.5)}))
-
-
-def test_places_are_scaled():
-    told = map_poses(poses_at(np.full((4, 1, 2), 50.0)), tracks_px_per_unit=2.0)
-    assert (told.points == 100).all()
 
 
 # --- head and tail -------------------------------------------------------------------------------
@@ -536,9 +514,8 @@ def test_more_animals_than_there_are_is_said():
     ghosts = np.stack([np.tile([5.0 + 35 * k, 5.0], (30, 1)) for k in range(5)], axis=1)
     told, bad = map_and_fit(np.concatenate([places, ghosts], axis=1), film, tuple("abcdefgh"))
     assert bad.lost == (3, 4, 5, 6, 7) and bad.seen == 3
-    with pytest.raises(
-        FinloopError, match=r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
-    ):
+    said = r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
+    with pytest.raises(FinloopError, match=said):
         refuse_other_film(told, bad, FilmSize(30, 200, 150))
 
 
@@ -615,11 +592,8 @@ def test_a_clip_without_its_frames_is_said(film, tracks_run, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FinloopError, match=r"frames\.parquet"):
         stages.extract.main()
-    save_table(
-        tmp_path / "data/clip/frames.parquet",
-        pd.DataFrame({"frame": range(24), "source_frame": range(100, 124)}),
-        FRAMES,
-    )
+    late = pd.DataFrame({"frame": range(24), "source_frame": range(100, 124)})
+    save_table(tmp_path / "data/clip/frames.parquet", late, FRAMES)
     with pytest.raises(FinloopError, match="frames 100 … 123"):
         stages.extract.main()
 
@@ -641,79 +615,56 @@ def long_table(places):
     return pd.DataFrame({"frame": frame, "time": frame / 25, "individual": animal, "x": x, "y": y})
 
 
-def wide_table(places):
-    table = pd.DataFrame(
-        places.reshape(len(places), -1), columns=[f"{c}{k}" for k in (1, 2, 3) for c in "xy"]
-    )
-    table.insert(0, "time", np.arange(len(places)) / 25)
-    return table
-
-
-def as_npy(folder, places):
-    home = folder / "session_film" / "trajectories"
-    home.mkdir(parents=True)
-    np.save(home / "trajectories.npy", np.array(idtracker(places), dtype=object))
-    return folder / "session_film"
-
-
-def as_pickle(folder, places):
-    (folder / "with_gaps.pickle").write_bytes(pickle.dumps(idtracker(places)))
-    return folder
-
-
-def as_csv_folder(folder, places):
-    home = folder / "trajectories_csv"
-    home.mkdir()
-    wide_table(places).to_csv(home / "trajectories.csv", index=False)
-    (home / "attributes.json").write_text(json.dumps({"identities_labels": NAMES}))
-    return home / "trajectories.csv"
-
-
-def as_tidy(folder, places):
-    long_table(places).to_csv(folder / "trajectories_tidy.csv", index=False)
-    (folder / "attributes_tidy.json").write_text(json.dumps({"identities_labels": NAMES}))
-    return folder / "trajectories_tidy.csv"
-
-
-def as_parquet(folder, places):
-    frame = long_table(places)
-    frame.attrs = {}
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    facts = json.dumps({"identities_labels": NAMES})
-    plain = pa.Table.from_pandas(frame)
-    pq.write_table(
-        plain.replace_schema_metadata({**plain.schema.metadata, "idtrackerai_attributes": facts}),
-        folder / "trajectories.parquet",
-    )
-    return folder / "trajectories.parquet"
-
-
-def as_hdf5(folder, places):
+def write_idtracker(kind: str, folder: Path, places: np.ndarray) -> Path:
+    """Write trajectories as idtracker.ai does; return what a user names."""
+    named = {"identities_labels": list(NAMES)}
+    match kind:
+        case "npy":
+            home = folder / "session_film" / "trajectories"
+            home.mkdir(parents=True)
+            np.save(home / "trajectories.npy", np.array(idtracker(places), dtype=object))
+            return home.parent
+        case "pickle":
+            (folder / "with_gaps.pickle").write_bytes(pickle.dumps(idtracker(places)))
+            return folder
+        case "csv folder":
+            home = folder / "trajectories_csv"
+            home.mkdir()
+            axes = [f"{c}{k}" for k in (1, 2, 3) for c in "xy"]
+            wide = pd.DataFrame(places.reshape(len(places), -1), columns=axes)
+            wide.insert(0, "time", np.arange(len(places)) / 25)
+            wide.to_csv(home / "trajectories.csv", index=False)
+            (home / "attributes.json").write_text(json.dumps(named))
+            return home / "trajectories.csv"
+        case "tidy csv":
+            long_table(places).to_csv(folder / "trajectories_tidy.csv", index=False)
+            (folder / "attributes_tidy.json").write_text(json.dumps(named))
+            return folder / "trajectories_tidy.csv"
+        case "parquet":
+            plain = pa.Table.from_pandas(long_table(places))
+            facts = {"idtrackerai_attributes": json.dumps(named)} | plain.schema.metadata
+            pq.write_table(plain.replace_schema_metadata(facts), folder / "trajectories.parquet")
+            return folder / "trajectories.parquet"
     h5py = pytest.importorskip("h5py", reason="the extra `tracks` is not installed: make tracks")
     with h5py.File(folder / "trajectories.h5", "w") as file:
         file.create_dataset("trajectories", data=places)
-        file.attrs["identities_labels"] = list(NAMES)
+        file.attrs.update(named)
     return folder / "trajectories.h5"
 
 
-@pytest.mark.parametrize("write", [as_npy, as_pickle, as_csv_folder, as_tidy, as_parquet, as_hdf5])
-def test_trajectories_of_idtracker(tmp_path, film, write):
+@pytest.mark.parametrize("kind", ["npy", "pickle", "csv folder", "tidy csv", "parquet", "h5"])
+def test_trajectories_of_idtracker(tmp_path, film, kind):
     places = arrays(film[1])[:, :, 2].copy()
     places[3, 1] = np.nan
-    poses = load_poses(write(tmp_path, places), None, 25.0)
-    assert (poses.individuals, poses.keypoints, poses.frames) == (
-        NAMES,
-        ("centre",),
-        FRAMES_OF_FILM,
-    )
+    poses = load_poses(write_idtracker(kind, tmp_path, places), None, 25.0)
+    assert (poses.individuals, poses.keypoints) == (NAMES, ("centre",))
+    assert poses.frames == FRAMES_OF_FILM
     np.testing.assert_allclose(arrays(poses)[:, :, 0], places, atol=1e-9)
     assert len(poses.frame) == FRAMES_OF_FILM * FISH - 1 and np.isnan(poses.confidence).all()
 
 
 def test_of_a_session_the_file_is_read_that_needs_no_optional_package(tmp_path, film):
-    session = as_npy(tmp_path, arrays(film[1])[:, :, 2])
+    session = write_idtracker("npy", tmp_path, arrays(film[1])[:, :, 2])
     (session / "trajectories/trajectories.h5").write_bytes(b"")
     assert load_poses(session, "idtracker.ai", 25.0).individuals == NAMES
 
@@ -754,13 +705,8 @@ def test_tracks_of_trex(tmp_path, film):
 def test_what_trex_has_interpolated_is_left_out_and_no_posture_is_no_head(tmp_path):
     x = np.array([1.0, 2.0, np.inf, 4.0])
     fields = {"X": x, "Y": x, "X#wcentroid": x, "Y#wcentroid": x}
-    np.savez(
-        tmp_path / "f_id0.npz",
-        frame=[7, 8, 9, 10],
-        missing=[0, 1, 0, 0],
-        cm_per_pixel=[0.1],
-        **fields,
-    )
+    fields |= {"frame": [7, 8, 9, 10], "missing": [0, 1, 0, 0], "cm_per_pixel": [0.1]}
+    np.savez(tmp_path / "f_id0.npz", **fields)
     poses = load_poses(tmp_path / "f_id0.npz", None, 25.0)
     assert poses.frame.tolist() == [7, 10]
     assert np.isnan(poses.places[:, 0]).all() and poses.places[:, 1, 0].tolist() == [10, 40]
@@ -785,20 +731,20 @@ def by_library(folder, dataset, poses, kind):
     """The truth as each program writes it, by movement or the program's own library."""
     from movement.io import save_poses
 
-    if kind == "DeepLabCut csv":
-        save_csv_in_blocks(folder / "a.csv", deeplabcut(poses), decimals=4)
-        return folder / "a.csv"
-    if kind == "DeepLabCut h5":
-        save_poses.to_dlc_file(dataset, folder / "a.h5", split_individuals=False)
-        return folder / "a.h5"
-    if kind == "SLEAP h5":
-        save_poses.to_sleap_analysis_file(dataset, folder / "a.h5")
-        return folder / "a.h5"
-    if kind == "SLEAP slp":
-        return as_slp(folder / "a.slp", poses)
-    if kind == "movement":
-        dataset.to_netcdf(folder / "a.nc", engine="h5netcdf")
-        return folder / "a.nc"
+    path = folder / f"a.{kind.split()[1]}"
+    match kind:
+        case "DeepLabCut csv":
+            save_csv_in_blocks(path, deeplabcut(poses), decimals=4)
+        case "DeepLabCut h5":
+            save_poses.to_dlc_file(dataset, path, split_individuals=False)
+        case "SLEAP h5":
+            save_poses.to_sleap_analysis_file(dataset, path)
+        case "SLEAP slp":
+            save_slp(path, poses)
+        case "movement nc":
+            dataset.to_netcdf(path, engine="h5netcdf")
+    if path.exists():
+        return path
     from pynwb import NWBHDF5IO
 
     for name, file in zip(NAMES, save_poses.to_nwb_file(dataset), strict=True):
@@ -807,7 +753,7 @@ def by_library(folder, dataset, poses, kind):
     return folder
 
 
-def as_slp(path, poses):
+def save_slp(path, poses):
     import sleap_io as sio
 
     skeleton, video = sio.Skeleton(list(poses.keypoints)), sio.Video("film.mp4", open_backend=False)
@@ -823,13 +769,12 @@ def as_slp(path, poses):
         for frame in np.unique(poses.frame)
     ]  # fmt: skip
     sio.Labels(frames).save(str(path))
-    return path
 
 
 @needs_movement
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
-    "kind", ["DeepLabCut csv", "DeepLabCut h5", "SLEAP h5", "SLEAP slp", "movement", "NWB"]
+    "kind", ["DeepLabCut csv", "DeepLabCut h5", "SLEAP h5", "SLEAP slp", "movement nc", "NWB files"]
 )
 def test_what_movement_reads(tmp_path, film, dataset, kind):
     poses = load_poses(by_library(tmp_path, dataset, film[1], kind), None, 25.0)
@@ -853,10 +798,8 @@ def test_one_animal_of_lightning_pose_and_three_dimensions_of_anipose(tmp_path, 
         position = one.position.transpose("time", "individuals", "keypoints", "space")
         np.testing.assert_allclose(arrays(poses), position, atol=1e-3)
     columns = [f"{k}_{c}" for k in "pq" for c in ("x", "y", "z", "error", "ncams", "score")]
-    columns += [
-        *(f"center_{k}" for k in range(3)),
-        *(f"M_{i}{j}" for i in range(3) for j in range(3)),
-    ]
+    columns += [f"center_{k}" for k in range(3)]
+    columns += [f"M_{i}{j}" for i in range(3) for j in range(3)]
     flat = pd.DataFrame(np.ones((4, len(columns))), columns=columns).assign(fnum=range(4))
     flat.to_csv(tmp_path / "b.csv", index=False)
     with pytest.raises(FinloopError, match="3 dimensions"):

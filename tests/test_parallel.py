@@ -204,27 +204,18 @@ def test_what_gives_an_error_of_the_system_is_tried_again(workers, tmp_path, mon
     assert len(list(tmp_path.glob("tried-*"))) == parallel.TRIES
 
 
-def test_items_are_made_a_few_ahead_and_come_in_order():
+def test_items_are_made_a_few_ahead_and_an_error_comes_after_the_items_before_it():
     made = []
 
     def items():
         for number in range(20):
             made.append(number)
             yield number
-
-    for number in prefetch(items(), most=3):
-        assert number <= len(made) - 1 <= number + 3
-    assert made == list(range(20))
-
-
-def test_an_error_of_an_item_comes_after_the_items_before_it():
-    def items():
-        yield 1
-        yield 2
-        raise KeyError("third")
+        raise KeyError("the last")
 
     got = []
-    with pytest.raises(KeyError, match="third"):
-        for item in prefetch(items()):
-            got.append(item)
-    assert got == [1, 2]
+    with pytest.raises(KeyError, match="the last"):
+        for number in prefetch(items(), most=3):
+            assert number <= len(made) - 1 <= number + 3
+            got.append(number)
+    assert got == made == list(range(20))
