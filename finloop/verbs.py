@@ -78,9 +78,8 @@ from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import Shoaling, require_rule
 from finloop.social.steps import SOCIAL_STEPS, rows_of, steps_of
-from finloop.sprites.choice import choose
+from finloop.sprites.choice import choose_frames, swimmer_table
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
-from finloop.sprites.swimmers import swimmers
 
 __all__ = [
     "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "find_zones",
@@ -141,9 +140,9 @@ def make_sprites(
     `finloop.sprites.settings.SpritesSettings`, for example straight_frames="8:120-140".
     """
     p, film = settings("sprites", **changes), tracks.cutouts
-    table = swimmers(features, tracks.table, p)
+    table = swimmer_table(features, tracks.table, p)
     look = partial(Reel(features, film).align_pictures, size=p.picture_px)
-    sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
+    sprites = sprite_table(table, choose_frames(table, look, delta_of(features), p), p)
     home = make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):

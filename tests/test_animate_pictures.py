@@ -17,7 +17,7 @@ from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, film_poses
-from finloop.sprites.pictures import outlines
+from finloop.sprites.orient import sprite_outlines
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -178,7 +178,7 @@ def test_an_outline_is_ahead_and_to_the_left(tmp_path):
         open_cutouts(tmp_path / "film.arrow") as film,
         open_cutouts(tmp_path / "sprites.arrow") as store,
     ):
-        hull = outlines(Reel(table, film, sprites, store))[0]
+        hull = sprite_outlines(Reel(table, film, sprites, store))[0]
     assert hull[:, 0].min() == pytest.approx(-40, abs=3)
     assert hull[:, 0].max() == pytest.approx(40, abs=3)
     blunt = hull[hull[:, 0] > 35]

@@ -35,28 +35,41 @@ from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
 from finloop.sprites import atlas as sprites_atlas
-from finloop.sprites.candidates import beats, slides, turns
 from finloop.sprites.choice import (
+    SIDES,
     Choice,
+    FrameRun,
     best_of_tracks,
-    choose,
     choose_combination,
+    choose_frames,
     closure,
+    cycle_heading,
+    find_glides,
+    find_tail_beats,
+    find_turns,
     sharpness,
+    smooth,
+    swimmer_table,
+    turn_phases,
 )
 from finloop.sprites.metrics import (
     count_complete_orientations,
-    faults,
+    cycle_metrics,
+    fault_table,
     is_still,
-    loop_numbers,
-    numbers,
+    sprite_metrics,
     table1_after,
 )
-from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
+from finloop.sprites.orient import (
+    SPRITES,
+    reflection,
+    rotation,
+    sprite_cutouts,
+    sprite_table,
+    trim_picture,
+    turn_cutout,
+)
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
-from finloop.sprites.swimmers import smooth, swimmers
-from finloop.sprites.turn import reflection, rotation, trim_picture, turn_cutout
 
 ORIENTATIONS = 12
 
@@ -80,7 +93,7 @@ class Film:
 
     @property
     def table(self):
-        return swimmers(self.features, self.tracks, AUTOMATIC)
+        return swimmer_table(self.features, self.tracks, AUTOMATIC)
 
     @property
     def look(self):
@@ -184,7 +197,7 @@ def toy():
 
 @pytest.fixture(scope="module")
 def automatic_choice(toy):
-    return choose(toy.table, toy.look, DELTA, AUTOMATIC)
+    return choose_frames(toy.table, toy.look, DELTA, AUTOMATIC)
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +211,7 @@ def pictures(toy, sprites):
 
 
 def pick(film, **values):
-    return choose(
+    return choose_frames(
         film.table,
         film.look,
         DELTA,
@@ -378,7 +391,7 @@ def test_swimmers_say_how_fish_move(toy):
 def test_doubtful_frames_cannot_be_used(toy, column, value):
     spoilt = toy.features.copy()
     spoilt.loc[30, column] = value
-    usable = swimmers(spoilt, toy.tracks, AUTOMATIC)["usable"].to_numpy()
+    usable = swimmer_table(spoilt, toy.tracks, AUTOMATIC)["usable"].to_numpy()
     assert not usable[30] and usable.sum() == len(usable) - 1
 
 
@@ -414,7 +427,7 @@ def test_the_straight_cycle_is_one_beat_that_closes(toy, automatic_choice):
     straight = automatic_choice["straight"].stretch
     assert len(straight) == BEAT
     assert within(straight, plan_frames(PLAN, "beat"))
-    result = loop_numbers("straight", automatic_choice["straight"], toy.table, toy.look)
+    result = cycle_metrics("straight", automatic_choice["straight"], toy.table, toy.look)
     assert result["straight_closure_after_last_to_first"] < 1
     assert result["straight_closure_last_to_first"] < 1.5
 
@@ -509,7 +522,7 @@ def test_in_a_film_without_a_tail_beat_a_glide_stands_in():
 
 def test_a_fish_that_never_bends_says_so(toy):
     with pytest.raises(FinloopError, match="a fish that bends"):
-        choose(toy.table.assign(bend=0.0), toy.look, DELTA, AUTOMATIC)
+        choose_frames(toy.table.assign(bend=0.0), toy.look, DELTA, AUTOMATIC)
 
 
 def test_a_film_without_a_glide_slides_as_straight_as_it_can():
@@ -520,9 +533,9 @@ def test_a_film_without_a_glide_slides_as_straight_as_it_can():
 
 
 def test_of_a_film_of_doubtful_frames_the_calmest_and_most_bent_stand_in(toy):
-    table = swimmers(toy.features.assign(head_confidence=0.5), toy.tracks, AUTOMATIC)
+    table = swimmer_table(toy.features.assign(head_confidence=0.5), toy.tracks, AUTOMATIC)
     assert not table["usable"].any()
-    picked = choose(table, toy.look, DELTA, AUTOMATIC)
+    picked = choose_frames(table, toy.look, DELTA, AUTOMATIC)
     assert all(picked[word].stands_in for word in ("straight", "left", "right"))
 
 
@@ -530,8 +543,8 @@ def test_spoilt_frames_are_never_picked(toy, automatic_choice):
     spoilt = toy.features.copy()
     at = automatic_choice["straight"].stretch.rows
     spoilt.loc[at.start + 2 : at.stop - 2, "head_confidence"] = 0.7
-    table = swimmers(spoilt, toy.tracks, AUTOMATIC)
-    picked = choose(table, toy.look, DELTA, AUTOMATIC)
+    table = swimmer_table(spoilt, toy.tracks, AUTOMATIC)
+    picked = choose_frames(table, toy.look, DELTA, AUTOMATIC)
     for choice in picked.values():
         assert table["usable"][choice.stretch.rows].all()
     assert picked["straight"].stretch != automatic_choice["straight"].stretch
@@ -540,8 +553,8 @@ def test_spoilt_frames_are_never_picked(toy, automatic_choice):
 def test_candidates_do_not_reach_across_tracks(toy):
     cut = toy.table.copy()
     cut.loc[70:, "track_id"] = 9  # amid the left turn and its surroundings
-    cycles = [find(cut, DELTA, AUTOMATIC) for find in (beats, slides)]
-    for candidates in cycles + [turns(cut, side, AUTOMATIC) for side in (1, -1)]:
+    cycles = [find(cut, DELTA, AUTOMATIC) for find in (find_tail_beats, find_glides)]
+    for candidates in cycles + [find_turns(cut, side, AUTOMATIC) for side in (1, -1)]:
         if len(candidates):
             last = candidates["start"].to_numpy() + candidates["length"].to_numpy()
             assert not ((candidates["start"] < 70) & (last > 70)).any()
@@ -602,7 +615,7 @@ def test_a_still_tail_moves_less_than_its_width(swing, still):
 
 
 def test_faults_explain_the_choice(automatic_choice):
-    table = faults(automatic_choice)
+    table = fault_table(automatic_choice)
     assert set(table["sequence"]) == {"straight", "slide", "left", "right"}
     for word, rows in table.groupby("sequence"):
         assert rows["value"].sum() == pytest.approx(automatic_choice[word].stretch.cost)
@@ -617,7 +630,7 @@ def test_listed_frames_are_taken_as_they_are(toy):
     picked = pick(toy, straight="3:20-33", left=f" 3 : {a} - {b} ")
     assert (picked["straight"].stretch.first, picked["straight"].stretch.last) == (20, 33)
     assert (picked["left"].stretch.first, picked["left"].stretch.last) == (a, b)
-    assert faults(picked)["fault"].eq("listed by hand").sum() == 2
+    assert fault_table(picked)["fault"].eq("listed by hand").sum() == 2
 
 
 def test_listed_frames_may_be_a_track_s_last(toy):
@@ -626,7 +639,7 @@ def test_listed_frames_may_be_a_track_s_last(toy):
     rows = sprite_table(toy.table, picked, AUTOMATIC).query("sequence == 'slide'")
     np.testing.assert_allclose(rows["forward"], 2.5 / LENGTH, atol=4e-3)
     assert len(rows) == 10
-    result = loop_numbers("slide", picked["slide"], toy.table, toy.look)
+    result = cycle_metrics("slide", picked["slide"], toy.table, toy.look)
     assert "slide_closure_last_to_first" not in result  # there is no frame after
 
 
@@ -654,7 +667,7 @@ def test_nonsense_in_the_list_is_refused(toy, asked, message):
 def test_phases_need_frames_on_both_sides_of_the_bend(toy):
     ((a, b),) = plan_frames(PLAN, "left")
     half = FrameRun(3, a, (a + b) // 2 - 1, slice(a, (a + b) // 2))
-    assert phases(toy.table, half, 1, AUTOMATIC.hold) == ["none"]
+    assert turn_phases(toy.table, half, 1, AUTOMATIC.hold) == ["none"]
 
 
 # -- the table and the pictures ---------------------------------------------------------------------
@@ -735,7 +748,7 @@ def test_table_1_has_all_types_in_every_orientation(toy, sprites):
 
 
 def test_numbers_are_flat_and_finite(toy, sprites):
-    found = numbers(sprites, toy.table, toy.features, len(toy.features), RATE)
+    found = sprite_metrics(sprites, toy.table, toy.features, len(toy.features), RATE)
     assert all(np.isfinite(value) for value in found.values())
     picked = sprites[["track_id", "frame"]].drop_duplicates()
     assert found["picked_of_fish_frames_pct"] == pytest.approx(100 * len(picked) / len(toy.tracks))
@@ -862,10 +875,10 @@ def test_pictures_on_a_page_do_not_touch(few, store):
     for page in sprites_atlas.lay_out_pages(few, store.index, 512):
         assert page.width <= 512 and page.height <= 512
         taken = np.zeros((page.height, page.width), int)
-        for spot in page.spots:
+        for spot in page.slots:
             taken[spot.y - 1 : spot.y + spot.height + 1, spot.x - 1 : spot.x + spot.width + 1] += 1
         assert taken.max() == 1
-        assert taken.sum() == sum((s.width + 2) * (s.height + 2) for s in page.spots)
+        assert taken.sum() == sum((s.width + 2) * (s.height + 2) for s in page.slots)
 
 
 def test_a_page_too_small_for_one_sequence_is_refused(few, store):
