@@ -41,8 +41,7 @@ from finloop.bpn.back_propagation import train_network
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.calibrate.film import film_shoal
 from finloop.calibrate.rule import film_rule, shortage
-from finloop.distance.compare import FrameComparison, compare_frames
-from finloop.distance.map import PAIRS, STEPS, map_rows
+from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, map_rows
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE

@@ -20,7 +20,7 @@ import stages.plots.gateways
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.distance.map import STEPS, MapFacts
-from finloop.distance.picture import BODY, FILM, picture, successive_distances
+from finloop.distance.picture import BODY, FILM, centre_cutout, successive_distances
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES, orientation, wrap_deg
 from finloop.gateways.find import (
@@ -240,7 +240,9 @@ def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, r
         for way in ways.iloc[:: max(1, len(ways) // 40)].itertuples():
             row = way.row + (direction == OUT)
             turn = drawn_deg[way.sprite] + way.turn_deg
-            turned = picture(film[row], of.features.iloc[row], LENGTH, SIZE, turn)
+            turned = centre_cutout(
+                film[row], of.features.loc[row, ["x_px", "y_px"]], LENGTH, SIZE, turn
+            )
             far = np.linalg.norm(turned - shown[way.sprite])
             assert far == pytest.approx(way.distance, abs=0.25 * of.step)
 
