@@ -64,7 +64,7 @@ from finloop.io.table import as_loaded, load_table
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.source import InMemory
 from finloop.jumps.table import JUMPS
-from finloop.loops.search import LOOPS, NoLoops, as_map, find
+from finloop.loops.search import LOOPS, NoLoops, as_map, find_video_loops
 from finloop.modes.animator import Animator, FilmData
 from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
@@ -170,7 +170,7 @@ def find_loops(
     """
     p, pairs = settings("loops", **changes), as_map(similar.pairs, len(features))
     try:
-        loops, _ = find(pairs, features, rate_hz, similar.facts.step_median, p)
+        loops, _ = find_video_loops(pairs, features, rate_hz, similar.facts.step_median, p)
     except NoLoops as none:
         warnings.warn(str(none), stacklevel=2)
         loops = LOOPS.empty()
