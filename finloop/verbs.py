@@ -62,7 +62,7 @@ from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table
 from finloop.jumps.film import FilmJumps, film_jumps
-from finloop.jumps.source import InMemory
+from finloop.jumps.signature import InMemory
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find_video_loops
 from finloop.modes.animator import Animator, FilmData
