@@ -49,10 +49,9 @@ from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract
 from finloop.features.table import FEATURES, delta_of, measure_features
 from finloop.footage import Film, Tracks, draw_carp, make_folder, open_film, open_store
-from finloop.forecast.film import film_states, posture_mirror
+from finloop.forecast.film import film_states, posture_mirror, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import split_held_out
 from finloop.forecast.sampling import Sampler, build_sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder

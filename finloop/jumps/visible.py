@@ -13,7 +13,7 @@ from finloop.base.parallel import Workers, ordered_map
 from finloop.distance.picture import SPAN, distance_pair_by_pair
 from finloop.jumps.signature import Pictures, RowSource, blocks
 from finloop.puppet import draw
-from finloop.puppet.pairs import PictureSet, distances_in_pose, nearest_in_pose
+from finloop.puppet.lay import PictureSet, distances_in_pose, nearest_in_pose
 
 _LOT = 1000  # pictures at a time
 
