@@ -55,7 +55,7 @@ from finloop.loops.search import (
 )
 from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
 from finloop.plots.loop_groups import film_below, over_time, stretches
-from finloop.plots.loop_routes import choose_cases, figure10, find_three_ways, jumps_of, spell
+from finloop.plots.loop_routes import figure10, find_three_ways, jumps_of, spell
 from finloop.plots.loops import sample, separate_loops
 
 RATE = 20.0
@@ -220,29 +220,6 @@ def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
     )
     assert sorted(loops["a"]) == list(range(2, 28, 3))  # all equal: as near as apart allows
     assert (loops["b"] - loops["a"] == 30).all() and loops["length_s"].isna().all()
-
-
-def test_a_missing_neighbour_refuses_a_pair():
-    pairs = film_map(np.zeros((10, 1)))
-    whole = dense(pairs, pairs.distance)
-    whole[4, 8] = np.inf
-    i, j = np.nonzero(np.isfinite(whole))
-    holed = as_map(pd.DataFrame({"i": i, "j": j, "distance": 0.0}), 10)
-    finite = np.isfinite(dense(holed, filtered_map(holed, np.zeros(10), 1, 1.0)))
-    assert finite[2, 6] and not finite[[3, 4, 5], [7, 8, 9]].any()
-    assert finite[4, 7]  # another diagonal
-
-
-def test_loops_within_a_track_have_a_least_length():
-    rng = np.random.default_rng(0)
-    film = rng.normal(size=(80, 1))
-    for least in (1.0, 5.0, 10.0):
-        asked = settings(
-            min_length_deltas=least, compared_neighbour_frames=0, distance_threshold=0.2
-        )
-        loops, _ = find_video_loops(film_map(film), still(80), RATE, 1.0, asked)
-        assert loops["length_s"].min() == pytest.approx(least * DELTA / RATE, abs=0.1)
-        assert loops["length_s"].min() >= least * DELTA / RATE
 
 
 # -- Fig. 13 ----------------------------------------------------------------------------------------
@@ -617,13 +594,6 @@ def test_of_two_tracks_the_loops_are_of_the_one_that_is_easier_to_read():
     track = np.repeat([0, 1], [90, 90])
     three = find_three_ways(within_track(*PAPERS, *crowded), track)
     assert (track[three.ends] == 0).all() and three.ends.tolist() == list(FIG10.values())
-
-
-def test_cases_are_the_shortest_of_their_kind(fig10):
-    ways = routes(fig10, 6, 5, 40)
-    assert [spell(way, fig10.ends) for way in choose_cases(ways)] == [
-        "GHCDEF", "GABCDEF", "GHCDEBCDEF",
-    ]  # fmt: skip
 
 
 # -- Fig. 12, groups --------------------------------------------------------------------------------
