@@ -28,8 +28,7 @@ from finloop.base.nearest import Nearest, Vectors
 from finloop.base.parallel import Threads
 from finloop.base.settings import settings
 from finloop.base.stretches import spread_rows
-from finloop.jumps.signature import signature_parts, signatures
-from finloop.jumps.source import InMemory
+from finloop.jumps.signature import InMemory, signature_parts, signatures
 from finloop.project import Project
 from stages.run import THREADS
 

@@ -41,8 +41,7 @@ from finloop.bpn.back_propagation import train_network
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.calibrate.film import film_shoal
 from finloop.calibrate.rule import film_rule, shortage
-from finloop.distance.compare import FrameComparison, compare_frames
-from finloop.distance.map import PAIRS, STEPS, map_rows
+from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, map_rows
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
@@ -50,10 +49,9 @@ from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract
 from finloop.features.table import FEATURES, delta_of, measure_features
 from finloop.footage import Film, Tracks, draw_carp, make_folder, open_film, open_store
-from finloop.forecast.film import film_states, posture_mirror
+from finloop.forecast.film import film_states, posture_mirror, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import split_held_out
 from finloop.forecast.sampling import Sampler, build_sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder
@@ -62,9 +60,9 @@ from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import apply_schema, load_table
 from finloop.jumps.film import FilmJumps, film_jumps
-from finloop.jumps.source import InMemory
+from finloop.jumps.signature import InMemory
 from finloop.jumps.table import JUMPS
-from finloop.loops.search import LOOPS, NoLoops, as_map, find
+from finloop.loops.search import LOOPS, NoLoops, as_map, find_video_loops
 from finloop.modes.animator import Animator, FilmData
 from finloop.modes.hybrid import hybrid_animator
 from finloop.modes.loops import loops_animator
@@ -77,9 +75,8 @@ from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import Shoaling, require_rule
 from finloop.social.steps import SOCIAL_STEPS, rows_of, steps_of
-from finloop.sprites.choice import choose
+from finloop.sprites.choice import choose_frames, swimmer_table
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
-from finloop.sprites.swimmers import swimmers
 
 __all__ = [
     "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "find_zones",
@@ -140,9 +137,9 @@ def make_sprites(
     `finloop.sprites.settings.SpritesSettings`, for example straight_frames="8:120-140".
     """
     p, film = settings("sprites", **changes), tracks.cutouts
-    table = swimmers(features, tracks.table, p)
+    table = swimmer_table(features, tracks.table, p)
     look = partial(Reel(features, film).align_pictures, size=p.picture_px)
-    sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
+    sprites = sprite_table(table, choose_frames(table, look, delta_of(features), p), p)
     home = make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
@@ -171,7 +168,7 @@ def find_loops(
     """
     p, pairs = settings("loops", **changes), as_map(similar.pairs, len(features))
     try:
-        loops, _ = find(pairs, features, rate_hz, similar.facts.step_median, p)
+        loops, _ = find_video_loops(pairs, features, rate_hz, similar.facts.step_median, p)
     except NoLoops as none:
         warnings.warn(str(none), stacklevel=2)
         loops = LOOPS.empty()

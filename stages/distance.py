@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.compare import compare_frames, map_blocks
-from finloop.distance.map import EXACT, PAIRS, STEPS, count_pairs
+from finloop.distance.map import EXACT, PAIRS, STEPS, compare_frames, count_pairs, map_blocks
 from finloop.distance.picture import distance_pair_by_pair
 from finloop.distance.reel import Reel
 from finloop.distance.settings import DistanceSettings

@@ -32,7 +32,7 @@ from finloop.io.table import save_csv, save_csv_in_blocks, save_table
 from finloop.project import EditSources, Project
 from finloop.render.gallery import frames
 from finloop.render.painter import Box
-from finloop.sprites.stretch import SIDES, WORDS
+from finloop.sprites.choice import SIDES, WORDS
 from finloop.stimulus.drawn import drawn_of
 from finloop.stimulus.page import alone_page
 from finloop.stimulus.pictures import PagePictures

@@ -11,11 +11,10 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.forecast import assess
-from finloop.forecast.film import MOTION, FilmStates
+from finloop.forecast.film import MOTION, FilmStates, Partition, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import Partition, split_held_out
 from finloop.forecast.sampling import Sampler, build_sampler, free_run
 from finloop.forecast.settings import ForecastSettings
 from finloop.io.atomic import whole_folder

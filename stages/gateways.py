@@ -3,21 +3,14 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from finloop.distance.map import map_rows
-from finloop.gateways.find import (
-    GATEWAYS,
-    IN,
-    OUT,
-    gateways,
-    gateways_without_threshold,
-    nearness,
-    numbers,
-)
+from finloop.gateways.find import GATEWAYS, IN, OUT, gateway_metrics, gateways, nearness
 from finloop.gateways.settings import GatewaysSettings
 from finloop.io.atomic import whole_folder
 from finloop.io.table import save_table
@@ -28,16 +21,18 @@ REPORT = Path("reports/gateways")
 WORDS = {IN: "into", OUT: "out of"}
 
 
-def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> None:
+def report_missing_gateways(
+    ways: pd.DataFrame, nearest: pd.DataFrame, step: float, least: float
+) -> None:
     """Report on stderr each direction without a gateway, and what would give one.
 
-    ways: gateways; every: nearest pairs, both columns of `GATEWAYS`; step: median natural step;
-    least: Δ of film that must follow the frame.
+    ways: gateways; nearest: those without a threshold; step: median natural step; least: Δ of film
+    that must follow the frame.
     """
     for direction, word in WORDS.items():
         if (ways["direction"] == direction).any():
             continue
-        near = every.loc[every["direction"] == direction, "distance"]
+        near = nearest.loc[nearest["direction"] == direction, "distance"]
         if near.empty:
             why = f"no track lasts {least:g} Δ and one frame more"
         else:
@@ -56,12 +51,14 @@ def main() -> None:
         with progress("gateways", len(rows)) as advance:
             near = nearness(project.reel, rows, facts.size, facts.pose, advance)
         ways = gateways(near, sprites, features, step, settings)
-        every = gateways_without_threshold(near, sprites, features, settings)
-    say(ways, every, step, settings.least)
+        without_threshold = replace(settings, distance_threshold=np.inf)
+        nearest = gateways(near, sprites, features, step, without_threshold)
+    report_missing_gateways(ways, nearest, step, settings.least)
     with whole_folder(Path("data/gateways")) as folder:
         save_table(folder / "gateways.parquet", ways, GATEWAYS)
-        save_table(folder / "nearest.parquet", every, GATEWAYS)
-    save_metrics(REPORT / "metrics.json", numbers(ways, every, near, features, rate_hz, step))
+        save_table(folder / "nearest.parquet", nearest, GATEWAYS)
+    metrics = gateway_metrics(ways, nearest, near, features, rate_hz, step)
+    save_metrics(REPORT / "metrics.json", metrics)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.settings import JumpsSettings
-from finloop.jumps.source import Pictures, shape_of
+from finloop.jumps.signature import Pictures, shape_of
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
 from finloop.pose.film import FilmPoses
 from finloop.project import Project
@@ -31,8 +31,8 @@ WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
 class StoredFilm:
     """A film for the workers of `jumps`, whose pictures (n, size, size, c) are in the file `path`.
 
-    It is a `finloop.jumps.source.RowSource`. Every process opens the file and the project itself.
-    OSError if the disk is full.
+    It is a `RowSource` of `finloop.jumps.signature`. Every process opens the file and the project
+    itself. OSError if the disk is full.
     """
 
     path: Path

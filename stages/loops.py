@@ -5,14 +5,22 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from finloop.distance.map import map_rows
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_file, whole_folder
 from finloop.io.table import save_csv, save_table
 from finloop.loops.graph import loop_graph, routes
-from finloop.loops.metrics import numbers
-from finloop.loops.positions import far_ends, position_table, routes_table, table_ends
-from finloop.loops.search import LOOPS, NoLoops, as_map, find, least_frames
+from finloop.loops.positions import position_table, routes_table, table_ends
+from finloop.loops.search import (
+    LOOPS,
+    NoLoops,
+    as_map,
+    find_video_loops,
+    least_frames,
+    loop_metrics,
+)
 from finloop.loops.settings import LoopsSettings
 from finloop.project import Project
 from stages.settings import load
@@ -47,7 +55,7 @@ def main() -> None:
     del pairs  # it is large
 
     try:
-        loops, counts = find(similar, features, project.rate_hz, step, settings)
+        loops, counts = find_video_loops(similar, features, project.rate_hz, step, settings)
     except NoLoops as none:
         write_empty_tables(none)
         return
@@ -58,12 +66,13 @@ def main() -> None:
     table = position_table(table_ends(graph.ends, track), features)
     with whole_file(REPORT / "position_table.csv") as part:
         table.to_csv(part, lineterminator="\n")
-    ways = routes(
-        graph, *far_ends(graph), WAYS, jump_frames=least_frames(delta_of(features), settings)
-    )
+    largest = np.flatnonzero(graph.component == 0).tolist()
+    jump_frames = least_frames(delta_of(features), settings)
+    ways = routes(graph, largest[-1], largest[0], WAYS, jump_frames=jump_frames)
     save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
-    rows = map_rows(features, project.steps)
-    save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts, rows))
+    compared = map_rows(features, project.steps)
+    metrics = loop_metrics(loops, counts, graph, features, facts, compared)
+    save_metrics(REPORT / "metrics.json", metrics)
 
 
 if __name__ == "__main__":

@@ -16,19 +16,23 @@ from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
 from finloop.sprites import atlas
-from finloop.sprites.choice import Choice, choose
-from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after
+from finloop.sprites.choice import SIDES, Choice, choose_frames, swimmer_table
+from finloop.sprites.metrics import (
+    cycle_metrics,
+    fault_table,
+    is_still,
+    sprite_metrics,
+    table1_after,
+)
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.stretch import SIDES
-from finloop.sprites.swimmers import swimmers
 from stages.settings import load
 
 FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
 TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
-def say(choices: dict[str, Choice], still: bool) -> None:
+def report_substitutes(choices: dict[str, Choice], still: bool) -> None:
     """Report on stderr what stands in for sequences that the film does not show.
 
     choices: by sequence; still: whether the film shows a glide with a still tail.
@@ -70,9 +74,10 @@ def main() -> None:
     settings: SpritesSettings = load("sprites")
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
-        table, delta = swimmers(features, project.tracks(TRACKS), settings), delta_of(features)
-        look = partial(project.film_reel.align_pictures, size=settings.picture_px)
-        choices = choose(table, look, delta, settings)
+        delta = delta_of(features)
+        table = swimmer_table(features, project.tracks(TRACKS), settings)
+        draw_pictures = partial(project.film_reel.align_pictures, size=settings.picture_px)
+        choices = choose_frames(table, draw_pictures, delta, settings)
         sprites = sprite_table(table, choices, settings)
         with (
             whole_folder(FOLDER) as folder,
@@ -84,17 +89,20 @@ def main() -> None:
                     writer.write(cutout)
                     advance()
             pages = write_atlas(folder, sprites, settings.page_px, rate_hz)
-        loops = [loop_numbers(word, choices[word], table, look) for word in ("straight", "slide")]
+        cycles: dict[str, float] = {}
+        for word in ("straight", "slide"):
+            cycles |= cycle_metrics(word, choices[word], table, draw_pictures)
 
     still = settings.slide_frames is not None or is_still(choices["slide"], table, delta, settings)
-    say(choices, still)
+    report_substitutes(choices, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
-    save_csv(REPORT / "faults.csv", faults(choices), decimals=3)
+    save_csv(REPORT / "faults.csv", fault_table(choices), decimals=3)
     save_metrics(
         REPORT / "metrics.json",
-        numbers(sprites, table, features, facts.frames, rate_hz)
-        | loops[0] | loops[1] | {"atlas_pages": pages, "slide_stands_in": int(not still)},
-    )  # fmt: skip
+        sprite_metrics(sprites, table, features, facts.frames, rate_hz)
+        | cycles
+        | {"atlas_pages": pages, "slide_stands_in": int(not still)},
+    )
 
 
 if __name__ == "__main__":

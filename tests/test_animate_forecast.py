@@ -14,10 +14,9 @@ from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State
 from finloop.base.line import PX, Line
 from finloop.edit.schema import FORECAST, FRAME, Goal
-from finloop.forecast.film import MOTION, film_states
+from finloop.forecast.film import MOTION, film_states, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
-from finloop.forecast.partition import split_held_out
 from finloop.forecast.sampling import build_sampler, follow_row, start_at_row
 from finloop.plan.cost import Rarity
 from finloop.plan.graph import ROW, connected_parts, mark_leading_rows, without_dead_ends

@@ -9,7 +9,7 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
-from finloop.distance.picture import FILM, SPAN, distance, picture
+from finloop.distance.picture import FILM, SPAN, centre_cutout, distance
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.pictures import Pictures, draw_edit, drawn_steps, film_next, seams, without_ghosts
@@ -17,7 +17,7 @@ from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, film_poses
-from finloop.sprites.pictures import outlines
+from finloop.sprites.orient import sprite_outlines
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -178,7 +178,7 @@ def test_an_outline_is_ahead_and_to_the_left(tmp_path):
         open_cutouts(tmp_path / "film.arrow") as film,
         open_cutouts(tmp_path / "sprites.arrow") as store,
     ):
-        hull = outlines(Reel(table, film, sprites, store))[0]
+        hull = sprite_outlines(Reel(table, film, sprites, store))[0]
     assert hull[:, 0].min() == pytest.approx(-40, abs=3)
     assert hull[:, 0].max() == pytest.approx(40, abs=3)
     blunt = hull[hull[:, 0] > 35]
@@ -201,10 +201,9 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(pictures):
 
 def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(pictures):
     for row in (0, 5, 9):
-        number = row
-        cutout, at = pictures.reel.film[number], pictures.reel.features.iloc[row]
-        wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
-        assert np.array_equal(pictures(FRAME, number, pd.NA, 25.0, 1.0, False), wanted)
+        cutout, centre = pictures.reel.film[row], pictures.reel.centres_px[row]
+        wanted = centre_cutout(cutout, centre, LENGTH, SIZE, 25.0)
+        assert np.array_equal(pictures(FRAME, row, pd.NA, 25.0, 1.0, False), wanted)
     one, twice = (
         pictures(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1].sum() for scale in (1.0, 2.0)
     )
@@ -253,7 +252,7 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
     found, ticks = seams(edit, pictures)
     assert list(ticks) == [3]
     ahead = [
-        picture(pictures.reel.film[row], pictures.reel.features.iloc[row], LENGTH, SIZE, -angle)
+        centre_cutout(pictures.reel.film[row], pictures.reel.centres_px[row], LENGTH, SIZE, -angle)
         for row, angle in ((3, 30.0), (10, 80.0))
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)

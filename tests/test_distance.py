@@ -5,81 +5,50 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from finloop.base.cutout import Cutout
 from finloop.distance.picture import (
     SPAN,
     centre_cutout,
     distance,
+    distance_pair_by_pair,
     successive_distances,
     typical_length,
 )
 
-ORIENTATIONS = 24  # conf/features/default.yaml
 
-SIZE = 64
-
-
-def fish(
-    length: int, height: int = 60, width: int = 90, at: tuple[int, int] = (45, 30)
-) -> np.ndarray:
-    """A dark wedge, head to the right, with its alpha; premultiplied."""
-    pixels = np.zeros((height, width, 2), np.uint8)
-    x, y = at
-    corners = np.array(
-        [
-            [x - length // 2, y],
-            [x + length // 2, y - length // 6],
-            [x + length // 2, y + length // 6],
-        ]
-    )
-    cv2.fillPoly(alpha := np.zeros((height, width), np.uint8), [corners], 255)
-    pixels[..., 0], pixels[..., 1] = alpha // 3, alpha
-    return pixels
+def fish(scale: int = 1, size: int = 64, turn_deg: float = 0.0, x: int = 45, y: int = 30):
+    """A centred picture of a dark wedge, head to the right, 40 px long in its cut-out."""
+    corners = np.array([[x - 20, y], [x + 20, y - 6], [x + 20, y + 6]])
+    cv2.fillPoly(alpha := np.zeros((60, 90), np.uint8), [corners], 255)
+    pixels = cv2.resize(np.dstack([alpha // 3, alpha]), None, fx=scale, fy=scale)
+    centre = [7 + scale * x + (scale - 1) / 2, 9 + scale * y + (scale - 1) / 2]
+    return centre_cutout(Cutout(0, 0, 7, 9, pixels), centre, 40 * scale, size, turn_deg)
 
 
-def test_a_picture_has_no_distance_from_itself_and_the_same_both_ways():
+def test_eq_5_is_0_from_a_picture_to_itself_and_the_same_both_ways():
     rng = np.random.default_rng(0)
     a, b = rng.random((2, 5, 8, 8, 2), np.float32)
     assert distance(a, a).diagonal() == pytest.approx(0)
     assert distance(a, b) == pytest.approx(distance(b, a).T)
     brute = [[np.sqrt(((i - j).astype(float) ** 2).sum()) for j in b] for i in a]
     assert distance(a, b) == pytest.approx(np.array(brute))
+    assert successive_distances(a) == pytest.approx(distance(a, a).diagonal(1), rel=1e-5)
+    assert distance_pair_by_pair(a, b) == pytest.approx(distance(a, b).diagonal(), rel=1e-5)
+    assert distance_pair_by_pair(a[0], a[0] + 0.5) == pytest.approx(0.5 * np.sqrt(a[0].size))
 
 
-def test_steps_are_the_distances_of_neighbours():
-    shown = np.random.default_rng(1).random((6, 4, 4, 2), np.float32)
-    assert successive_distances(shown) == pytest.approx(
-        distance(shown, shown).diagonal(1), rel=1e-5
-    )
-
-
-def test_where_in_its_cut_out_a_fish_lies_does_not_matter():
-    a = centre_cutout(fish(40, at=(45, 30)), (45, 30), 40, 64)
-    b = centre_cutout(fish(40, at=(40, 25)), (40, 25), 40, 64)
-    assert b == pytest.approx(a, abs=1e-5)
-
-
-def test_the_mass_centre_comes_to_the_middle():
-    picture = centre_cutout(fish(40), (45, 30), 40, 65)
-    rows, columns = np.nonzero(picture[..., 1] > 0.5)
-    wide = 65 / SPAN
-    assert columns.min() == pytest.approx(32 - wide / 2, abs=1.6)
-    assert columns.max() == pytest.approx(32 + wide / 2, abs=1.6)
+def test_a_centred_picture_shows_the_fish_in_the_middle_equally_long_and_turned():
+    assert fish(x=40, y=25) == pytest.approx(fish(), abs=1e-5)  # wherever it lies in its cut-out
+    rows, columns = np.nonzero(fish(size=65)[..., 1] > 0.5)
+    long = 65 / SPAN
+    assert columns.min() == pytest.approx(32 - long / 2, abs=1.6)
+    assert columns.max() == pytest.approx(32 + long / 2, abs=1.6)
     assert rows.mean() == pytest.approx(32, abs=0.2)
+    assert np.abs(fish(scale=3) - fish()).mean() < 0.03 * (fish() > 0).mean()
+    assert fish(turn_deg=90) == pytest.approx(np.rot90(fish()), abs=1 / 255)  # anticlockwise
 
 
-def test_fish_of_any_size_come_out_equally_long():
-    small = centre_cutout(fish(40), (45, 30), 40, 64)
-    large = centre_cutout(cv2.resize(fish(40), None, fx=3, fy=3), (45 * 3 + 1, 30 * 3 + 1), 120, 64)
-    assert np.abs(large - small).mean() < 0.03 * (small > 0).mean()
-
-
-def test_a_quarter_turn_is_anticlockwise_as_seen():
-    plain = centre_cutout(fish(40), (45, 30), 40, 64)
-    turned = centre_cutout(fish(40), (45, 30), 40, 64, 90)
-    assert turned == pytest.approx(np.rot90(plain), abs=1 / 255)
-
-
-# --- pictures behind an edit list
+# --- typical lengths
 
 
 def lengths(of_tracks: list[np.ndarray]) -> np.ndarray:

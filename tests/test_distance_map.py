@@ -31,10 +31,10 @@ from finloop.distance.map import (
 from finloop.distance.picture import BODY, FILM
 from finloop.distance.reel import Reel
 from finloop.features.table import FEATURES
-from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.io.cutouts import open_cutouts
 from finloop.io.numbers import load_numbers
-from finloop.io.record import load_record, save_record
-from finloop.io.table import load_table, save_table
+from finloop.io.record import load_record
+from finloop.io.table import load_table
 from finloop.plots.distance import figure9, picture_rows
 
 
@@ -144,22 +144,6 @@ def test_what_is_skipped_is_not_computed():
     assert count_pairs(comparison_blocks(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
 
 
-def test_pairs_farther_apart_than_most_are_left_out():
-    rng = np.random.default_rng(6)
-    pictures = random_pictures(rng, 200)
-    kind, area = np.zeros(200, int), np.linspace(0, 1, 200)
-    everything = pair_table(
-        find_similar_pairs(about_mean(pictures), kind, area, 1.0), np.arange(200)
-    )
-    most = float(everything["distance"].median())
-    near = pair_table(
-        find_similar_pairs(about_mean(pictures), kind, area, 1.0, most), np.arange(200)
-    )
-    expected = everything[everything["distance"] <= most].reset_index(drop=True)
-    assert len(expected) == pytest.approx(len(everything) / 2, abs=2)
-    pd.testing.assert_frame_equal(near, expected, atol=EXACT)
-
-
 def table_of(types, orientations, tracks=None) -> pd.DataFrame:
     count = len(types)
     return pd.DataFrame(
@@ -183,50 +167,28 @@ def test_orientation_counts_only_as_filmed():
     ).all()
 
 
-def test_a_film_in_one_orientation_has_the_same_pairs_in_both_poses():
-    features = table_of([0, 1, -1, 0, 1, 0], [7] * 6)
-    one, other = frame_kinds(features, FILM), frame_kinds(features, BODY)
-    assert ((one[:, None] == one) == (other[:, None] == other)).all()
-
-
 # --- natural steps
 
 
-def test_a_step_leads_to_the_tracks_next_frame_and_never_across():
-    features = table_of([0] * 6, [1] * 6, tracks=[3, 3, 3, 8, 8, 9])
-    pictures = random_pictures(np.random.default_rng(7), 6)
-    rows = np.array([4, 0, 5, 2, 3, 1])
-    table = step_table(features, about_mean(pictures[rows]), np.argsort(rows))
-    true = brute(pictures)
-    expected = [true[0, 1], true[1, 2], np.nan, true[3, 4], np.nan, np.nan]
+@pytest.mark.parametrize(
+    ("frames", "later"), [(1, [1, 2, 3, 0, 0, 6, 0]), (2, [2, 3, 0, 0, 0, 0, 0])]
+)
+def test_a_step_leads_so_many_frames_on_in_its_track_and_over_no_gap(frames, later):
+    """later: the row to which each row's step leads, 0 for none."""
+    features = table_of([0] * 7, [1] * 7, tracks=[3, 3, 3, 3, 8, 8, 8])
+    features["frame"] = [0, 1, 2, 3, 0, 2, 3]
+    pictures = random_pictures(np.random.default_rng(7), 7)
+    rows = np.array([4, 0, 5, 2, 3, 1, 6])
+    table = step_table(features, about_mean(pictures[rows]), np.argsort(rows), frames)
+    expected = np.where(later, brute(pictures)[np.arange(7), later], np.nan)
     assert table["step"].to_numpy() == pytest.approx(expected, abs=EXACT, nan_ok=True)
     assert usual_steps(table)[0] == pytest.approx(np.nanmedian(expected), abs=EXACT)
-
-
-def test_a_step_of_two_frames_leads_over_one_and_over_no_gap():
-    features = table_of([0] * 7, [1] * 7, tracks=[3, 3, 3, 3, 8, 8, 8]).assign(
-        frame=[0, 1, 2, 3, 0, 2, 3]
-    )
-    pictures = random_pictures(np.random.default_rng(7), 7)
-    table = step_table(features, about_mean(pictures), np.arange(7), 2)
-    true = brute(pictures)
-    expected = [true[0, 2], true[1, 3], np.nan, np.nan, np.nan, np.nan, np.nan]
-    assert table["step"].to_numpy() == pytest.approx(expected, abs=EXACT, nan_ok=True)
 
 
 @pytest.mark.parametrize("steps", [[0.0, 0.0, 3.0, np.nan], [np.nan]])
 def test_a_film_that_stands_still_is_refused(steps):
     with pytest.raises(FinloopError, match="half change nothing"):
         usual_steps(pd.DataFrame({"step": steps}))
-
-
-def test_facts_come_back_and_damage_is_told(tmp_path):
-    facts = MapFacts(BODY, 64, 0.1, None, 3.5, 9.0)
-    save_record(tmp_path / "facts.json", facts)
-    assert load_record(tmp_path / "facts.json", MapFacts, "distance") == facts
-    (tmp_path / "facts.json").write_text("{}")
-    with pytest.raises(FinloopError, match="cannot be read"):
-        load_record(tmp_path / "facts.json", MapFacts, "distance")
 
 
 def test_figure9_shows_steps_and_tints_the_pairs_that_are_skipped():
@@ -331,22 +293,6 @@ def test_the_stage_makes_the_same_again(workspace, request):
     request.getfixturevalue("no_drawing")
     stages.distance.main()
     assert same_but_figures(once, content(workspace / "data") | content(workspace / "reports"))
-
-
-@pytest.mark.usefixtures("no_drawing")
-def test_ten_frames_in_one_orientation_are_enough(workspace):
-    path = workspace / "data/features/features.parquet"
-    features = load_table(path, FEATURES).iloc[:10].assign(orientation=np.int8(3))
-    save_table(path, features, FEATURES)
-    cutouts = workspace / "data/extract/cutouts.arrow"
-    with open_cutouts(cutouts) as store, CutoutWriter(cutouts) as writer:
-        writer.copy(store, np.arange(10))
-    pairs, steps, _, metrics = run_stage(
-        workspace, "distance.frame_of_reference=film", "distance.max_distance_steps=null"
-    )
-    assert metrics["frames"] == len(steps) == 10
-    assert metrics["pairs"] == 45
-    assert set(pairs["j"]) <= set(range(10))
 
 
 @pytest.mark.usefixtures("no_drawing")

@@ -14,11 +14,9 @@ from finloop.distance.picture import BODY
 from finloop.edit.build import resolve_mirror_images
 from finloop.edit.schema import TERMS
 from finloop.features.table import wrap_deg
-from finloop.jumps import search
-from finloop.jumps.film import _best_jumps
-from finloop.jumps.search import Search, best_jumps
-from finloop.jumps.sides import handedness, sides_apart
-from finloop.jumps.signature import SignatureParts, signatures
+from finloop.jumps import film
+from finloop.jumps.film import Search, _best_jumps, best_jumps
+from finloop.jumps.signature import SignatureParts, handedness, sides_apart, signatures
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 from finloop.plan.graph import motion_graph, neighbour_jumps
@@ -91,7 +89,7 @@ class Nothing:
 
 def of_parts(monkeypatch, most: int) -> None:
     """A film of so many rows is long."""
-    monkeypatch.setattr(search, "assign_parts", partial(assign_parts, most=most))
+    monkeypatch.setattr(film, "assign_parts", partial(assign_parts, most=most))
 
 
 def test_in_a_part_of_the_film_are_the_nearest_that_lie_there(rng, monkeypatch):

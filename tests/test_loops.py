@@ -33,7 +33,6 @@ from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import JUMP, PLAY, can_play_for_ever, in_component, loop_graph, routes
 from finloop.loops.positions import (
-    displacement,
     merge_legs,
     position_table,
     quadrant,
@@ -44,18 +43,19 @@ from finloop.loops.search import (
     LOOPS,
     LoopsSettings,
     as_map,
-    candidates,
+    binomial_weights,
     filter_diagonals,
-    find,
+    find_candidates,
+    find_video_loops,
     groups,
+    improper,
     keep_best,
     minima,
-    weights,
+    travel_of,
 )
-from finloop.loops.travel import improper, travel_of
 from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
 from finloop.plots.loop_groups import film_below, over_time, stretches
-from finloop.plots.loop_routes import choose_cases, figure10, find_three_ways, jumps_of, spell
+from finloop.plots.loop_routes import figure10, find_three_ways, jumps_of, spell
 from finloop.plots.loops import sample, separate_loops
 
 RATE = 20.0
@@ -105,20 +105,25 @@ def film_map(film, keep=np.inf):
     return as_map(table, len(film))
 
 
-def dense(pairs, n):
+def dense(pairs, values):
+    """A square matrix of a value for every pair of a map, inf elsewhere."""
+    n = len(pairs.start) - 1
     out = np.full((n, n), np.inf)
-    for i in range(n):
-        here = slice(pairs.start[i], pairs.start[i + 1])
-        out[i, pairs.j[here]] = pairs.distance[here]
+    out[np.repeat(np.arange(n), np.diff(pairs.start)), pairs.j] = values
     return out
 
 
+def filtered_map(pairs, track, n, limit):
+    return filter_diagonals(pairs, track.astype(np.int32), binomial_weights(n), limit)
+
+
+def minima_of(pairs, value, track, radius, least):
+    """The local minima as sorted pairs of rows."""
+    found = dense(pairs, np.where(minima(pairs, value, track, radius, least), 0.0, np.inf))
+    return [tuple(pair) for pair in np.argwhere(found == 0).tolist()]
+
+
 # -- finding ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("n", "want"), [(0, [1]), (1, [1, 2, 1]), (2, [1, 4, 6, 4, 1])])
-def test_weights_are_binomial_and_sum_to_one(n, want):
-    np.testing.assert_allclose(weights(n), np.array(want) / sum(want))
 
 
 def written_out(far, track, n, radius, least, limit):
@@ -132,7 +137,7 @@ def written_out(far, track, n, radius, least, limit):
                 continue
             if any(track[a + ks] != track[a]) or any(track[b + ks] != track[b]):
                 continue
-            total = (weights(n) * far[a + ks, b + ks]).sum()
+            total = (binomial_weights(n) * far[a + ks, b + ks]).sum()
             if total <= limit:
                 value[a, b] = total
     found = []
@@ -153,36 +158,33 @@ def test_filter_and_minima_are_as_defined(seed, n):
     rng = np.random.default_rng(seed)
     track = np.sort(rng.integers(0, 4, 70)).astype(np.int32)
     pairs = film_map(np.cumsum(rng.normal(size=(70, 2)), axis=0), keep=4.0)
-    value = filter_diagonals(pairs, track, n, 2.0)
-    at, a = minima(pairs, value, track, radius=2, least=6)
-    want_value, want = written_out(dense(pairs, 70), track, n, 2, 6, 2.0)
-    got = np.full((70, 70), np.inf)
-    got[np.repeat(np.arange(70), np.diff(pairs.start)), pairs.j] = value
-    np.testing.assert_allclose(got, want_value, rtol=1e-6)
+    value = filtered_map(pairs, track, n, 2.0)
+    want_value, want = written_out(dense(pairs, pairs.distance), track, n, 2, 6, 2.0)
+    np.testing.assert_allclose(dense(pairs, value), want_value, rtol=1e-6)
     assert want  # else the test says nothing
-    assert sorted(zip(a.tolist(), pairs.j[at].tolist(), strict=True)) == want
+    assert minima_of(pairs, value, track, 2, 6) == want
 
 
 def test_of_equal_minima_the_first_is_one():
     """A film that stands still for a while is alike in all its frames."""
     film = np.r_[np.arange(10), np.full(3, 20.0), np.arange(30, 50), np.full(3, 20.0), [60, 70]]
     pairs = film_map(film[:, None], keep=0.1)
-    at, a = minima(
-        pairs, filter_diagonals(pairs, np.zeros(38, np.int32), 0, 1.0), np.zeros(38), 3, 10
-    )
-    assert list(zip(a, pairs.j[at], strict=True)) == [(10, 33)]
+    track = np.zeros(38)
+    assert minima_of(pairs, filtered_map(pairs, track, 0, 1.0), track, 3, 10) == [(10, 33)]
 
 
 def test_loops_of_a_periodic_film_are_whole_periods():
     period, rows = 16, 100
     angle = 2 * np.pi * np.arange(rows) / period
     film = np.stack([np.cos(angle), np.sin(angle), 0.5 * np.sin(2 * angle)], 1)
-    loops, counts = find(film_map(film), still(rows), RATE, 0.4, settings(most_per_end=99))
+    loops, counts = find_video_loops(
+        film_map(film), still(rows), RATE, 0.4, settings(most_per_end=99)
+    )
     assert set((loops["b"] - loops["a"]) % period) == {0}
     np.testing.assert_allclose(loops["length_s"], (loops["b"] - loops["a"]) / RATE)
     assert loops["filtered"].is_monotonic_increasing
     assert list(loops["loop"]) == list(range(len(loops)))
-    assert counts.pairs == rows * (rows - 1) // 2 and counts.minima == len(loops)
+    assert counts["pairs"] == rows * (rows - 1) // 2 and counts["minima"] == len(loops)
 
 
 def test_dynamics_keep_the_direction_of_motion():
@@ -192,7 +194,7 @@ def test_dynamics_keep_the_direction_of_motion():
     step = np.median(np.abs(np.diff(film[:, 0])))
 
     def opposed_share(n):
-        loops, _ = find(
+        loops, _ = find_video_loops(
             film_map(film),
             still(120),
             RATE,
@@ -211,37 +213,13 @@ def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
     film = np.tile(np.arange(30) * 5.0, 2)[:, None]
     track = np.repeat([3, 8], 30)
     for n in (0, 1, 2):
-        value = filter_diagonals(film_map(film, 1), track.astype(np.int32), n, 5.0)
+        value = filtered_map(film_map(film, 1), track, n, 5.0)
         assert np.isfinite(value).tolist() == [n <= frame < 30 - n for frame in range(30)]
-    loops, _ = find(
+    loops, _ = find_video_loops(
         film_map(film, 1), still(60, track), RATE, 5.0, settings(compared_neighbour_frames=2)
     )
     assert sorted(loops["a"]) == list(range(2, 28, 3))  # all equal: as near as apart allows
     assert (loops["b"] - loops["a"] == 30).all() and loops["length_s"].isna().all()
-
-
-def test_a_missing_neighbour_refuses_a_pair():
-    pairs = film_map(np.zeros((10, 1)))
-    whole = dense(pairs, 10)
-    whole[4, 8] = np.inf
-    i, j = np.nonzero(np.isfinite(whole))
-    holed = as_map(pd.DataFrame({"i": i, "j": j, "distance": 0.0}), 10)
-    value = filter_diagonals(holed, np.zeros(10, np.int32), 1, 1.0)
-    finite = set(zip(i[np.isfinite(value)], j[np.isfinite(value)], strict=True))
-    assert (2, 6) in finite and not {(3, 7), (4, 8), (5, 9)} & finite
-    assert (4, 7) in finite  # another diagonal
-
-
-def test_loops_within_a_track_have_a_least_length():
-    rng = np.random.default_rng(0)
-    film = rng.normal(size=(80, 1))
-    for least in (1.0, 5.0, 10.0):
-        asked = settings(
-            min_length_deltas=least, compared_neighbour_frames=0, distance_threshold=0.2
-        )
-        loops, _ = find(film_map(film), still(80), RATE, 1.0, asked)
-        assert loops["length_s"].min() == pytest.approx(least * DELTA / RATE, abs=0.1)
-        assert loops["length_s"].min() >= least * DELTA / RATE
 
 
 # -- Fig. 13 ----------------------------------------------------------------------------------------
@@ -264,12 +242,6 @@ def test_a_loop_is_improper_if_it_travels_against_the_heading(heading, bad):
     assert improper(np.array([5]), np.array([35]), table, 90.0)[0] == bad
 
 
-def test_the_threshold_of_improper_is_an_angle():
-    table = features_at(LINE, np.zeros(40), 60.0)
-    assert improper(np.array([5]), np.array([30]), table, 50.0)[0]
-    assert not improper(np.array([5]), np.array([30]), table, 70.0)[0]
-
-
 def test_a_fish_that_turned_round_or_stayed_is_not_tested():
     # Nearly a full circle: what is left of its headings says nothing of where it gets to.
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
@@ -277,9 +249,7 @@ def test_a_fish_that_turned_round_or_stayed_is_not_tested():
         100 * np.sin(angle) + 3 * np.arange(60), -100 * np.cos(angle), wrap_deg(np.degrees(angle))
     )
     assert not improper(np.array([2]), np.array([57]), circle, 90.0)[0]
-    stays = features_at(
-        np.arange(40) * -0.01, np.zeros(40), 0.0
-    )  # backwards, by a hundredth of nothing
+    stays = features_at(np.arange(40) * -0.01, np.zeros(40))  # it drifts back by almost nothing
     assert not improper(np.array([5]), np.array([30]), stays, 90.0)[0]
 
 
@@ -288,11 +258,11 @@ def test_improper_loops_are_dropped_and_counted():
     for heading, kept in ((0, True), (180, False)):
         table = features_at(np.arange(40) * 3.0, np.zeros(40), heading)
         if kept:
-            loops, counts = find(film_map(film, 1), table, RATE, 5.0, EASY)
-            assert len(loops) and counts.improper == 0
+            loops, counts = find_video_loops(film_map(film, 1), table, RATE, 5.0, EASY)
+            assert len(loops) and counts["improper_dropped"] == 0
         else:
             with pytest.raises(FinloopError, match=r"loops.improper_angle_deg=180"):
-                find(film_map(film, 1), table, RATE, 5.0, EASY)
+                find_video_loops(film_map(film, 1), table, RATE, 5.0, EASY)
 
 
 # -- choice, groups ---------------------------------------------------------------------------------
@@ -395,17 +365,14 @@ def test_the_graph_of_fig10(fig10):
     assert in_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
 
 
-def test_a_jump_there_and_back_is_no_way_to_go_on():
-    """Two tracks with one loop between them: from either the film runs out."""
-    graph = loop_graph(table_of((10, 30)), np.repeat([0, 1], 20))
-    assert not graph.endless.any() and not graph.cyclic.any()
-    assert not can_play_for_ever(graph, np.repeat([0, 1], 20)).any()
-
-
-def test_a_loop_between_neighbours_is_a_component_of_its_own():
+def test_one_loop_goes_on_for_ever_within_a_track_alone():
     graph = loop_graph(table_of((10, 30)), np.zeros(40, int))
     assert graph.cyclic.tolist() == [True, False] and graph.endless.tolist() == [True, False]
     assert graph.frames.tolist() == [20, 0]
+    # Between two tracks it leads there and back, and from either the film runs out.
+    graph = loop_graph(table_of((10, 30)), np.repeat([0, 1], 20))
+    assert not graph.endless.any() and not graph.cyclic.any()
+    assert not can_play_for_ever(graph, np.repeat([0, 1], 20)).any()
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -487,21 +454,14 @@ def test_quadrants_count_anticlockwise_from_the_upper_right():
     ]  # fmt: skip
 
 
-def test_displacements_add_up_and_the_table_stays_within_tracks():
+def test_the_table_is_of_pairs_of_one_track_and_y_is_up():
     rng = np.random.default_rng(3)
-    track = np.repeat([2, 7], 40)
-    table = features_at(
-        *rng.normal(0, 100, (2, 80)), rng.uniform(-180, 180, 80), track, length=25.0
-    )
-    x, y = table["x_px"].to_numpy(), table["y_px"].to_numpy()
-    one, two, both = (np.array(displacement(x, y, *ab)) for ab in ((3, 9), (9, 20), (3, 20)))
-    np.testing.assert_allclose(one + two, both)
-    np.testing.assert_allclose(one, (x[9] - x[3], -(y[9] - y[3])))  # up
-    ends = np.array([3, 9, 20, 38, 45, 60])
-    of = position_table(ends, table)
-    pairs = [(ends[i], ends[j]) for i, j in np.argwhere(of.to_numpy() != "")]
-    assert pairs == [(3, 9), (3, 20), (3, 38), (9, 20), (9, 38), (20, 38), (45, 60)]
-    assert of.loc["A", "B"] == str(quadrant(*one))
+    x, y = rng.normal(0, 100, (2, 80))
+    features = features_at(x, y, track=np.repeat([2, 7], 40))
+    table = position_table(np.array([3, 9, 20, 38, 45, 60]), features)
+    pairs = [table.index[i] + table.columns[j] for i, j in np.argwhere(table.to_numpy() != "")]
+    assert pairs == ["AB", "AC", "AD", "BC", "BD", "CD", "EF"]
+    assert table.loc["A", "B"] == str(quadrant(x[9] - x[3], y[9] - y[3]))
 
 
 def test_a_table_for_people_has_at_most_26_ends_of_one_track():
@@ -533,31 +493,32 @@ def test_routes_are_told_stretch_by_stretch(fig10):
 def test_too_low_a_threshold_is_told_which_would_have_done(unit, threshold):
     film = np.r_[np.arange(20.0), np.arange(20.0) + 0.304][:, None] * unit
     with pytest.raises(FinloopError) as error:
-        find(film_map(film), still(40), RATE, unit, settings(distance_threshold=threshold))
+        find_video_loops(
+            film_map(film), still(40), RATE, unit, settings(distance_threshold=threshold)
+        )
     assert f"loops.distance_threshold {threshold:g} (median" in error.value.came
     assert "loops.distance_threshold=0.31 " in error.value.do
-    loops, _ = find(film_map(film), still(40), RATE, unit, settings(distance_threshold=0.31))
+    loops, _ = find_video_loops(
+        film_map(film), still(40), RATE, unit, settings(distance_threshold=0.31)
+    )
     assert len(loops)
     with pytest.raises(FinloopError):
-        find(film_map(film), still(40), RATE, unit, settings(distance_threshold=0.3))
+        find_video_loops(film_map(film), still(40), RATE, unit, settings(distance_threshold=0.3))
 
 
-def test_one_short_track():
-    with pytest.raises(FinloopError, match=r"one track of 10 frames.*at least 10 apart"):
-        find(film_map(np.zeros((10, 1))), still(10), RATE, 1.0, EASY)
-
-
-def test_an_empty_map():
-    with pytest.raises(
-        FinloopError, match=r"(?s)no pair of frames at all.*distance.max_distance_steps"
-    ):
-        find(film_map(np.arange(60.0)[:, None], 0.5), still(60), RATE, 1.0, EASY)
-
-
-def test_nothing_at_any_threshold():
-    film = np.arange(60.0)[:, None]  # alike are only frames close in time
-    with pytest.raises(FinloopError, match=r"(?s)at any threshold.*loops.min_length_deltas 2.5"):
-        find(film_map(film, 3), still(60), RATE, 1.0, EASY)
+@pytest.mark.parametrize(
+    ("frames", "keep", "message"),
+    [
+        (10, 99.0, "one track of 10 frames.*at least 10 apart"),
+        (60, 0.5, "(?s)no pair of frames at all.*distance.max_distance_steps"),
+        # Only frames close in time are alike.
+        (60, 3.0, "(?s)at any threshold.*loops.min_length_deltas 2.5"),
+    ],
+)
+def test_the_error_of_a_film_without_loops_says_why(frames, keep, message):
+    pairs = film_map(np.arange(float(frames)), keep)
+    with pytest.raises(FinloopError, match=message):
+        find_video_loops(pairs, still(frames), RATE, 1.0, EASY)
 
 
 # -- pictures ---------------------------------------------------------------------------------------
@@ -633,13 +594,6 @@ def test_of_two_tracks_the_loops_are_of_the_one_that_is_easier_to_read():
     track = np.repeat([0, 1], [90, 90])
     three = find_three_ways(within_track(*PAPERS, *crowded), track)
     assert (track[three.ends] == 0).all() and three.ends.tolist() == list(FIG10.values())
-
-
-def test_cases_are_the_shortest_of_their_kind(fig10):
-    ways = routes(fig10, 6, 5, 40)
-    assert [spell(way, fig10.ends) for way in choose_cases(ways)] == [
-        "GHCDEF", "GABCDEF", "GHCDEBCDEF",
-    ]  # fmt: skip
 
 
 # -- Fig. 12, groups --------------------------------------------------------------------------------
@@ -866,8 +820,8 @@ def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path,
     assert drawn.shape[0] > 2 * words.shape[0]
     table, opened = toy_reel(tmp_path)
     pairs = as_map(load_table(tmp_path / "data/distance/pairs.parquet", PAIRS), len(table))
-    every, counts = candidates(pairs, table, 100.0, EASY)
-    assert every["improper"].all() and counts.improper == len(every)
+    every, counts = find_candidates(pairs, table, 100.0, EASY)
+    assert every["improper"].all() and counts["improper_dropped"] == len(every)
     loop = most_improper(every, table, 90.0)
     assert abs(loop.travel_deg) == pytest.approx(180) and loop.heading_deg == pytest.approx(0)
     with opened as film:

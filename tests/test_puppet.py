@@ -280,19 +280,19 @@ def test_which_way_an_eigenvector_points_makes_no_other_codes(monkeypatch):
         flips *= -1
 
 
-def test_a_pose_beyond_all_filmed_is_clamped_and_said():
+def test_a_pose_beyond_all_filmed_is_moved_towards_the_film():
     posture = poses_from_features(*film()).posture
     shapes = PoseShapes.fit(posture, share=0.99)
-    assert not shapes.nearest(posture).clamped.any()
-    assert np.array_equal(shapes.nearest(posture).posture, posture)
-    assert not shapes.nearest(mirror_posture(posture)).clamped.any()
+    for filmed in (posture, mirror_posture(posture)):
+        codes = shapes.encode(filmed)
+        near, clamped = shapes.nearest_codes(codes)
+        assert not clamped.any() and np.array_equal(near, codes)
     wild = posture[0].copy()
     bends(wild)[:] = np.linspace(4, -4, 8)
-    near, clamped = shapes.nearest(wild)
-    assert clamped
+    near, clamped = shapes.nearest_codes(shapes.encode(wild))
+    assert clamped and not shapes.nearest_codes(near * (1 - 1e-9)).clamped
     most = np.abs(bends(posture)).max()
-    assert most - 0.3 < np.abs(bends(near)).max() < most + 2 * shapes.gap * 8**0.5
-    assert not shapes.nearest(near * (1 - 1e-9) + shapes.mean * 1e-9).clamped
+    assert most - 0.3 < np.abs(bends(shapes.decode(near))).max() < most + 2 * shapes.gap * 8**0.5
 
 
 @pytest.mark.parametrize("rows", [1, 0])

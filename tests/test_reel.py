@@ -8,7 +8,7 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import BODY, FILM, distance, distance_pair_by_pair
+from finloop.distance.picture import BODY, FILM, distance
 from finloop.distance.reel import Reel, sprite_row
 
 ORIENTATIONS, SIZE = 4, 24
@@ -102,13 +102,6 @@ def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):
     wanted = np.append(distance(shown, shown).diagonal(1), np.nan)
     wanted[~one.goes_on] = np.nan
     np.testing.assert_allclose(one.steps(SIZE, pose), wanted, rtol=1e-5)
-
-
-def test_eq_5_of_a_picture_and_itself_is_0_and_grows_with_the_difference():
-    one = reel().frames(np.array([0, 1]), SIZE, FILM)
-    assert distance_pair_by_pair(one, one).tolist() == [0, 0]
-    assert distance_pair_by_pair(one[0], one[1]) == distance_pair_by_pair(one[1], one[0]) > 0
-    assert distance_pair_by_pair(one[0], one[0] + 0.5) == pytest.approx(0.5 * np.sqrt(one[0].size))
 
 
 def test_a_row_s_picture_does_not_depend_on_what_else_is_asked():

@@ -29,6 +29,7 @@ from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments
 from finloop.project import Project
 from finloop.puppet import Pose
+from finloop.puppet.pose import bends
 from finloop.retarget import JoinParameters, Track, retarget_track, track_of
 from finloop.retarget.load import film_files, load_track
 from finloop.retarget.motion import forward_share, motion_of
@@ -326,7 +327,7 @@ def test_codes_come_back_from_bends_alone_and_poses_from_points(mirrored_materia
     asked = asked_postures(line, at, exact, 40.0)
     off = np.hypot(*np.moveaxis(asked.pose.backbone_px() - line, -1, 0))
     assert off.max() < 0.6 and np.median(off) < 0.1 and not asked.clamped.any()
-    bare = pose.angles_rad - pose.heading_rad[:, None]
+    bare = bends(pose.posture)
     size = np.abs(codes).max()
     assert np.abs(likely_codes(bare, at, exact) - codes).max() < 0.05 * size
     assert np.allclose(

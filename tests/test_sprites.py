@@ -35,28 +35,40 @@ from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
 from finloop.sprites import atlas as sprites_atlas
-from finloop.sprites.candidates import beats, slides, turns
 from finloop.sprites.choice import (
+    SIDES,
     Choice,
+    FrameRun,
     best_of_tracks,
-    choose,
     choose_combination,
+    choose_frames,
     closure,
+    cycle_heading,
+    find_glides,
+    find_tail_beats,
+    find_turns,
     sharpness,
+    smooth,
+    swimmer_table,
+    turn_phases,
 )
 from finloop.sprites.metrics import (
     count_complete_orientations,
-    faults,
+    cycle_metrics,
+    fault_table,
     is_still,
-    loop_numbers,
-    numbers,
+    sprite_metrics,
     table1_after,
 )
-from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
+from finloop.sprites.orient import (
+    SPRITES,
+    rotation,
+    sprite_cutouts,
+    sprite_table,
+    trim_picture,
+    turn_cutout,
+)
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
-from finloop.sprites.swimmers import smooth, swimmers
-from finloop.sprites.turn import reflection, rotation, trim_picture, turn_cutout
 
 ORIENTATIONS = 12
 
@@ -80,7 +92,7 @@ class Film:
 
     @property
     def table(self):
-        return swimmers(self.features, self.tracks, AUTOMATIC)
+        return swimmer_table(self.features, self.tracks, AUTOMATIC)
 
     @property
     def look(self):
@@ -184,7 +196,7 @@ def toy():
 
 @pytest.fixture(scope="module")
 def automatic_choice(toy):
-    return choose(toy.table, toy.look, DELTA, AUTOMATIC)
+    return choose_frames(toy.table, toy.look, DELTA, AUTOMATIC)
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +210,7 @@ def pictures(toy, sprites):
 
 
 def pick(film, **values):
-    return choose(
+    return choose_frames(
         film.table,
         film.look,
         DELTA,
@@ -244,14 +256,10 @@ def cut_out(pixels, x0_px, y0_px):
 SOURCE = cut_out(shape(), 80, 185)
 
 
-@pytest.mark.parametrize("angle", [0, 360, -720])
-def test_turning_by_nothing_gives_the_source(angle):
-    assert turn_cutout(SOURCE, 101.3, 203.81, angle) is SOURCE
-
-
 @pytest.mark.parametrize("pivot", PIVOTS[:2])
 @pytest.mark.parametrize("quarter", [1, 2, 3])
 def test_quarter_turns_that_take_pixels_to_pixels_are_exact(pivot, quarter):
+    assert turn_cutout(SOURCE, *pivot, 360 * (quarter - 2)) is SOURCE
     one = turn_cutout(SOURCE, *pivot, 90 * quarter)
     _, _, want = trim_picture(np.rot90(SOURCE.pixels, quarter))  # anticlockwise as seen
     np.testing.assert_array_equal(one.pixels, want)
@@ -264,24 +272,12 @@ def test_quarter_turns_that_take_pixels_to_pixels_are_exact(pivot, quarter):
 @pytest.mark.parametrize("angle", [7.5, 45, 111, 195, -60, 90])
 def test_mass_and_its_centre_are_kept(pivot, angle):
     one = turn_cutout(SOURCE, *pivot, angle)
+    alpha = one.pixels[..., -1]
+    assert all(edge.any() for edge in (alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]))  # trimmed
     mass = int(SOURCE.pixels[..., -1].sum())
     assert int(one.pixels[..., -1].sum()) == pytest.approx(mass, rel=3e-3)  # nothing is clipped
     want = rotation(angle) @ (centre(SOURCE) - pivot) + pivot
     np.testing.assert_allclose(centre(one), want, atol=0.03)
-
-
-def test_quarter_turns_are_exact_matrices():
-    np.testing.assert_array_equal(rotation(90), [[0, 1], [-1, 0]])
-    np.testing.assert_array_equal(rotation(-90) @ rotation(90), np.eye(2))
-
-
-def test_a_positive_angle_is_anticlockwise_as_seen():
-    dot = np.zeros((3, 3, 2), np.uint8)
-    dot[1, 1] = 200, 255
-    one = turn_cutout(cut_out(dot, 109, 199), 100, 200, 30)  # 10 px to the right of the pivot
-    np.testing.assert_allclose(
-        centre(one), [100 + 10 * np.cos(np.pi / 6), 200 - 10 * np.sin(np.pi / 6)], atol=0.1
-    )
 
 
 @pytest.mark.parametrize("angle", [15, 37, 135])
@@ -304,14 +300,6 @@ def test_colour_never_exceeds_alpha_and_edges_do_not_shine(angle, axis):
         np.testing.assert_allclose(one[..., channel], share * one[..., 3], atol=1.6)
 
 
-def test_nothing_but_what_is_not_transparent_is_kept():
-    one = turn_cutout(SOURCE, *PIVOTS[2], 33).pixels
-    assert all(
-        edge.any() for edge in (one[0, :, -1], one[-1, :, -1], one[:, 0, -1], one[:, -1, -1])
-    )
-    assert trim_picture(np.zeros((5, 6, 2), np.uint8))[2].shape == (1, 1, 2)
-
-
 @pytest.mark.parametrize(("axis", "flip"), [(0, np.flipud), (90, np.fliplr), (180, np.flipud)])
 def test_mirrored_is_the_mirror_image(axis, flip):
     one = turn_cutout(SOURCE, 100, 200, 0, mirror_axis_deg=axis)
@@ -325,9 +313,6 @@ def test_mirroring_comes_before_turning_and_keeps_the_axis():
         turn_cutout(SOURCE, 101.3, 203.81, 0, mirror_axis_deg=25.0), 101.3, 203.81, 50
     )
     assert np.abs(canvas(both) - canvas(one_by_one)).mean() < 0.4
-    direction = np.array([np.cos(np.radians(25)), -np.sin(np.radians(25))])
-    np.testing.assert_allclose(reflection(25) @ direction, direction, atol=1e-12)
-    assert np.linalg.det(reflection(25)) == pytest.approx(-1)
 
 
 def test_aligned_fish_are_headed_right_in_the_middle(toy):
@@ -378,7 +363,7 @@ def test_swimmers_say_how_fish_move(toy):
 def test_doubtful_frames_cannot_be_used(toy, column, value):
     spoilt = toy.features.copy()
     spoilt.loc[30, column] = value
-    usable = swimmers(spoilt, toy.tracks, AUTOMATIC)["usable"].to_numpy()
+    usable = swimmer_table(spoilt, toy.tracks, AUTOMATIC)["usable"].to_numpy()
     assert not usable[30] and usable.sum() == len(usable) - 1
 
 
@@ -393,12 +378,9 @@ def test_fish_near_another_cannot_be_used(toy):
     assert near.table["usable"][60:160].all()
 
 
-@pytest.mark.parametrize("values", [[1.0], [1.0, 5.0], [3.0, 5.0, 7.0, 9.0]])
-def test_smoothing_keeps_lines(values):
-    np.testing.assert_allclose(smooth(np.array(values)), values)
-
-
-def test_smoothing_keeps_a_monotone_run_monotone():
+def test_smoothing_keeps_lines_and_a_monotone_run_monotone():
+    for line in ([1.0], [1.0, 5.0], [3.0, 5.0, 7.0, 9.0]):
+        np.testing.assert_allclose(smooth(np.array(line)), line)
     run = np.sort(np.random.default_rng(1).exponential(size=30)).cumsum()
     assert (np.diff(smooth(run)) > 0).all()
 
@@ -414,7 +396,7 @@ def test_the_straight_cycle_is_one_beat_that_closes(toy, automatic_choice):
     straight = automatic_choice["straight"].stretch
     assert len(straight) == BEAT
     assert within(straight, plan_frames(PLAN, "beat"))
-    result = loop_numbers("straight", automatic_choice["straight"], toy.table, toy.look)
+    result = cycle_metrics("straight", automatic_choice["straight"], toy.table, toy.look)
     assert result["straight_closure_after_last_to_first"] < 1
     assert result["straight_closure_last_to_first"] < 1.5
 
@@ -425,6 +407,9 @@ def test_a_slide_has_a_still_tail(toy, automatic_choice, monkeypatch):
     assert 0.4 * RATE <= len(slide) <= RATE
     assert is_still(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
     assert not is_still(automatic_choice["straight"], toy.table, DELTA, AUTOMATIC)
+    for swing, still in ((0.04, True), (0.06, False)):  # less than its width, or more
+        table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
+        assert is_still(Choice(FrameRun(3, 0, 11, slice(0, 12))), table, DELTA, AUTOMATIC) == still
     monkeypatch.setattr(SpritesSettings, "slide_least", 20.0)
     assert not is_still(automatic_choice["slide"], toy.table, DELTA, AUTOMATIC)
 
@@ -447,20 +432,16 @@ def test_a_turn_goes_in_holds_and_comes_out(toy, automatic_choice, sprites, word
     assert not rows["mirrored"].any()
 
 
-def test_picks_do_not_depend_on_the_film_s_orientation(automatic_choice):
-    picked = pick(film(heading=161.0))
-    for word in ("left", "right"):
-        a, b = picked[word].stretch, automatic_choice[word].stretch
+@pytest.mark.parametrize(("heading", "mirrored"), [(161.0, False), (-20.0, True)])
+def test_picks_turn_with_the_film_and_change_sides_in_its_mirror(
+    automatic_choice, heading, mirrored
+):
+    picked = pick(film(heading=heading, mirrored=mirrored))
+    for word, other in (("left", "right"), ("right", "left")):
+        a, b = picked[word].stretch, automatic_choice[other if mirrored else word].stretch
         assert abs(a.first - b.first) <= 1 and abs(a.last - b.last) <= 1
     straight = picked["straight"].stretch  # every beat is as good
     assert len(straight) == BEAT and within(straight, plan_frames(PLAN, "beat"))
-
-
-def test_left_and_right_change_places_in_a_mirrored_film(automatic_choice):
-    picked = pick(film(heading=-20.0, mirrored=True))
-    for word, other in (("left", "right"), ("right", "left")):
-        assert abs(picked[word].stretch.first - automatic_choice[other].stretch.first) <= 1
-        assert abs(picked[word].stretch.last - automatic_choice[other].stretch.last) <= 1
 
 
 @pytest.mark.parametrize("gone", ["left", "right"])
@@ -502,27 +483,19 @@ def test_in_a_film_without_any_turn_a_bend_stands_in():
 
 def test_in_a_film_without_a_tail_beat_a_glide_stands_in():
     picked = pick(film((("slide", 20), ("left", 16), ("slide", 20))))
-    assert picked["straight"].stands_in
+    assert picked["straight"].stands_in and not picked["left"].stands_in
     assert picked["straight"].stretch == picked["slide"].stretch
-    assert not picked["left"].stands_in
 
 
 def test_a_fish_that_never_bends_says_so(toy):
     with pytest.raises(FinloopError, match="a fish that bends"):
-        choose(toy.table.assign(bend=0.0), toy.look, DELTA, AUTOMATIC)
-
-
-def test_a_film_without_a_glide_slides_as_straight_as_it_can():
-    one = film((("beat", 30), ("left", 16), ("beat", 30)))
-    picked = pick(one)
-    assert len(picked["slide"].stretch) >= 2
-    assert not is_still(picked["slide"], one.table, DELTA, AUTOMATIC)
+        choose_frames(toy.table.assign(bend=0.0), toy.look, DELTA, AUTOMATIC)
 
 
 def test_of_a_film_of_doubtful_frames_the_calmest_and_most_bent_stand_in(toy):
-    table = swimmers(toy.features.assign(head_confidence=0.5), toy.tracks, AUTOMATIC)
+    table = swimmer_table(toy.features.assign(head_confidence=0.5), toy.tracks, AUTOMATIC)
     assert not table["usable"].any()
-    picked = choose(table, toy.look, DELTA, AUTOMATIC)
+    picked = choose_frames(table, toy.look, DELTA, AUTOMATIC)
     assert all(picked[word].stands_in for word in ("straight", "left", "right"))
 
 
@@ -530,8 +503,8 @@ def test_spoilt_frames_are_never_picked(toy, automatic_choice):
     spoilt = toy.features.copy()
     at = automatic_choice["straight"].stretch.rows
     spoilt.loc[at.start + 2 : at.stop - 2, "head_confidence"] = 0.7
-    table = swimmers(spoilt, toy.tracks, AUTOMATIC)
-    picked = choose(table, toy.look, DELTA, AUTOMATIC)
+    table = swimmer_table(spoilt, toy.tracks, AUTOMATIC)
+    picked = choose_frames(table, toy.look, DELTA, AUTOMATIC)
     for choice in picked.values():
         assert table["usable"][choice.stretch.rows].all()
     assert picked["straight"].stretch != automatic_choice["straight"].stretch
@@ -540,8 +513,8 @@ def test_spoilt_frames_are_never_picked(toy, automatic_choice):
 def test_candidates_do_not_reach_across_tracks(toy):
     cut = toy.table.copy()
     cut.loc[70:, "track_id"] = 9  # amid the left turn and its surroundings
-    cycles = [find(cut, DELTA, AUTOMATIC) for find in (beats, slides)]
-    for candidates in cycles + [turns(cut, side, AUTOMATIC) for side in (1, -1)]:
+    cycles = [find(cut, DELTA, AUTOMATIC) for find in (find_tail_beats, find_glides)]
+    for candidates in cycles + [find_turns(cut, side, AUTOMATIC) for side in (1, -1)]:
         if len(candidates):
             last = candidates["start"].to_numpy() + candidates["length"].to_numpy()
             assert not ((candidates["start"] < 70) & (last > 70)).any()
@@ -594,15 +567,8 @@ def test_blurred_pictures_are_soft(toy):
     assert sharpness(np.zeros_like(clear))[0] == 0
 
 
-@pytest.mark.parametrize(("swing", "still"), [(0.04, True), (0.06, False)])
-def test_a_still_tail_moves_less_than_its_width(swing, still):
-    stretch = FrameRun(3, 0, 11, slice(0, 12))
-    table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
-    assert is_still(Choice(stretch), table, DELTA, AUTOMATIC) == still
-
-
 def test_faults_explain_the_choice(automatic_choice):
-    table = faults(automatic_choice)
+    table = fault_table(automatic_choice)
     assert set(table["sequence"]) == {"straight", "slide", "left", "right"}
     for word, rows in table.groupby("sequence"):
         assert rows["value"].sum() == pytest.approx(automatic_choice[word].stretch.cost)
@@ -617,7 +583,7 @@ def test_listed_frames_are_taken_as_they_are(toy):
     picked = pick(toy, straight="3:20-33", left=f" 3 : {a} - {b} ")
     assert (picked["straight"].stretch.first, picked["straight"].stretch.last) == (20, 33)
     assert (picked["left"].stretch.first, picked["left"].stretch.last) == (a, b)
-    assert faults(picked)["fault"].eq("listed by hand").sum() == 2
+    assert fault_table(picked)["fault"].eq("listed by hand").sum() == 2
 
 
 def test_listed_frames_may_be_a_track_s_last(toy):
@@ -626,7 +592,7 @@ def test_listed_frames_may_be_a_track_s_last(toy):
     rows = sprite_table(toy.table, picked, AUTOMATIC).query("sequence == 'slide'")
     np.testing.assert_allclose(rows["forward"], 2.5 / LENGTH, atol=4e-3)
     assert len(rows) == 10
-    result = loop_numbers("slide", picked["slide"], toy.table, toy.look)
+    result = cycle_metrics("slide", picked["slide"], toy.table, toy.look)
     assert "slide_closure_last_to_first" not in result  # there is no frame after
 
 
@@ -654,35 +620,29 @@ def test_nonsense_in_the_list_is_refused(toy, asked, message):
 def test_phases_need_frames_on_both_sides_of_the_bend(toy):
     ((a, b),) = plan_frames(PLAN, "left")
     half = FrameRun(3, a, (a + b) // 2 - 1, slice(a, (a + b) // 2))
-    assert phases(toy.table, half, 1, AUTOMATIC.hold) == ["none"]
+    assert turn_phases(toy.table, half, 1, AUTOMATIC.hold) == ["none"]
 
 
 # -- the table and the pictures ---------------------------------------------------------------------
 
 
-def test_the_table_fits_its_schema(tmp_path, sprites):
+def test_the_table_fits_its_schema_and_pictures_are_in_its_order(tmp_path, sprites, pictures):
     save_table(tmp_path / "s.parquet", sprites, SPRITES)
     back = load_table(tmp_path / "s.parquet", SPRITES)
     assert list(back["sprite"]) == list(range(len(back)))
     assert list(back["sequence"].drop_duplicates()) == ["straight", "slide", "left", "right"]
     for _, rows in back.groupby("sequence"):
         assert list(rows["step"]) == list(range(len(rows)))
+    frames = np.repeat(sprites[["track_id", "frame"]].to_numpy(), ORIENTATIONS, axis=0)
+    assert [picture[:2] for picture in pictures] == list(map(tuple, frames.tolist()))
 
 
 def test_motion_is_the_film_s_own(toy, sprites):
     """Playing forward, sideways and turns of a sequence leads where the fish of the film went."""
     for word, rows in sprites.groupby("sequence"):
         angle = np.radians(rows["heading_deg"].to_numpy(float))
-        way = (
-            np.stack(
-                [
-                    rows["forward"] * np.cos(angle) - rows["sideways"] * np.sin(angle),
-                    -rows["forward"] * np.sin(angle) - rows["sideways"] * np.cos(angle),
-                ],
-                1,
-            ).sum(0)
-            * LENGTH
-        )
+        steps = (rows["forward"] + 1j * rows["sideways"]).to_numpy() * np.exp(1j * angle)
+        way = LENGTH * np.array([steps.sum().real, -steps.sum().imag])
         at = toy.tracks.set_index("frame")[["x_px", "y_px"]].to_numpy()
         first, last = int(rows["frame"].min()), int(rows["frame"].max())
         np.testing.assert_allclose(way, at[last + 1] - at[first], atol=1.0, err_msg=word)
@@ -691,37 +651,22 @@ def test_motion_is_the_film_s_own(toy, sprites):
         )
 
 
-def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
-    slide = sprites[sprites["sequence"] == "slide"].iloc[3]
-    for number in range(ORIENTATIONS):
-        one = pictures[int(slide["sprite"]) * ORIENTATIONS + number]
-        off = wrap_deg(np.array(tilt(one) - number * 360 / ORIENTATIONS))
-        assert abs(off) < 1.5, number + 1
-        np.testing.assert_allclose(centre(one), [slide["x_px"], slide["y_px"]], atol=0.1)
-
-
-@pytest.mark.parametrize("count", [5, 36])
-def test_there_can_be_fewer_and_more_orientations(toy, sprites, count):
-    row = sprites[sprites["sequence"] == "slide"].iloc[[3]].assign(orientations=count)
-    made = list(sprite_cutouts(row, toy.cutouts))
-    assert len(made) == count
-    for number, one in enumerate(made):
+@pytest.mark.parametrize("count", [5, ORIENTATIONS, 36])
+def test_every_orientation_is_turned_to_its_direction(toy, sprites, count):
+    slide = sprites[sprites["sequence"] == "slide"].iloc[[3]].assign(orientations=count)
+    turned = list(sprite_cutouts(slide, toy.cutouts))
+    assert len(turned) == count
+    for number, one in enumerate(turned):
         assert abs(wrap_deg(np.array(tilt(one) - number * 360 / count))) < 1.5, number + 1
-
-
-def test_pictures_come_in_order(sprites, pictures):
-    assert len(pictures) == len(sprites) * ORIENTATIONS
-    for row in sprites.itertuples():
-        for one in pictures[row.sprite * ORIENTATIONS : (row.sprite + 1) * ORIENTATIONS]:
-            assert (one.track_id, one.frame) == (row.track_id, row.frame)
+        np.testing.assert_allclose(centre(one), slide[["x_px", "y_px"]].iloc[0], atol=0.1)
 
 
 def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
     row = sprites[:1].assign(heading_deg=90.0)
-    one = list(sprite_cutouts(row, toy.cutouts))[3]  # orientation 4: 90°
-    want = toy.cutouts[row["row"].iloc[0]]
-    np.testing.assert_array_equal(one.pixels, want.pixels)
-    assert (one.x0_px, one.y0_px) == (want.x0_px, want.y0_px)
+    turned = list(sprite_cutouts(row, toy.cutouts))[3]  # orientation 4: 90°
+    source = toy.cutouts[row["row"].iloc[0]]
+    np.testing.assert_array_equal(turned.pixels, source.pixels)
+    assert turned[2:4] == source[2:4]
 
 
 def test_table_1_has_all_types_in_every_orientation(toy, sprites):
@@ -735,7 +680,7 @@ def test_table_1_has_all_types_in_every_orientation(toy, sprites):
 
 
 def test_numbers_are_flat_and_finite(toy, sprites):
-    found = numbers(sprites, toy.table, toy.features, len(toy.features), RATE)
+    found = sprite_metrics(sprites, toy.table, toy.features, len(toy.features), RATE)
     assert all(np.isfinite(value) for value in found.values())
     picked = sprites[["track_id", "frame"]].drop_duplicates()
     assert found["picked_of_fish_frames_pct"] == pytest.approx(100 * len(picked) / len(toy.tracks))
@@ -763,25 +708,19 @@ def few(sprites):
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory, few, toy):
-    path = tmp_path_factory.mktemp("store") / "sprites.arrow"
-    with CutoutWriter(path, sprites=True) as writer:
+def folder(tmp_path_factory, few, toy):
+    """A folder with the store of these sprites, as the stage has it when it writes the atlas."""
+    path = tmp_path_factory.mktemp("store")
+    with CutoutWriter(path / "sprites.arrow", sprites=True) as writer:
         for one in sprite_cutouts(few, toy.cutouts):
             writer.write(one)
-    with open_cutouts(path) as opened:
+    return path
+
+
+@pytest.fixture(scope="module")
+def store(folder):
+    with open_cutouts(folder / "sprites.arrow") as opened:
         yield opened
-
-
-def write_atlas(folder, few, store, page_px):
-    made = sprites_atlas.lay_out_pages(few, store.index, page_px)
-    for number, page in enumerate(made):
-        rgba = sprites_atlas.draw_page(
-            page, lambda s, o: store[sprite_row(s, o, ORIENTATIONS)].pixels
-        )
-        (folder / f"atlas-{number}.png").write_bytes(sprites_atlas.encode_png(rgba))
-        text = json.dumps(sprites_atlas.page_json(made, number, few, store.index, RATE))
-        (folder / f"atlas-{number}.json").write_text(text)
-    return made
 
 
 def read_atlas(folder):
@@ -815,11 +754,11 @@ def read_atlas(folder):
 
 
 @pytest.mark.parametrize("page_px", [4096, 512])
-def test_an_independent_reader_finds_every_sprite(tmp_path, few, store, page_px):
-    made = write_atlas(tmp_path, few, store, page_px)
-    assert (len(made) > 1) == (page_px == 512)
+def test_an_independent_reader_finds_every_sprite(folder, few, store, page_px):
+    pages = stages.sprites.write_atlas(folder, few, page_px, RATE)
+    assert (pages > 1) == (page_px == 512)
     names = set()
-    for name, whole, pivot, duration in read_atlas(tmp_path):
+    for name, whole, pivot, duration in read_atlas(folder):
         sequence, orientation, step = name.split("/")
         row = few[(few["sequence"] == sequence) & (few["step"] == int(step))].iloc[0]
         want = store[int(row["sprite"]) * ORIENTATIONS + int(orientation) - 1]
@@ -837,10 +776,10 @@ def test_an_independent_reader_finds_every_sprite(tmp_path, few, store, page_px)
     assert len(names) == len(store)
 
 
-def test_tags_and_animations_name_each_sequence_in_each_orientation(tmp_path, few, store):
-    write_atlas(tmp_path, few, store, 512)
+def test_tags_and_animations_name_each_sequence_in_each_orientation(folder, few):
+    pages = stages.sprites.write_atlas(folder, few, 512, RATE)
     tags = []
-    for path in sorted(tmp_path.glob("*.json")):
+    for path in (folder / f"atlas-{number}.json" for number in range(pages)):
         sheet = json.loads(path.read_text())
         names = list(sheet["frames"])
         for tag in sheet["meta"]["frameTags"]:
@@ -862,10 +801,10 @@ def test_pictures_on_a_page_do_not_touch(few, store):
     for page in sprites_atlas.lay_out_pages(few, store.index, 512):
         assert page.width <= 512 and page.height <= 512
         taken = np.zeros((page.height, page.width), int)
-        for spot in page.spots:
+        for spot in page.slots:
             taken[spot.y - 1 : spot.y + spot.height + 1, spot.x - 1 : spot.x + spot.width + 1] += 1
         assert taken.max() == 1
-        assert taken.sum() == sum((s.width + 2) * (s.height + 2) for s in page.spots)
+        assert taken.sum() == sum((s.width + 2) * (s.height + 2) for s in page.slots)
 
 
 def test_a_page_too_small_for_one_sequence_is_refused(few, store):

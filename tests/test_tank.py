@@ -19,7 +19,7 @@ from toy_fish import (
 
 from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
-from finloop.sprites.turn import turn_cutout
+from finloop.sprites.orient import turn_cutout
 from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
 from finloop.tank.camera import CAMERAS, VIEW_DEG, views
 from finloop.tank.display import choose_window

@@ -12,7 +12,7 @@ from finloop.animate.cast import FrameHulls
 from finloop.animate.settings import AnimateSettings as CommonSettings
 from finloop.base.arrays import Floats, Mask, Picture, Reals
 from finloop.distance.reel import Reel
-from finloop.sprites.pictures import outlines
+from finloop.sprites.orient import sprite_outlines
 
 
 class Sized(NamedTuple):
@@ -39,7 +39,7 @@ def scale_film(
     """
     scale = (reel.length_px / reel.lengths_px).astype(float)
     filmed = frame_hulls(outline_px, reel.features, scale)
-    hulls = outlines(reel) if len(reel.sprites) else []
+    hulls = sprite_outlines(reel) if len(reel.sprites) else []
     reach_px, barred = reach(hulls, filmed, p.reach_quantile)
     size = 1.0 if p.fish_scale == "auto" else p.fish_scale
     area = choose_fish_area(arena, outline_px, size * reach_px, p.tank, floor)

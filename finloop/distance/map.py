@@ -7,7 +7,7 @@ one orientation and swimming type share (Eq. 7); *area* (n,) the motion area (Eq
 taken about their mean, and pairs too close for float32 are computed again.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -19,7 +19,11 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
-from finloop.distance.picture import FILM
+from finloop.base.stretches import sample_stretches
+from finloop.distance.picture import BODY, FILM
+from finloop.distance.reel import Reel
+from finloop.distance.settings import DistanceSettings
+from finloop.features.table import step_of
 
 EXACT = 1e-4
 """Largest error of a distance between pictures of values 0 … 1."""
@@ -29,6 +33,7 @@ _BAND = 128  # frames of a band; more would compute more pairs that differ too m
 _LOSS = 16 * np.finfo(np.float32).eps  # error of a squared distance, over ‖a‖² + ‖b‖²; half occurs
 _CHUNK = 2**22  # numbers gathered at a time for pairs measured one by one
 _MANY = 1 / 64  # share of a block; if more pairs are close, the whole block is computed again
+_STRETCHES = 20  # least stretches of a film that is too long for a complete map
 
 Ints = NDArray[np.intp]
 Picture = NDArray[np.float32]
@@ -75,25 +80,26 @@ class Block(NamedTuple):
     columns: slice
 
 
-class PicturePairs(NamedTuple):
-    """Pairs of pictures (k,): the row numbers a and b in x, and their picture distance (Eq. 5)."""
+class FrameComparison(NamedTuple):
+    """The comparison of a film's frames: tables `PAIRS` and `STEPS`, and how they were made."""
 
-    a: Ints
-    b: Ints
-    distance: NDArray[np.float32]
+    pairs: pd.DataFrame
+    steps: pd.DataFrame
+    facts: MapFacts
+
+
+PicturePairs = tuple[Ints, Ints, NDArray[np.float32]]
+"""Pairs of pictures (k,): the row numbers a and b in x, and their picture distance (Eq. 5)."""
 
 
 def about_mean(pictures: Picture) -> Picture:
-    """Return x (n, k): pictures (n, …) as rows, minus their mean; the input is overwritten.
-
-    That saves the memory of a copy.
-    """
+    """Return x (n, k): pictures (n, …) as rows, minus their mean; overwrite them to save memory."""
     x = pictures.reshape(len(pictures), -1)
     x -= x.mean(axis=0)
     return x
 
 
-def pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
+def _pair_distances(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
     """Return the picture distances (k,) (Eq. 5) between rows a (k,) and b (k,) of x."""
     distances = np.empty(len(a), np.float32)
     lot = max(1, _CHUNK // x.shape[1])
@@ -128,6 +134,7 @@ def full_distance_map(pictures: Picture) -> Picture:
 
 
 def _lots(start: int, stop: int, most: int) -> Iterator[slice]:
+    """Yield successive slices of at most `most` numbers from `start` to `stop`."""
     yield from (slice(a, min(a + most, stop)) for a in range(start, stop, most))
 
 
@@ -166,17 +173,17 @@ def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) 
         block[close] = np.maximum(exact[close], 0)
     elif count:
         a, b = np.nonzero(close)
-        block[close] = pair_distances(x, a + at.rows.start, b + at.columns.start) ** 2
+        block[close] = _pair_distances(x, a + at.rows.start, b + at.columns.start) ** 2
 
 
 # --- Eq. 6: like with like
 
 
 def frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
-    """Return a number (n,) for each row's kind: Eq. 6 compares only frames of equal kind (Eq. 7).
+    """Return the kind (n,) of each row as a number; Eq. 6 compares only equal kinds (Eq. 7).
 
-    It stands for the swimming type; in the pose FILM also for the orientation, for there pictures
-    differ because a fish is turned.
+    It stands for the swimming type, and in the pose FILM, where turned fish differ, also for the
+    orientation.
     """
     swims = features["swimming_type"].to_numpy(np.intp)
     return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
@@ -185,13 +192,13 @@ def frame_kinds(features: pd.DataFrame, pose: str) -> Ints:
 def comparable_pairs(kind: Ints, area: Reals, threshold: float) -> Mask:
     """Return which pairs (n, n) Eq. 6 compares: equal kinds (Eq. 7), similar motion areas (Eq. 8).
 
-    kind (n,): from `frame_kinds`; area (n,): relative motion areas; threshold: their largest
-    difference.
+    kind (n,): from `frame_kinds`; threshold: the largest difference of motion areas (n,).
     """
-    return (kind[:, None] == kind) & _near(area, area, threshold)
+    return (kind[:, None] == kind) & _similar_areas(area, area, threshold)
 
 
-def _near(a: Reals, b: Reals, threshold: float) -> Mask:
+def _similar_areas(a: Reals, b: Reals, threshold: float) -> Mask:
+    """Return which pairs (n, m) of motion areas (n,) and (m,) differ by at most `threshold`."""
     return np.abs(a.astype(float)[:, None] - b.astype(float)) <= threshold
 
 
@@ -203,8 +210,7 @@ def sort_by_kind_and_area(kind: Ints, area: Reals) -> Ints:
 def comparison_blocks(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
     """Yield the blocks of the map that hold every pair a < b that Eq. 6 compares, each pair once.
 
-    kind, area (n,): of frames sorted by `sort_by_kind_and_area`; threshold: largest difference of
-    motion area.
+    kind, area (n,): of frames sorted by `sort_by_kind_and_area`; threshold: as in Eq. 8.
     """
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
@@ -230,25 +236,26 @@ def find_similar_pairs(
 ) -> Iterator[PicturePairs]:
     """Yield, block by block, the pairs a < b that Eq. 6 compares and that are at most `most` apart.
 
-    x: from `about_mean`; kind, area (n,): of its frames, which are sorted by
-    `sort_by_kind_and_area`; threshold: of the motion area (Eq. 8); most: a distance (Eq. 5). Memory
-    does not grow with the number of pairs.
+    x: from `about_mean`; kind, area, threshold: as in `comparison_blocks`; most: a distance.
+    Memory does not grow with the number of pairs.
     """
     norms = _norms(x)
     for at in comparison_blocks(kind, area, threshold):
         block = _distance_squares(x, norms, at)
         rows, columns = (np.arange(part.start, part.stop) for part in at)
-        compared = _near(area[at.rows], area[at.columns], threshold) & (rows[:, None] < columns)
+        compared = _similar_areas(area[at.rows], area[at.columns], threshold) & (
+            rows[:, None] < columns
+        )
         block[~compared] = np.inf
         _sharpen(x, norms, at, block)
         a, b = np.nonzero(compared & (block <= most**2))
-        yield PicturePairs(rows[a], columns[b], np.sqrt(block[a, b]))
+        yield rows[a], columns[b], np.sqrt(block[a, b])
 
 
 def pair_table(pairs: Iterable[PicturePairs], rows: Ints) -> pd.DataFrame:
-    """Return pairs as a table (schema `PAIRS`): i < j are feature rows, sorted by i, then by j.
+    """Return pairs of pictures as a table (schema `PAIRS`), sorted by i, then by j.
 
-    pairs: numbers of compared frames; rows: the feature row of each of these.
+    rows: the feature row of each picture.
     """
     row = rows.astype(np.int32)  # before indexing: a long film has tens of millions of pairs
     parts = [(row[a], row[b], distance) for a, b, distance in pairs]
@@ -273,7 +280,7 @@ def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1)
     follows = here["track_id"].diff(frames).eq(0) & here["frame"].diff(frames).eq(frames)
     after = np.flatnonzero(follows)
     step = np.full(len(here), np.nan, np.float32)
-    step[after - frames] = pair_distances(x, place[after - frames], place[after])
+    step[after - frames] = _pair_distances(x, place[after - frames], place[after])
     return here.assign(step=step)
 
 
@@ -300,3 +307,62 @@ def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
             "distance.picture_size_px where the fish is small",
         )
     return float(step.median()), float(step.quantile(0.95))
+
+
+# --- the comparison of a film
+
+
+def map_blocks(features: pd.DataFrame, p: DistanceSettings) -> list[Block]:
+    """Return the blocks of the distance map that `compare_frames` computes, in their order.
+
+    Their rows and columns count the compared rows, sorted by `sort_by_kind_and_area`.
+    """
+    _, _, kind, area = _sort_frames(features, p)
+    return list(comparison_blocks(kind, area, p.motion_area_threshold))
+
+
+def _sort_frames(features: pd.DataFrame, p: DistanceSettings) -> tuple[Ints, Ints, Ints, Reals]:
+    """Return the rows to compare, their sorted order, and the kinds and areas in that order.
+
+    The rows are all of the film, or stretches spread over a longer one.
+    """
+    most, track = p.max_pictures, features["track_id"].to_numpy()
+    stretches = sample_stretches(track, max(2, most // _STRETCHES), most, seed=0)
+    rows = np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in stretches])
+    features = features.iloc[rows]
+    kind, area = frame_kinds(features, p.frame_of_reference), features["motion_area_rel"].to_numpy()
+    order = sort_by_kind_and_area(kind, area)
+    return rows, order, kind[order], area[order]
+
+
+def compare_frames(
+    film: Reel, p: DistanceSettings, advance: Callable[[], object] = lambda: None
+) -> FrameComparison:
+    """Return the film's pairs of similar frames (Eqs. 5-8), and its natural steps.
+
+    advance(): called after each block. In a film of more than `p.max_pictures` frames only
+    stretches are compared. FinloopError if the film does not move.
+    """
+    size, pose = p.picture_size_px, p.frame_of_reference
+    rows, order, kind, area = _sort_frames(film.features, p)
+    features, later = film.features.iloc[rows], step_of(film.features)
+    # Pictures are in the sorted order, so a band is a slice and needs no copy.
+    x = about_mean(film.frames(rows[order], size, pose))
+    steps = step_table(features, x, np.argsort(order), later)
+    steps["headed"] = steps["step"]
+    if pose == FILM:
+        headed = about_mean(film.frames(rows, size, BODY))
+        steps["headed"] = step_table(features, headed, np.arange(len(rows)), later)["step"]
+        del headed  # as large as x
+    steps["as_filmed"] = film.steps(size, FILM, rows)
+    median, p95 = usual_steps(steps)
+    most = np.inf if p.max_distance_steps is None else p.max_distance_steps * median
+
+    def with_progress() -> Iterator[PicturePairs]:
+        for pairs in find_similar_pairs(x, kind, area, p.motion_area_threshold, most):
+            yield pairs
+            advance()
+
+    pairs = pair_table(with_progress(), rows[order])
+    threshold, keep = p.motion_area_threshold, p.max_distance_steps
+    return FrameComparison(pairs, steps, MapFacts(pose, size, threshold, keep, median, p95))

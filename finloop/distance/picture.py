@@ -3,13 +3,13 @@
 D = ‖F − F′‖₂ over all pixels and channels, 0 … 1, of centred cut-outs.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
 import pandas as pd
 import scipy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from finloop.base.arrays import Floats, Reals
 from finloop.base.cutout import Cutout
@@ -20,34 +20,19 @@ FILM, BODY = "film", "body"
 SPAN = 1.5  # body lengths across a centred picture: room for a fish in any direction
 
 
-class Place(NamedTuple):
-    """A mass centre in px of the film: x to the right, y down."""
-
-    x_px: float
-    y_px: float
-
-
-def places(table: pd.DataFrame) -> list[Place]:
-    """Return the mass centre of every row of a table with the columns x_px and y_px."""
-    return [Place(x, y) for x, y in table[["x_px", "y_px"]].to_numpy(float)]
-
-
 def centre_cutout(
-    pixels: NDArray[np.uint8],
-    centre: tuple[float, float],
-    length_px: float,
-    size: int,
-    turn_deg: float = 0.0,
+    cutout: Cutout, centre_px: ArrayLike, length_px: float, size: int, turn_deg: float = 0.0
 ) -> NDArray[np.float32]:
-    """Draw a cut-out with its centre in the middle of a picture (size, size, channels), 0 … 1.
+    """Draw a film cut-out in the middle of a picture (size, size, channels), 0 … 1.
 
-    pixels (h, w, channels): premultiplied, 0 … 255; centre: x, y px in the cut-out; length_px: its
-    body length there (all fish come out equally long); turn_deg: turns it anticlockwise as seen.
+    centre_px: x, y of its mass centre in the film; length_px: its body length there (all fish come
+    out equally long); turn_deg: turns it anticlockwise as seen.
     """
+    centre = (np.asarray(centre_px, float) - (cutout.x0_px, cutout.y0_px)).tolist()
     scale = size / (SPAN * length_px)
     matrix = cv2.getRotationMatrix2D(centre, turn_deg, scale)
     matrix[:, 2] += (size - 1) / 2 - np.array(centre)
-    source = blur_for_shrinking(pixels.astype(np.float32) / 255, scale)
+    source = blur_for_shrinking(cutout.pixels.astype(np.float32) / 255, scale)
     return cv2.warpAffine(source, matrix, (size, size), flags=cv2.INTER_LINEAR)
 
 
@@ -58,18 +43,6 @@ def blur_for_shrinking(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
     0.75 on, the picture stays as it is.
     """
     return cv2.GaussianBlur(pixels, (0, 0), 0.4 / scale) if scale < 0.75 else pixels
-
-
-def picture(
-    cutout: Cutout, at: Place, length_px: float, size: int, turn_deg: float = 0.0
-) -> NDArray[np.float32]:
-    """Draw a film cut-out in the middle of a picture (size, size, channels), 0 … 1.
-
-    at: its mass centre in the film; length_px: its body length there (all fish come out equally
-    long); turn_deg: turns it anticlockwise as seen.
-    """
-    centre = at.x_px - cutout.x0_px, at.y_px - cutout.y0_px
-    return centre_cutout(cutout.pixels, centre, length_px, size, turn_deg)
 
 
 def typical_length(features: pd.DataFrame) -> pd.Series:
@@ -109,25 +82,18 @@ def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
 
 
 def distance_pair_by_pair(a: Reals, b: Reals) -> Floats:
-    """Return the picture distance (Eq. 5) between a and b, pair by pair, as (…).
-
-    a, b (…, size, size, channels): values 0 … 1. The distance is the root of the summed squared
-    differences.
-    """
+    """Return the distances (…) (Eq. 5) of pictures a, b (…, size, size, channels), pair by pair."""
     return np.linalg.norm((a - b).reshape(*np.shape(a)[:-3], -1), axis=-1).astype(float)
 
 
 def successive_distances(pictures: Reals) -> Floats:
-    """Return the picture distance (n − 1,) (Eq. 5) from each picture to the next.
-
-    pictures (n, size, size, channels): values 0 … 1.
-    """
+    """Return the distances (n − 1,) (Eq. 5) from each of n pictures to the next."""
     return distance_pair_by_pair(pictures[1:], pictures[:-1])
 
 
 def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
-    """Return the picture distances (n, m) (Eq. 5) between all pictures a (n, …) and all b (m, …).
+    """Return the distances (n, m) (Eq. 5) between all pictures a (n, …) and all b (m, …).
 
-    For whole films `finloop.distance.map` computes it, by matrix products.
+    For whole films `finloop.distance.map` computes them, by matrix products.
     """
     return scipy.spatial.distance.cdist(a.reshape(len(a), -1), b.reshape(len(b), -1))

@@ -15,14 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.errors import FinloopError
-from finloop.distance.picture import (
-    BODY,
-    Place,
-    picture,
-    places,
-    successive_distances,
-    typical_length,
-)
+from finloop.distance.picture import BODY, centre_cutout, successive_distances, typical_length
 from finloop.features.table import direction_deg, orientations_of, step_of
 
 Pictures = NDArray[np.float32]
@@ -105,13 +98,9 @@ class Reel:
         """Return the typical body length (n,) [px], as filmed, of the animal in each row."""
         return typical_length(self.features).to_numpy()
 
-    def place(self, row: int) -> Place:
-        """Return the mass centre of a row, px of the film."""
-        return Place(*self._places[row].tolist())
-
     @cached_property
-    def _places(self) -> Reals:
-        """Return x, y (n, 2) of every row."""
+    def centres_px(self) -> Reals:
+        """Return the mass centres (n, 2) of the rows, px of the film."""
         return self.features[["x_px", "y_px"]].to_numpy(float)
 
     @cached_property
@@ -139,7 +128,7 @@ class Reel:
 
         length_px: its body length as filmed; all fish come out equally long. Values are 0 … 1.
         """
-        return picture(self.film[int(row)], self.place(row), length_px, size, turn_deg)
+        return centre_cutout(self.film[int(row)], self.centres_px[row], length_px, size, turn_deg)
 
     def frames(self, rows: Rows, size: int, pose: str) -> Pictures:
         """Return centred pictures (k, size, size, channels), 0 … 1, of rows (k,), at least one.
@@ -156,9 +145,8 @@ class Reel:
         heading_deg (k,): the direction in the film that points right in each picture.
         """
         channels = self.film[0].pixels.shape[2]
-        pictures = np.empty(
-            (len(rows), size, size, channels), np.float32
-        )  # a list would double the memory
+        # A list would double the memory.
+        pictures = np.empty((len(rows), size, size, channels), np.float32)
         for number, (row, heading) in enumerate(zip(rows.tolist(), heading_deg, strict=True)):
             pictures[number] = self.frame(row, size, self.lengths_px[row], -heading)
         return pictures
@@ -169,12 +157,12 @@ class Reel:
         rows (k,): rising, None for all; size: px, side of the pictures; pose: FILM or BODY. NaN
         where the next one is not the next frame of the same track.
         """
-        some = np.arange(len(self)) if rows is None else rows
-        step = np.full(len(some), np.nan)
-        for start in range(0, len(some) - 1, _LOT):
-            lot = self.frames(some[start : start + _LOT + 1], size, pose)
+        rows = np.arange(len(self)) if rows is None else rows
+        step = np.full(len(rows), np.nan)
+        for start in range(0, len(rows) - 1, _LOT):
+            lot = self.frames(rows[start : start + _LOT + 1], size, pose)
             step[start : start + len(lot) - 1] = successive_distances(lot)
-        step[:-1][(np.diff(some) != 1) | ~self.goes_on[some[:-1]]] = np.nan
+        step[:-1][(np.diff(rows) != 1) | ~self.goes_on[rows[:-1]]] = np.nan
         return step
 
     # --- sprites
@@ -186,12 +174,12 @@ class Reel:
         return self.store[sprite_row(int(number), int(orientation), self.orientations)]
 
     @cached_property
-    def sprite_places(self) -> list[Place]:
-        """Return the mass centre of every sprite, px of the film."""
-        return places(self.sprites)
+    def sprite_centres_px(self) -> Reals:
+        """Return the mass centres (s, 2) of the sprites, px of the film."""
+        return self.sprites[["x_px", "y_px"]].to_numpy(float)
 
     @cached_property
-    def sprite_lengths_px(self) -> Reals:
+    def _sprite_lengths_px(self) -> Reals:
         """Return the body length (s,) [px], as filmed, of each sprite's fish."""
         return self.length_px / self.sprites["scale"].to_numpy()
 
@@ -202,13 +190,13 @@ class Reel:
 
         turn_deg: turns it further, anticlockwise as seen. Values are 0 … 1.
         """
-        place, length = self.sprite_places[number], self.sprite_lengths_px[number]
-        return picture(self.sprite(number, orientation), place, length, size, turn_deg)
+        centre, length = self.sprite_centres_px[number], self._sprite_lengths_px[number]
+        return centre_cutout(self.sprite(number, orientation), centre, length, size, turn_deg)
 
     def sprite_pictures(self, size: int, orientation: int = 1) -> Pictures:
         """Return pictures (s, size, size, channels), 0 … 1, of all sprites in an orientation."""
-        count = len(self.sprites)
-        return np.stack([self.sprite_picture(n, size, orientation) for n in range(count)])
+        numbers = range(len(self.sprites))
+        return np.stack([self.sprite_picture(number, size, orientation) for number in numbers])
 
     def after_sprites(self, size: int, orientation: int = 1) -> Pictures:
         """Return pictures (s, size, size, channels) of what the film shows after each sprite.
@@ -218,7 +206,7 @@ class Reel:
         """
         ahead = float(direction_deg(orientation, self.orientations))
         pictures = []
-        for sprite, length in zip(self.sprites.itertuples(), self.sprite_lengths_px, strict=True):
+        for sprite, length in zip(self.sprites.itertuples(), self._sprite_lengths_px, strict=True):
             row, side = int(sprite.row), -1 if sprite.mirrored else 1
             turn = -sprite.heading_deg - side * sprite.turn_deg * self.goes_on[row]
             # A mirrored one is turned to the right, mirrored there, and its mirror turned on.

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints
-from finloop.distance.picture import SPAN, distance_pair_by_pair, picture
+from finloop.distance.picture import SPAN, centre_cutout, distance_pair_by_pair
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
 from finloop.edit.schema import FRAME, SPRITE
@@ -39,14 +39,14 @@ class Pictures:
         """Draw a sprite in an orientation, or a frame, which has none, turned by `rotation_deg`."""
         reel, turn = self.reel, float(rotation_deg)
         if kind == FRAME:
-            one, cutout = reel.place(source), reel.film[source]
+            centre, cutout = reel.centres_px[source], reel.film[source]
         else:
-            one, cutout = reel.sprite_places[source], reel.sprite(source, orientation)
+            centre, cutout = reel.sprite_centres_px[source], reel.sprite(source, orientation)
         if kind == FRAME and mirrored:
             heading = float(self.bodies.heading_deg[source])
-            image = picture(cutout, one, reel.length_px / scale, self.size, -turn - 2 * heading)
-            return image[::-1]
-        return picture(cutout, one, reel.length_px / scale, self.size, turn)
+            turn = -turn - 2 * heading
+            return centre_cutout(cutout, centre, reel.length_px / scale, self.size, turn)[::-1]
+        return centre_cutout(cutout, centre, reel.length_px / scale, self.size, turn)
 
     def target(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
         """Return the pose, in px of the picture, that draws a body in the posture of codes (c,).

@@ -13,5 +13,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "learning": ["train_predictor"],
     "model": ["Forecast"],
     "neighbours": ["similar_rows"],
-    "sampling": ["RolloutState", "start_at_random_row", "step"],
+    "sampling": ["RolloutState", "start_at_row", "step"],
 })  # fmt: skip

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Column, Schema, columns
 from finloop.features.area import bend
-from finloop.forecast.film import MOTION, FilmStates
+from finloop.forecast.film import MOTION, FilmStates, Partition
 from finloop.forecast.model import Forecast
-from finloop.forecast.partition import Partition
 from finloop.forecast.sampling import RolloutState, Sampler, draw_next_row, start_at_row, step
 from finloop.puppet.pose import Pose, steps
 
@@ -60,8 +59,8 @@ def predict_ensembles(
     """Predict the states after held-out rows, each by an ensemble built from training rows alone.
 
     A member is the network's mean plus the film's departure from it after a similar training row;
-    rows with fewer than 5 members are left out. swim: sampler of `film`. rng draws the rank of the
-    true state between two members.
+    rows with fewer than 5 members are left out. rng draws the rank of the true state between two
+    members.
     """
     in_train = np.zeros(len(film.states), bool)
     in_train[parts.train] = True
@@ -153,30 +152,22 @@ def control_slopes(swim: Sampler, film: FilmStates, rng: np.random.Generator) ->
         if not len(similar):
             continue
         control = swim.control[rng.choice(similar)]
-        state, way = (
-            RolloutState(start_at_row(swim, row).past, draw_next_row(swim, row, control, rng)),
-            [],
-        )
+        past, follows = start_at_row(swim, row).past, draw_next_row(swim, row, control, rng)
+        state, moves = RolloutState(past, follows), []
         for _ in range(delta):
             state = step(swim, state, control, rng)
-            way.append(state.past[0, -MOTION:] * step_s)
+            moves.append(state.past[0, -MOTION:] * step_s)
+        ahead, left, turn = np.transpose(moves)
+        heading = np.cumsum(turn)
+        way = ((ahead + 1j * left) * np.exp(1j * np.append(0.0, heading[:-1]))).sum()
         controls.append(control)
-        motions.append(_net_displacement(np.array(way)))
-    names = ("displacement_slope", "angle_slope")
+        motions.append((float(abs(way)), float(heading[-1])))
     x, y = np.array(controls), np.array(motions)
     return {
         name: float(np.polyfit(x[:, i], y[:, i], 1)[0])
-        for i, name in enumerate(names)
+        for i, name in enumerate(("displacement_slope", "angle_slope"))
         if np.ptp(x[:, i]) > 0
     }
-
-
-def _net_displacement(way: Floats) -> tuple[float, float]:
-    """Return displacement and included angle of steps (t, 3): ahead, to the left, turned."""
-    heading = np.cumsum(way[:, 2])
-    before = np.append(0.0, heading[:-1])
-    z = ((way[:, 0] + 1j * way[:, 1]) * np.exp(1j * before)).sum()
-    return float(abs(z)), float(heading[-1])
 
 
 def motion_area(postures: Floats) -> Floats:
@@ -193,10 +184,7 @@ def held_out_table(ensemble: Ensemble) -> pd.DataFrame:
 
 
 def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
-    """Return the table FREE of a free swim: speeds, first code and film row at each tick.
-
-    states (t, d), rows (t,): from `sampling.free_run`.
-    """
+    """Return the table FREE of a free swim, with states (t, d) and rows (t,) from `free_run`."""
     return pd.DataFrame({
         "row": rows, "forward": states[:, -3], "sideways": states[:, -2], "turning": states[:, -1],
         "pose": states[:, 0],
@@ -208,8 +196,8 @@ def measure_free_run(
 ) -> dict[str, float]:
     """Compare a free swim with the film: its spread, how often it is clamped, its longest repeats.
 
-    states (t, d), rows (t,): from `sampling.free_run`. …_spread_of_film: standard deviation over
-    the film's; free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: seconds.
+    states (t, d), rows (t,): from `free_run`. …_spread_of_film: standard deviation over the film's;
+    free_clamped_pct: ticks at the edge of the film's range; …_repeat_s: seconds.
     """
     usual = film.states[film.rows]
     clamped = (states <= swim.low) | (states >= swim.high)

@@ -18,7 +18,7 @@ from finloop.base.axes import to_body_axes
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
 from finloop.features.current import through_water
-from finloop.features.memory import memory_frames
+from finloop.features.memory import block_frames, memory_frames
 from finloop.features.table import delta_of
 from finloop.forecast.settings import ForecastSettings
 from finloop.pose.film import FilmPoses
@@ -74,10 +74,8 @@ def film_states(
 ) -> FilmStates:
     """Compute the states and controls of all rows of a film and of their mirror images.
 
-    features: columns of `FEATURES` (n rows); codes: (n, c) of their postures, the most important
-    first; mirror: (c, c), codes @ mirror are those of the mirror image; None for a fish that may
-    not be mirrored; rate_hz: frames per second. FinloopError if too few rows have a past and a
-    future, or no fish turns or moves in them.
+    codes: (n, c) of the rows' postures, the most important first; mirror: from `posture_mirror`.
+    FinloopError if too few rows have a past and a future, or no fish turns or moves in them.
     """
     delta, n = delta_of(features), len(features)
     track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
@@ -90,7 +88,20 @@ def film_states(
     place = np.arange(n) - np.searchsorted(track, track)
     next_row = np.append((np.diff(track) == 0) & (np.diff(frame) == 1), False)
     usable = (place > lags[-1]) & next_row & np.isfinite(control).all(1)
-    _check(control[usable], bool(features["swimming_type"].to_numpy()[usable].any()))
+    lack = ""
+    if usable.sum() < LEAST_ROWS:
+        lack = f"{usable.sum()} rows with a past, a next frame and a control"
+    elif np.ptp(control[usable, 0]) < 1e-6:
+        lack = "no fish that moves"
+    elif not features["swimming_type"].to_numpy()[usable].any():  # no steering can be learnt
+        lack = "no fish that turns"
+    if lack:
+        raise FinloopError(
+            f"the film has {lack}",
+            f"at least {LEAST_ROWS} rows in tracks of some seconds, in which a fish moves and "
+            "turns",
+            "take a longer film, or leave the forecast out (matching.uses=[film])",
+        )
     whole, side = np.eye(c + MOTION), np.ones(2)
     if mirror is not None:
         whole[:c, :c], side[1] = np.asarray(mirror)[:c, :c], -1
@@ -109,7 +120,7 @@ def film_states(
 def posture_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
     """Return the matrix (c, c) that mirrors posture codes; None if the fish may not be mirrored.
 
-    look: light and skin (table LOOK); 2 n rows, more than `poses` has, if the fish may be mirrored.
+    look: light and skin (table LOOK); it has more rows than `poses` if the fish may be mirrored.
     """
     return poses.shapes.mirror if len(look) > len(poses.codes) else None
 
@@ -128,23 +139,39 @@ def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
     return motion
 
 
-def _check(control: Floats, turns: bool) -> None:
-    """Raise FinloopError if a film shows too little to learn from.
+@dataclass(frozen=True)
+class Partition:
+    """The numbers of a film's rows to learn from, (k,), and of those held out, (q,)."""
 
-    control: (m, 2) of its usable rows; turns: whether a fish turns in one of them: without a turn,
-    no steering can be learnt.
+    train: Ints
+    held_out: Ints
+
+
+def split_held_out(film: FilmStates, p: ForecastSettings) -> Partition:
+    """Split usable rows by stretches of time, of all fish together; the sides share no past.
+
+    Each side has at most `p.most_rows`: in a long film a random sample. FinloopError if the film is
+    shorter than two stretches.
     """
-    what = ""
-    if len(control) < LEAST_ROWS:
-        what = f"{len(control)} rows with a past, a next frame and a control"
-    elif np.ptp(control[:, 0]) < 1e-6:
-        what = "no fish that moves"
-    elif not turns:
-        what = "no fish that turns"
-    if what:
+    rows, least = film.rows, int(film.lags[-1]) + 2
+    block = block_frames(
+        p.held_out_block_deltas, p.held_out_ratio, film.delta, film.frame[rows], least
+    )
+    first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
+    blocks = np.unique(first)
+    count = min(max(1, round(p.held_out_ratio * len(blocks))), len(blocks) - 1)
+    sample = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
+    begins, ends = np.isin(first, sample), np.isin(last, sample)
+    parts = Partition(rows[~begins & ~ends], rows[begins & ends])
+    if min(len(parts.train), len(parts.held_out)) == 0:
         raise FinloopError(
-            f"the film has {what}",
-            f"at least {LEAST_ROWS} rows in tracks of some seconds, in which a fish moves and "
-            "turns",
-            "take a longer film, or leave the forecast out (matching.uses=[film])",
+            f"{len(parts.train)} rows to learn from and {len(parts.held_out)} to test with, in "
+            f"stretches of {block} frames",
+            "at least one row of each kind",
+            "lower forecast.held_out_block_deltas, or take a longer film",
         )
+    rng = np.random.default_rng((p.seed, 2))
+    return Partition(*(
+        np.sort(rng.choice(part, p.most_rows, replace=False)) if len(part) > p.most_rows else part
+        for part in (parts.train, parts.held_out)
+    ))  # fmt: skip

@@ -15,9 +15,8 @@ import torch
 from torch import Tensor, nn
 
 from finloop.base.arrays import Ints
-from finloop.forecast.film import CONTROL, FilmStates
+from finloop.forecast.film import CONTROL, FilmStates, Partition
 from finloop.forecast.model import Forecast
-from finloop.forecast.partition import Partition
 from finloop.forecast.settings import ForecastSettings
 
 _FLOOR = 0.02  # least share of a variance: nearly constant numbers must not dominate
@@ -57,23 +56,23 @@ def train_predictor(
     p: ForecastSettings,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[Forecast, pd.DataFrame]:
-    """Train the network of the next state; return it with its learning curve.
+    """Train the network that predicts the next state; return it with its learning curve.
 
-    The model is that of the epoch with the least held-out error. advance: called after each epoch.
-    The curve: columns epoch, train_error, held_out_error, mean squares; 1 is the error of
-    persistence.
+    The model is that of the epoch with the least held-out error. The curve: columns epoch,
+    train_error, held_out_error, mean squares; 1 is the error of persistence. advance(): called
+    after each epoch.
     """
     with _one_thread(p.seed) as chance:
         network = _Network(film, p.hidden_units)
         train, held_out = (_tensors(film, rows) for rows in (parts.train, parts.held_out))
-        weight = 1 / (_mean_square(train[0][:, 0] - train[2]) + _FLOOR)
+        weight = 1 / ((train[0][:, 0] - train[2]).square().mean(0) + _FLOOR)
         adam = torch.optim.AdamW(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
         )
         curve = [_errors(network, weight, train, held_out)]
         best, wait = _copy(network), 0
         for _ in range(p.epochs):
-            _epoch(network, adam, (train, weight), p, chance)
+            _learn_once(network, adam, (train, weight), p, chance)
             curve.append(_errors(network, weight, train, held_out))
             advance()
             wait += 1
@@ -95,6 +94,7 @@ Sample = tuple[Tensor, Tensor, Tensor]
 
 
 def _tensors(film: FilmStates, rows: Ints) -> Sample:
+    """Return rows of a film as a sample for the network."""
     parts = (
         film.past(rows) / film.scale, film.control[rows] / film.control_scale,
         film.states[rows + 1] / film.scale,
@@ -103,14 +103,11 @@ def _tensors(film: FilmStates, rows: Ints) -> Sample:
     return past, control, later
 
 
-def _mean_square(x: Tensor) -> Tensor:
-    return x.square().mean(0)
-
-
-def _epoch(
+def _learn_once(
     network: _Network, adam: torch.optim.Optimizer, sample: tuple[Sample, Tensor],
     p: ForecastSettings, chance: torch.Generator,
 ) -> None:  # fmt: skip
+    """Show the network the whole sample once, in random batches and with noise on the past."""
     (past, control, later), weight = sample
     size = min(p.batch_size, len(past))
     order = torch.randperm(len(past), generator=chance)
@@ -139,12 +136,13 @@ def _errors(network: _Network, weight: Tensor, train: Sample, held_out: Sample) 
     errors = {}
     with torch.inference_mode():
         for name, (past, control, later) in (("train", train), ("held_out", held_out)):
-            mean = _mean_square(network(past, control) - later) * weight
-            errors[f"{name}_error"] = float(mean.mean())
+            square = (network(past, control) - later).square().mean(0)
+            errors[f"{name}_error"] = float((square * weight).mean())
     return errors
 
 
 def _copy(network: _Network) -> dict[str, Tensor]:
+    """Return a copy of the network's present weights, by name."""
     return {name: value.detach().clone() for name, value in network.state_dict().items()}
 
 

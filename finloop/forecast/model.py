@@ -20,6 +20,7 @@ from finloop.base.kernel import finite_leaf
 Weights = NDArray[np.float32]
 _LAYERS = ("first", "second", "third")
 _UNITS = ("lags", "scale", "control_scale", "mirror", "side")
+_FORMAT = "finloop forecast 1"
 
 
 class Net(NamedTuple):
@@ -80,23 +81,17 @@ class Forecast:
         x = np.concatenate([past.reshape(len(past), -1), control], 1)
         mean = past[:, 0].astype(float)
         for side in range(2):
-            first = silu(x @ net.first[side] + net.first_bias[side])
-            second = silu(first @ net.second[side] + net.second_bias[side])
+            first = _silu(x @ net.first[side] + net.first_bias[side])
+            second = _silu(first @ net.second[side] + net.second_bias[side])
             mean = mean + second @ net.third[side] + net.third_bias[side]
         return mean
 
     def record(self) -> dict[str, Any]:
         """Return the network as plain values that JSON can hold; `forecast_model` restores it."""
-        weights = dict(zip(_LAYERS, self.layers, strict=True))
-        weights |= {f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)}
-        rest = {name: getattr(self, name) for name in _UNITS}
-        return {
-            "format": _FORMAT,
-            **{name: np.asarray(value).tolist() for name, value in (weights | rest).items()},
-        }
-
-
-_FORMAT = "finloop forecast 1"
+        arrays = dict(zip(_LAYERS, self.layers, strict=True))
+        arrays |= {f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)}
+        arrays |= {name: getattr(self, name) for name in _UNITS}
+        return {"format": _FORMAT} | {name: array.tolist() for name, array in arrays.items()}
 
 
 def forecast_model(**content: Any) -> Forecast:
@@ -120,7 +115,7 @@ def forecast_model(**content: Any) -> Forecast:
     return Forecast(tuple(layers), tuple(biases), lags, scale, control_scale, mirror, side)  # type: ignore[arg-type]
 
 
-def silu(x: Reals) -> Reals:
+def _silu(x: Reals) -> Reals:
     """Return x · sigmoid(x) (Elfwing 2018)."""
     return x / (1 + np.exp(-x))
 

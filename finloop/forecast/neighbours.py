@@ -10,7 +10,7 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 """
 
 from collections.abc import Callable, Iterator
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.base.nearest import MOST, Choice, Nearest, assign_parts
+from finloop.base.nearest import MOST, Nearest, assign_parts
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.settings import ForecastSettings
 
@@ -33,17 +33,6 @@ _MOST = 16_384  # ... among at most so many nearest rows, fewer in a part of the
 _FEWEST = 2  # ... but at least so many times as many
 
 
-def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
-    """Return vectors (k, l d) for rows (k,); their Euclidean distance is how unlike the pasts are.
-
-    fade: in Δ; a state this long ago counts half.
-    """
-    unit = film.scale.copy()
-    unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
-    weight = 0.5 ** (film.lags / (fade * film.delta))
-    return (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
-
-
 VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 """The visible distance, in natural steps, of rows (k,) and rows (k,), mirrored or not."""
 
@@ -51,14 +40,13 @@ VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 def similar_rows(
     film: FilmStates, look: Reals, visible: VisibleDistance, p: ForecastSettings
 ) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the graph of similar rows, start (m + 1,) and to (e,).
+    """Return the graph of similar rows: start (m + 1,) and to (e,).
 
     The rows similar to row i are to[start[i]:start[i + 1]]. A row chooses at most `p.neighbours`, Δ
     and the film's memory apart from itself and each other; then the relation is made symmetric, and
     mirror images get the mirror images. The rows after two neighbours, which a fish shows next,
-    differ in look by at most `p.look`, and visibly by at most `p.max_discontinuity` natural steps.
-    look: (m, k) of all rows, of total variance 1; visible: measures that visible distance.
-    FinloopError if no two rows are similar.
+    differ by at most `p.look` in look (m, k), of total variance 1, and by at most
+    `p.max_discontinuity` in visible distance. FinloopError if no two rows are similar.
     """
     every = [_alike(pairs, film.count, visible, p) for pairs in _similar(film, look, p)]
     there = np.concatenate([np.empty((0, 2), np.int64), *every])
@@ -88,11 +76,21 @@ def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, NDArray[np.int
     return start, edges.astype(np.int32)
 
 
-def _space(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:
-    """Return the `embedding` (m, l d) of rows about its mean."""
-    lots = [rows[first : first + _BLOCK] for first in range(0, len(rows), _BLOCK)]
-    mean = sum(embedding(film, lot, fade).sum(0) for lot in lots) / len(rows)
-    return np.concatenate([(embedding(film, lot, fade) - mean).astype(np.float32) for lot in lots])
+def _embed(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:
+    """Return vectors (m, l d) of rows, about their mean; their distance is how unlike pasts are.
+
+    fade: in Δ; a state this long ago counts half.
+    """
+    unit = film.scale.copy()
+    unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
+    weight = 0.5 ** (film.lags / (fade * film.delta))
+
+    def embed(lot: Ints) -> Floats:
+        return (film.past(lot) / unit * weight[:, None]).reshape(len(lot), -1)
+
+    lots = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
+    mean = sum(embed(lot).sum(0) for lot in lots) / len(rows)
+    return np.concatenate([(embed(lot) - mean).astype(np.float32) for lot in lots])
 
 
 def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Ints]:
@@ -104,7 +102,7 @@ def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Int
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
-    space, looks = _space(film, rows, p.fade), np.asarray(look)[rows + 1]
+    space, looks = _embed(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
     limits = near, passage, _SPARE * count
     part = assign_parts(film.count, _STRETCH * film.delta)[rows % film.count]
@@ -119,17 +117,14 @@ def _similar(film: FilmStates, look: Reals, p: ForecastSettings) -> Iterator[Int
     for first in range(0, n, _LOT):
         lot = np.arange(first, min(first + _LOT, n))
         some, index = of_part(first // _TURN % parts)
-        choose = partial(_passages, rows, lot, (looks, p.look), limits)
-        (choice,) = index.choose(space[lot], near, partial(_choose_among, some, choose), most)
+
+        def choose(queries: Ints, near: Ints, lot: Ints = lot, some: Ints = some) -> Any:
+            numbers = np.where(near < 0, -1, some[near])
+            return _passages(rows, lot, (looks, p.look), limits, queries, numbers)
+
+        (choice,) = index.choose(space[lot], near, choose, most)
         at, place = np.nonzero(choice >= 0)
         yield np.column_stack([rows[lot[at]], choice[at, place]])
-
-
-def _choose_among(
-    some: Ints, choose: Choice, queries: Ints, near: Ints
-) -> tuple[tuple[NDArray[Any], ...], Mask]:
-    """Return the chosen values, where `near` are numbers into `some` rows alone."""
-    return choose(queries, np.where(near < 0, -1, some[near]))
 
 
 def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: ForecastSettings) -> Ints:

@@ -67,28 +67,22 @@ class RolloutState(NamedTuple):
     row: int
 
 
-def predict_means(film: FilmStates, model: Forecast) -> Floats:
-    """Predict the next states (m, d) of all rows with their own controls; 0 where unusable."""
-    mean = np.zeros_like(film.states)
-    for start in range(0, len(film.rows), _LOT):
-        lot = film.rows[start : start + _LOT]
-        mean[lot] = model.mean(film.past(lot), film.control[lot])
-    return mean
-
-
 def build_sampler(
     film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: ForecastSettings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
     """Build the sampler, which drives a simulated fish, from a film, its network and a graph.
 
-    graph: from `neighbours.similar_rows`; mean: from `predict_means`, None to compute it.
+    graph: from `neighbours.similar_rows`; mean: `Sampler.mean`, None to compute it.
     """
     rows, d = film.rows, len(film.scale)
-    mean = predict_means(film, model) if mean is None else mean
-    some = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
-    source = np.searchsorted(graph[0], some, "right") - 1
-    differ = film.control[source] - film.control[graph[1][some]]
+    if mean is None:
+        mean = np.zeros_like(film.states)
+        for lot in np.split(rows, range(_LOT, len(rows), _LOT)):
+            mean[lot] = model.mean(film.past(lot), film.control[lot])
+    edges = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
+    source = np.searchsorted(graph[0], edges, "right") - 1
+    differ = film.control[source] - film.control[graph[1][edges]]
     half = np.repeat([p.settle_pose, p.settle_motion], [d - MOTION, MOTION])
     return Sampler(
         model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,
@@ -97,11 +91,6 @@ def build_sampler(
         max(1.0, p.follow * film.delta, film.memory),
         p.obey * np.sqrt((differ**2).mean(0)), np.zeros(len(film.states), bool),
     )  # fmt: skip
-
-
-def start_at_random_row(swim: Sampler, rng: np.random.Generator) -> RolloutState:
-    """Return a fish that starts as filmed at a random usable row, all equally likely."""
-    return start_at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
 
 
 def start_at_row(swim: Sampler, row: int) -> RolloutState:
@@ -128,22 +117,14 @@ def step(
 def draw_next_row(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
     """Draw the row that a fish follows next: a row similar to `row`, or `row` itself.
 
-    control (2,): rows with a similar control are more likely; None: the control does not matter.
+    control (2,): with q a row's squared difference from it, in units of `swim.obey`, the row is
+    exp(−½ (q − least q)) times as likely; None: the control does not matter.
     """
     rows, chance = next_row_weights(swim, row)
     if control is not None:
-        chance = chance * control_likeness(swim, rows, control)
+        square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
+        chance = chance * np.exp(-0.5 * (square - square.min(initial=np.inf)))
     return int(rows[np.searchsorted(np.cumsum(chance), rng.random() * chance.sum())])
-
-
-def control_likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
-    """Return how alike the controls of rows (k,) are to a control (2,): 1 for the most similar row.
-
-    With q the squared difference of a row's control, in units of `swim.obey`: exp(−½ (q − least
-    q)).
-    """
-    square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
-    return np.exp(-0.5 * (square - square.min(initial=np.inf)))
 
 
 def next_row_weights(swim: Sampler, row: int) -> tuple[Ints, Floats]:
@@ -168,8 +149,9 @@ def next_row_weights(swim: Sampler, row: int) -> tuple[Ints, Floats]:
 
 
 def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-    """Let a fish swim freely; return its states (ticks, d) and the rows (ticks,) they follow."""
-    (past, row), states, rows, n = start_at_random_row(swim, rng), [], [], 0
+    """Let a fish swim freely from a random row; return its states (ticks, d) and rows (ticks,)."""
+    past, row = start_at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
+    states, rows, n = [], [], 0
     while n < ticks:
         row = draw_next_row(swim, row, None, rng)
         later = follow_row(swim, past, row, int(rng.geometric(1 / swim.follow)), swim.control[row])

@@ -10,14 +10,14 @@ while it is on screen: `turn_deg` is the turn of the film that fits it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count, repeat
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, distance
 from finloop.distance.reel import Reel
@@ -71,11 +71,11 @@ class Nearness:
 def nearness(
     reel: Reel, rows: Ints, size: int, pose: str, advance: Callable[[int], object] = lambda _: None
 ) -> Nearness:
-    """Return the picture distances (Eq. 5) between all sprites and rows (n,) of the film.
+    """Measure the picture distances (Eq. 5) between all sprites and rows (n,) of the film, rising.
 
-    rows: rising; size: px, side of the pictures. Pose BODY: sprites and film with the measured
-    heading to the right. FILM: each row as filmed, with the sprites in its orientation as they are
-    drawn. advance(k): called when k more rows are done. At most `_BLOCK` pictures are held at once.
+    size: px, side of the pictures; pose: BODY, the measured heading points right, or FILM, each row
+    as filmed and the sprites in its orientation as they are drawn. advance(k): called when k more
+    rows are done. At most `_BLOCK` pictures are held at once.
     """
     features, sprites = reel.features, reel.sprites
     row, after = _rows_of(reel)
@@ -91,12 +91,12 @@ def nearness(
         own_deg = np.zeros(len(sprites))
     ahead, own = np.empty((2, len(sprites), len(rows)))
     for number in np.unique(orientation):
-        of_ahead, of_own = sprite_pictures(reel, size, pose, int(number))
+        next_pictures, own_pictures = sprite_pictures(reel, size, pose, int(number))
         mine = np.flatnonzero(orientation == number)
         for block in np.split(mine, range(_BLOCK, len(mine), _BLOCK)):
             filmed = reel.frames(rows[block], size, pose)
-            ahead[:, block] = distance(of_ahead, filmed).round(_DIGITS)
-            own[:, block] = distance(of_own, filmed).round(_DIGITS)
+            ahead[:, block] = distance(next_pictures, filmed).round(_DIGITS)
+            own[:, block] = distance(own_pictures, filmed).round(_DIGITS)
             advance(len(block))
     return Nearness(rows, ahead, own, ahead_deg, own_deg, pose_deg, orientation)
 
@@ -132,6 +132,7 @@ def _rows_of(reel: Reel) -> tuple[Ints, Ints]:
 
 
 def _frames_ahead(features: pd.DataFrame) -> Ints:
+    """Return how many frames of its track follow each row."""
     return features.groupby("track_id").cumcount(ascending=False).to_numpy()
 
 
@@ -147,14 +148,9 @@ def gateways(
     track has no way out, and a turn is entered only by its first sprite.
     """
     most = settings.distance_threshold * step
-    ways = [
-        _ways_in(near, features, most, settings),
-        _ways_out(near, sprites, features, most, settings.sprites_per_frame),
-    ]
-    table = pd.concat(
-        [way.assign(direction=word) for word, way in zip((IN, OUT), ways, strict=True)],
-        ignore_index=True,
-    )
+    ways_in = _ways_in(near, features, most, settings).assign(direction=IN)
+    ways_out = _ways_out(near, sprites, features, most, settings.sprites_per_frame)
+    table = pd.concat([ways_in, ways_out.assign(direction=OUT)], ignore_index=True)
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
     column = np.searchsorted(near.rows, table["row"].to_numpy() + ~leads_in)
     table["orientation"] = near.orientation[column]
@@ -166,7 +162,7 @@ def gateways(
 def _ways_in(
     near: Nearness, features: pd.DataFrame, most: float, settings: GatewaysSettings
 ) -> pd.DataFrame:
-    """Return sprite, row, rank, distance: the `top_in` best rows of each sprite and orientation."""
+    """Return sprite, row, rank, distance: the best rows of each sprite and orientation."""
     track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
     delta = delta_of(features)
     lasts = _frames_ahead(features)[near.rows] >= settings.least * delta
@@ -191,10 +187,7 @@ def _ways_in(
 def _ways_out(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, most: float, top: int
 ) -> pd.DataFrame:
-    """Return sprite, row, rank, distance: each row's `top` best sprites of each sequence.
-
-    Every sequence is there, because the player chooses among them.
-    """
+    """Return sprite, row, rank, distance: each row's `top` best sprites of every sequence."""
     # Rows whose next frame is among `near.rows`, and its place there.
     follows = np.append(False, _frames_ahead(features) > 0)[near.rows]
     row, after = near.rows[follows] - 1, np.flatnonzero(follows)
@@ -211,49 +204,37 @@ def _ways_out(
     return table.assign(rank=table.groupby("row").cumcount() + 1)
 
 
-def gateways_without_threshold(
-    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: GatewaysSettings
-) -> pd.DataFrame:  # fmt: skip
-    """Return the gateways (schema `GATEWAYS`) that there would be without a distance threshold."""
-    endless = replace(settings, distance_threshold=np.inf)
-    return gateways(near, sprites, features, 1.0, endless)
-
-
-def numbers(
-    table: pd.DataFrame, every: pd.DataFrame, near: Nearness, features: pd.DataFrame,
+def gateway_metrics(
+    table: pd.DataFrame, nearest: pd.DataFrame, near: Nearness, features: pd.DataFrame,
     rate_hz: float, step: float,
 ) -> dict[str, float]:  # fmt: skip
     """Return the metrics of the gateways, by their names in metrics.json.
 
-    table: from `gateways`; every: from `gateways_without_threshold`; rate_hz: frames per second;
-    step: the median natural step.
+    table: the gateways; nearest: those without a threshold; step: the median natural step.
     """
     result: dict[str, float] = {}
     for word in (IN, OUT):
         far = table.loc[table["direction"] == word, "distance"] / step
+        least = nearest.loc[nearest["direction"] == word, "distance"].min()
         result |= {
             f"ways_{word}": len(far),
             f"distance_{word}_median_steps": far.median(),
             f"distance_{word}_p95_steps": far.quantile(0.95),
-            f"nearest_{word}_steps": every.loc[every["direction"] == word, "distance"].min() / step,
+            f"nearest_{word}_steps": least / step,
         }
     leads_in, leads_out = (table[table["direction"] == word] for word in (IN, OUT))
     compared = len(near.ahead) * len(np.unique(near.orientation))
     entered = len(leads_in[["sprite", "orientation"]].drop_duplicates())
     out = np.isin(near.rows, leads_out["row"])
-    track = features["track_id"].iloc[near.rows]
+    track = features["track_id"].to_numpy()
+    without = pd.Series(~out).groupby([track[near.rows], out.cumsum()]).sum()  # runs of rows
     return result | {
         "sprites": len(near.ahead),
         "sprites_in_orientations": compared,
         "sprites_in_orientations_without_way_in": compared - entered,
         "film_rows_led_to": leads_in["row"].nunique(),
-        "film_tracks_led_to": features["track_id"].iloc[leads_in["row"]].nunique(),
+        "film_tracks_led_to": len(np.unique(track[leads_in["row"]])),
         "film_rows_with_way_out_pct": 100 * out.mean(),
-        "film_longest_without_way_out_s": _longest(~out, track) / rate_hz,
+        "film_longest_without_way_out_s": int(without.max()) / rate_hz,
         "sprites_led_to": leads_out["sprite"].nunique(),
     }
-
-
-def _longest(flag: Mask, track: pd.Series) -> int:
-    run = pd.Series(~flag).cumsum()
-    return int(pd.Series(flag).groupby([track.to_numpy(), run.to_numpy()]).sum().max())

@@ -8,6 +8,6 @@ can jump to its nearest neighbours in these numbers, including mirror images.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["film_jumps"], "search": ["Search"], "visible": ["VisibleDistance"],
-    "sides": ["sides_apart"], "table": ["JUMPS", "LOOK"],
+    "film": ["Search", "film_jumps"], "visible": ["VisibleDistance"],
+    "signature": ["sides_apart"], "table": ["JUMPS", "LOOK"],
 })  # fmt: skip

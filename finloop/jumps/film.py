@@ -1,6 +1,7 @@
-"""The jumps of a film, the looks of its rows, and metrics about them."""
+"""The jumps of a film: each row's nearest neighbours, mirror images too, that also look alike."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -8,24 +9,159 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Ints
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import kernel
+from finloop.base.nearest import Nearest, assign_parts
 from finloop.base.parallel import ALONE, Workers, ordered_map
 from finloop.features.table import delta_of
-from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.settings import JumpsSettings
-from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import (
-    StraightPictures,
+    RowSource,
     blocks,
+    draw_straight,
+    handedness,
+    sides_apart,
     signature_parts,
     signatures,
     standardize,
 )
-from finloop.jumps.source import RowSource
+from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
 
 _LOT = 2000  # rows at a time
 _TURN = 2000  # rows whose jumps lead to one part of a long film
+_STRETCH = 8  # times `least`: rows of a stretch, which are all of one part of the film
+_SPARE = 8  # times `count`: nearest rows that are searched first for `count` passages
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search for the `count` nearest neighbours of each row, one of each passage of film.
+
+    Of successive rows only the nearest counts, and none within `least` rows of a nearer one. A jump
+    leads neither into the last `least` rows of a track nor within `least` rows of its own place.
+
+    targets (m, d): signatures of the n rows, then of their mirror images if these are searched;
+    goals: numbers of the targets to which a jump may lead; index: of these; track (n,): ids,
+    rising; part (n,): the film's part, from `assign_parts`.
+    """
+
+    targets: Floats
+    goals: Ints
+    index: Nearest
+    track: Ints
+    part: Ints
+    count: int
+    least: int
+
+    @classmethod
+    def from_values(
+        cls, values: Floats, track: Ints, count: int, least: int, mirror: bool = True
+    ) -> "Search":
+        """Build the search from signatures (2, n, d): of rows [0] and of their mirror images [1].
+
+        track (n,): rising ids; count, least: see `Search`; mirror: whether jumps may lead to mirror
+        images.
+        """
+        targets = np.ascontiguousarray(values[: 1 + mirror].reshape(-1, values.shape[-1]))
+        stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
+        goals = np.flatnonzero(np.tile(stays, 1 + mirror))
+        index = Nearest.from_vectors(targets[goals])
+        part = assign_parts(len(track), _STRETCH * least)
+        return cls(targets, goals, index, np.asarray(track), part, count, least)
+
+    @property
+    def parts(self) -> int:
+        """Return the number of parts into which a long film is divided."""
+        return 1 + int(self.part.max())
+
+    def __call__(self, rows: Ints) -> pd.DataFrame:
+        """Return the neighbours of rows (k,), rising, as a table: row, to, mirrored, far.
+
+        far: the distance of the two signatures, in natural steps; a row's nearest neighbour comes
+        first.
+        """
+        return self._nearest(rows, self.goals, self.index)
+
+    def in_part(self, rows: Ints, part: int) -> pd.DataFrame:
+        """Return the neighbours of rows (k,) in one part of the film, as `__call__` does."""
+        goals = self.goals[self.part[self.goals % len(self.track)] == part]
+        return self._nearest(rows, goals, Nearest.from_vectors(self.targets[goals], len(goals)))
+
+    def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
+        """Return neighbours of rows among some goals, which are in an index."""
+
+        def choose_passages(some: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
+            near = np.sort(np.where(near < 0, -1, goals[near]), axis=1)
+            least, count = self.least, self.count
+            to, far = _minima(self.targets, self.track, rows[some], near, least, count)
+            return (to, far), np.isfinite(far[:, -1])
+
+        to, far = index.choose(self.targets[rows], _SPARE * self.count, choose_passages)
+        at, place = np.nonzero(np.isfinite(far))
+        to, n = to[at, place], len(self.track)
+        return pd.DataFrame(
+            {"row": rows[at], "to": to % n, "mirrored": to >= n, "far": far[at, place]}
+        )
+
+
+def best_jumps(near: pd.DataFrame, visible: Floats, count: int) -> pd.DataFrame:
+    """Return the `count` jumps of every row with the least discontinuity: columns of `JUMPS`.
+
+    The discontinuity (column seam) is `far` plus the square of the visible distance. That square is
+    small below a natural step, where the motion hides it. near: from `Search`, k rows; visible:
+    (k,) natural steps.
+    """
+    table = near.assign(seam=near["far"] + np.square(visible))
+    table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
+    return table[JUMPS.names].astype(JUMPS.kinds).reset_index(drop=True)
+
+
+@kernel
+def _minima(
+    targets: Floats, track: Ints, rows: Ints, near: Ints, least: int, count: int
+) -> tuple[Ints, Floats]:
+    """Return the `count` nearest targets of rows (k,) among `near` (k, l), rising; one a passage.
+
+    Of successive targets only local minima of the distance count, and none within `least` of a
+    nearer one. Targets of the row's own passage are left out.
+    """
+    d = targets.shape[1]
+    to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
+    apart = np.empty(near.shape[1])
+    for k in range(len(rows)):
+        row = rows[k]
+        for c in range(near.shape[1]):
+            target = near[k, c]
+            apart[c] = np.inf
+            if target >= 0 and not _beside(track, row, target, least):
+                square = 0.0
+                for i in range(d):
+                    square += (targets[row, i] - targets[target, i]) ** 2
+                apart[c] = np.sqrt(square)
+        many = 0
+        for c in np.argsort(apart, kind="mergesort"):
+            if many == count or apart[c] == np.inf:
+                break
+            before = c > 0 and near[k, c - 1] == near[k, c] - 1
+            after = c + 1 < len(apart) and near[k, c + 1] == near[k, c] + 1
+            if (before and apart[c - 1] <= apart[c]) or (after and apart[c + 1] < apart[c]):
+                continue
+            new = True
+            for i in range(many):
+                new = new and not _beside(track, to[k, i], near[k, c], least)
+            if new:
+                to[k, many], far[k, many] = near[k, c], apart[c]
+                many += 1
+    return to, far
+
+
+@kernel
+def _beside(track, a, b, least):  # type: ignore[no-untyped-def]
+    """Return whether two targets are one passage: one track and side, less than `least` apart."""
+    n = len(track)
+    same = (a < n) == (b < n) and abs(a - b) < least
+    return same and track[a % n] == track[b % n]
 
 
 class FilmJumps(NamedTuple):
@@ -54,7 +190,7 @@ def film_jumps(
     track = reel.features["track_id"].to_numpy()
     row_parts = signature_parts(source, settings, workers)
     block = max(1, round(settings.block * delta_of(reel.features)))
-    sides = sides_apart(StraightPictures(source, settings.look_px), track)
+    sides = sides_apart(partial(draw_straight, source, settings.look_px), track)
     hand = handedness(row_parts, block)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)

@@ -1,8 +1,12 @@
-"""The signature of a row: the vector by which jumps are compared, also for its mirror image."""
+"""The signature of a row: the vector by which jumps are compared, also for its mirror image.
 
+And whether a fish may be mirrored: how much its two sides differ, in look and in motion.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +16,71 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import to_body_axes
 from finloop.base.parallel import Workers, ordered_map
 from finloop.base.stretches import spread_rows
+from finloop.distance.picture import distance_pair_by_pair
 from finloop.distance.reel import Reel
 from finloop.features.current import through_water
 from finloop.features.table import delta_of
 from finloop.jumps.settings import JumpsSettings
-from finloop.jumps.source import RowSource
+from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, draw
 
 _SPAN = 1.25  # lengths of a straight fish across a picture
 _LOT = 1000  # pictures at a time
 _SAMPLE = 600  # most pictures to which the principal components are fitted
+_ROWS = 300  # most pictures that are compared with their mirror images
+
+Pictures = NDArray[np.uint8]
+DrawStraight = Callable[[NDArray[np.intp]], NDArray[np.float32]]
+"""Rows (k,) → pictures (k, size, size, c) of the fish in one straight posture: `draw_straight`."""
+
+
+class RowSource(Protocol):
+    """Access to a film's rows, their postures, and the array in which their pictures are drawn.
+
+    Each block of rows calls it again. A cluster pickles it, once for all blocks.
+    """
+
+    def film(self) -> tuple[Reel, FilmPoses]:
+        """Return the film's rows and, in the same order, their postures."""
+        ...
+
+    def pictures(self) -> Pictures:
+        """Return the array, uint8 (n, s, s, c), in which the rows' pictures are drawn."""
+        ...
+
+    def keep(self) -> None:
+        """Make the pictures available to other processes, once all are drawn."""
+        ...
+
+
+def shape_of(reel: Reel, size: int) -> tuple[int, ...]:
+    """Return the shape (n, size, size, c) of the array of all rows' pictures."""
+    return len(reel), size, size, reel.film[0].pixels.shape[2]
+
+
+@dataclass(frozen=True)
+class InMemory:
+    """A film and its pictures in memory, for workers of this process."""
+
+    reel: Reel
+    poses: FilmPoses
+    drawn: Pictures
+
+    @classmethod
+    def from_reel(cls, reel: Reel, poses: FilmPoses, size: int) -> "InMemory":
+        """Make the source with an empty array for pictures `size` px across."""
+        return cls(reel, poses, np.empty(shape_of(reel, size), np.uint8))
+
+    def film(self) -> tuple[Reel, FilmPoses]:
+        """Return the film's rows and, in the same order, their postures."""
+        return self.reel, self.poses
+
+    def pictures(self) -> Pictures:
+        """Return the array, uint8 (n, s, s, c), in which the rows' pictures are drawn."""
+        return self.drawn
+
+    def keep(self) -> None:
+        """Do nothing: the pictures are in memory."""
 
 
 class SignatureParts(NamedTuple):
@@ -38,32 +97,23 @@ class SignatureParts(NamedTuple):
     look: Floats
 
 
-@dataclass(frozen=True)
-class StraightPictures:
-    """Draws rows in one straight posture, headed right: pictures differ in light and skin only.
+def draw_straight(source: RowSource, size: int, rows: NDArray[np.intp]) -> NDArray[np.float32]:
+    """Draw rows (k,) in one straight posture, headed right: they differ in light and skin only.
 
-    The posture is the film's mean posture, which is its own mirror image. size: px across a
-    picture.
+    The posture is the film's mean posture, which is its own mirror image: pictures (k, size, size,
+    c), premultiplied, 0 … 1, are the mirror images if turned upside down.
     """
-
-    source: RowSource
-    size: int
-
-    def __call__(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Draw pictures (k, size, size, c) of rows (k,), premultiplied, 0 … 1.
-
-        Turned upside down they are the mirror images.
-        """
-        reel, poses = self.source.film()
-        middle = (self.size - 1) / 2
-        place = (np.array(number) for number in (middle, middle, 0.0, self.size / _SPAN))
-        target, size = Pose(*place, poses.shapes.mean), (self.size, self.size)
-        return np.stack([
-            draw(reel.film[int(row)], poses.pose[row], target, size, sharp=False) for row in rows
-        ])  # fmt: skip
+    reel, poses = source.film()
+    middle = (size - 1) / 2
+    place = (np.array(number) for number in (middle, middle, 0.0, size / _SPAN))
+    target = Pose(*place, poses.shapes.mean)
+    return np.stack([
+        draw(reel.film[int(row)], poses.pose[row], target, (size, size), sharp=False)
+        for row in rows
+    ])  # fmt: skip
 
 
-def _components(straight: StraightPictures, n: int, count: int, workers: Workers) -> Floats:
+def _components(straight: DrawStraight, n: int, count: int, workers: Workers) -> Floats:
     """Return principal components (2, n, count) of straight pictures and their mirror images."""
     sample = straight(spread_rows(np.arange(n), _SAMPLE))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
@@ -74,8 +124,8 @@ def _components(straight: StraightPictures, n: int, count: int, workers: Workers
     return np.concatenate(list(lots), axis=1).astype(float)
 
 
-def _along(straight: StraightPictures, mean: Reals, axes: Floats, rows: Ints) -> Floats:
-    """Project straight pictures of rows (k,) and their mirror images on axes, (2, k, count)."""
+def _along(straight: DrawStraight, mean: Reals, axes: Floats, rows: Ints) -> Floats:
+    """Project straight pictures of rows (k,) and their mirror images on axes: (2, k, count)."""
     lot = straight(rows)
     sides = (lot, lot[:, ::-1])
     return np.stack([(side.reshape(len(lot), -1) - mean) @ axes for side in sides])
@@ -92,7 +142,7 @@ def signature_parts(source: RowSource, settings: JumpsSettings, workers: Workers
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
     change = np.stack([change_per_row(codes, reel.goes_on, span) for codes in pose])
-    straight = StraightPictures(source, settings.look_px)
+    straight = partial(draw_straight, source, settings.look_px)
     look = _components(straight, len(reel), settings.look_numbers, workers)
     return SignatureParts(pose, change, film_motion(reel, span), look)
 
@@ -116,7 +166,7 @@ def signatures(
 
 
 def standardize(part: Floats, each: bool = False) -> Floats:
-    """Return a part (2, n, k) about its mean, scaled: the variances of its k numbers sum to 1.
+    """Centre and scale a part (2, n, k): the variances of its k numbers sum to 1.
 
     each: whether all k numbers get the same variance; else one factor scales them all.
     """
@@ -170,3 +220,46 @@ def motion(place: Floats, heading_deg: Floats, goes_on: Mask, span: int) -> Floa
     ])  # fmt: skip
     velocity = change_per_row(np.column_stack([place, unwrapped]), goes_on, span)
     return np.column_stack([to_body_axes(velocity[:, :2], np.radians(heading_deg)), velocity[:, 2]])
+
+
+# --- may the fish be mirrored?
+
+
+def sides_apart(straight: DrawStraight, track: Ints, seed: int = 0) -> float:
+    """Return how much a fish differs from its mirror image, over how much its pictures differ.
+
+    1 or less: the sides are alike. All pictures are drawn in one posture; their distance is
+    Euclidean (Eq. 5). Both distances are medians over rows spread over the film; the second picture
+    is of a random row of the same track. track (n,): rising ids; seed: of the random rows.
+    """
+    n = len(track)
+    rng = np.random.default_rng(seed)
+    rows = spread_rows(np.arange(n), _ROWS)
+    first, last = np.searchsorted(track, track[rows]), np.searchsorted(track, track[rows], "right")
+    own, random = straight(rows), straight(rng.integers(first, last))
+    mirror, usual = (
+        float(np.median(distance_pair_by_pair(own, against))) for against in (own[:, ::-1], random)
+    )
+    return mirror / max(usual, 1e-12)
+
+
+def handedness(parts: SignatureParts, block: int) -> float:
+    """Return how much more a fish bends, drifts or turns to one side than to the other, 0 … 1.
+
+    0: both sides alike, as far as the film can show; 1: only one side. It is a lower limit, the
+    largest of the three. Each takes the odd part, which changes sign in the mirror: its mean, less
+    twice that mean's standard error, over its root mean square. The error is that of means over
+    `block` rows, since a circling fish repeats itself within a block. A single block gives 0.
+    """
+    largest = 0.0
+    for both in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):
+        odd = (both[0] - both[1]) / 2
+        parts_of_film = np.array_split(odd, max(1, len(odd) // block))
+        if len(parts_of_film) == 1:
+            break
+        means = np.stack([part.mean(0) for part in parts_of_film])
+        error = float(means.var(0, ddof=1).sum() / len(means)) ** 0.5
+        mean = max(float(np.linalg.norm(odd.mean(0))) - 2 * error, 0.0)
+        square = float((odd**2).mean(0).sum())
+        largest = max(largest, mean / max(square, 1e-24) ** 0.5)
+    return largest

@@ -11,10 +11,9 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.parallel import Workers, ordered_map
 from finloop.distance.picture import SPAN, distance_pair_by_pair
-from finloop.jumps.signature import blocks
-from finloop.jumps.source import Pictures, RowSource
+from finloop.jumps.signature import Pictures, RowSource, blocks
 from finloop.puppet import draw
-from finloop.puppet.pairs import PictureSet, distances_in_pose, nearest_in_pose
+from finloop.puppet.lay import PictureSet, distances_in_pose, nearest_in_pose
 
 _LOT = 1000  # pictures at a time
 
@@ -42,8 +41,8 @@ class VisibleDistance:
         source.keep()
         ends = np.stack(reel.step_ends)
         step = [
-            distance_pair_by_pair(*pictures[some].astype(np.float32) / 255)
-            for some in np.array_split(ends, 1 + ends.shape[1] // _LOT, axis=1)
+            distance_pair_by_pair(*pictures[lot].astype(np.float32) / 255)
+            for lot in np.array_split(ends, 1 + ends.shape[1] // _LOT, axis=1)
         ]
         natural = float(np.median(np.concatenate(step)))
         return cls(pictures, poses.pose.posture, max(natural, 1e-12))
@@ -64,14 +63,12 @@ class VisibleDistance:
     def best(self, near: pd.DataFrame, count: int) -> Floats:
         """Return the visible distances (k,), in natural steps, of jumps that can be a row's best.
 
-        near: k rows row, to, mirrored, far; `far` rises within each row. A jump costs `far` plus
-        the square of its visible distance. The distance is infinite, and not measured, where
-        `count` other jumps of the row cost less.
+        near: from `Search`; a jump costs its `far` plus the square of its visible distance. The
+        distance is infinite, and not measured, where `count` other jumps of the row cost less.
         """
         rows, to = (near[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
-
         steps = nearest_in_pose(film, rows, (to, mirrored, far), self.natural, count)
         return np.where(steps < 0, np.inf, steps / self.natural)
 

@@ -70,7 +70,9 @@ def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
     start = np.searchsorted(source[order], np.arange(m + 1)).astype(np.int32)
     jumps = to[order].astype(np.int32)
     following = _following(ahead, start, jumps)
-    component, cyclic = _components(following, np.where(ahead >= 0, ends[ahead] - ends, 0))
+    count, name = connected_components(following, directed=True, connection="strong")
+    cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
+    component = rank_groups(name, np.where(ahead >= 0, ends[ahead] - ends, 0) * cyclic)
     endless = _never_ends(track_id, ends, start, jumps)[ends]
     distance = np.r_[far, far][order]
     return LoopGraph(ends, ahead, start, jumps, distance, component, cyclic, endless)
@@ -90,18 +92,10 @@ def _following(
     return coo_array((np.ones(len(rows), np.int8), (rows, columns)), (m, m)).tocsr()
 
 
-def _components(following: csr_array, frames: NDArray[np.int32]) -> tuple[NDArray[np.int32], Mask]:
-    """Strongly connected components (m,), most film first, and which segments are on a cycle."""
-    count, name = connected_components(following, directed=True, connection="strong")
-    cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
-    return rank_groups(name, frames * cyclic), cyclic
-
-
 def rank_groups(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
-    """Return new group numbers (n,) of n members: 0 for the heaviest group, then 1, and so on.
+    """Renumber the groups of n members by falling weight: return each member's group (n,).
 
-    name (n,): each member's old group number; weight (n,): of each member, None: 1. Ties keep their
-    order.
+    name (n,): each member's old group; weight (n,): of each member, None: 1. Ties keep their order.
     """
     total, first = np.bincount(name, weight), np.unique(name, return_index=True)[1]
     rank = np.empty(len(total), np.int32)
@@ -143,7 +137,7 @@ def _never_ends(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
 ) -> Mask:  # fmt: skip
-    """Return whether the film can play for ever after a row (n,)."""
+    """Return whether the film can play for ever after each row (n,)."""
     more = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
     end[ends] = np.arange(len(ends))

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Reals
 from finloop.base.kernel import kernel
 from finloop.features.current import through_water
 from finloop.loops.graph import JUMP, Leg, LoopGraph
@@ -42,32 +41,11 @@ def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
     return 4
 
 
-@kernel
-def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
-    """Return the row of the first loop end at least `stride` rows after `row`, within its track.
-
-    If there is none it is the track's last row. more (n,): whether a row is followed by another of
-    its track; end (n,): the loop end at a row, −1 where there is none.
-    """
-    stop = row
-    while more[stop] and (stop - row < stride or end[stop] < 0):
-        stop += 1
-    return stop
-
-
-def displacement(x: Reals, y: Reals, a: Any, b: Any) -> tuple[Reals, Reals]:
-    """Return (dx, dy), y up, from rows a to rows b: the entry of the position table.
-
-    x, y (n,): places of all rows, px, y down; a, b (…): row numbers.
-    """
-    return x[b] - x[a], y[a] - y[b]
-
-
 def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
     """Return at most 26 loop ends (rows) for a printed table: of the track with the most ends.
 
-    ends: feature rows; track_id (n,): of every row. If the track has more ends, the table has those
-    nearest to moments spread evenly over the track.
+    ends: feature rows; track_id (n,): of every row. Of more ends those are taken that are nearest
+    to moments spread evenly over the track.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     mine = ends[track_id[ends] == tracks[count.argmax()]]
@@ -78,15 +56,15 @@ def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
 
 
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
-    """Return the position table (Fig. 11c): the quadrant of the later of two ends.
+    """Return the position table (Fig. 11c): the quadrant of each loop end seen from earlier ones.
 
-    It is seen from the earlier one. ends: rising feature rows. Rows (earlier) and columns (later)
-    are named A, B …. A cell is "" unless its column is later in the same track.
+    ends: rising feature rows. Rows (earlier) and columns (later) are named A, B …. A cell is ""
+    unless its column is later in the same track.
     """
-    x, y = through_water(features).T
+    x, y = through_water(features)[ends].T
     track = features["track_id"].to_numpy()[ends]
     later = (track[:, None] == track) & (ends[:, None] < ends)
-    quadrants = quadrant(*displacement(x, y, ends[:, None], ends))
+    quadrants = quadrant(x - x[:, None], y[:, None] - y)
     names = list(LETTERS[: len(ends)])
     return pd.DataFrame(np.where(later, quadrants.astype("U1"), ""), names, names, dtype=object)
 
@@ -101,14 +79,15 @@ def routes_table(
     """
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
-    rows = [
-        (
-            number, how, track[a], frame[a], track[b], frame[b], 0 if how == JUMP else b - a,
-            _jump_distance(graph, a, b) / step if how == JUMP else None,
-        )
-        for number, way in enumerate(ways, start=1)
-        for a, b, how in merge_legs(way)
-    ]  # fmt: skip
+    rows: list[tuple[Any, ...]] = []
+    for number, way in enumerate(ways, start=1):
+        for a, b, how in merge_legs(way):
+            frames, distance = b - a, None
+            if how == JUMP:
+                end, to = np.searchsorted(graph.ends, [a, b])
+                jump = graph.start[end] + np.flatnonzero(graph.jumps(end) == to)[0]
+                frames, distance = 0, float(graph.distance[jump]) / step
+            rows.append((number, how, track[a], frame[a], track[b], frame[b], frames, distance))
     return pd.DataFrame(rows, columns=[*columns, "jump_distance"])
 
 
@@ -121,18 +100,3 @@ def merge_legs(way: Sequence[Leg]) -> list[Leg]:
         else:
             legs.append((a, b, how))
     return legs
-
-
-def _jump_distance(graph: LoopGraph, a: int, b: int) -> float:
-    end, to = np.searchsorted(graph.ends, [a, b])
-    here = slice(graph.start[end], graph.start[end + 1])
-    return float(graph.distance[here][graph.to[here] == to][0])
-
-
-def far_ends(graph: LoopGraph) -> tuple[int, int]:
-    """Return the indices of the last and the first end of the largest component of the graph.
-
-    A route between them is a long one to show.
-    """
-    mine = np.flatnonzero(graph.component == 0)
-    return int(mine[-1]), int(mine[0])

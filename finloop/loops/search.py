@@ -8,7 +8,6 @@ Glossary: D the distance of Eq. 5; *filtered* D the mean of D along the diagonal
 only if two fish also move alike; *step* the median of D between consecutive frames.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,10 +21,15 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
-from finloop.features.table import delta_of
-from finloop.loops.graph import rank_groups
+from finloop.distance.map import MapFacts
+from finloop.distance.picture import typical_length
+from finloop.features.current import through_water
+from finloop.features.table import delta_of, wrap_deg
+from finloop.loops.graph import LoopGraph, can_play_for_ever, in_component, rank_groups
 from finloop.loops.settings import LoopsSettings
-from finloop.loops.travel import improper
+
+TRAVEL = 0.05  # body lengths from which a fish has a direction of travel
+RESULTANT = 0.3  # length of the mean heading vector; with less, the fish turned round
 
 
 class NoLoops(FinloopError):
@@ -51,16 +55,6 @@ class SparseMap(NamedTuple):
     distance: NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class PairCounts:
-    """The number of pairs of frames that pass each test; improper: of minima that are no loops."""
-
-    pairs: int
-    below_threshold: int
-    minima: int
-    improper: int
-
-
 def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
     """Return a table of pairs as a sparse map with `rows` rows (the number of feature rows).
 
@@ -70,21 +64,19 @@ def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
     return SparseMap(start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32))
 
 
-def find(
+def find_video_loops(
     pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: LoopsSettings
-) -> tuple[pd.DataFrame, PairCounts]:
+) -> tuple[pd.DataFrame, dict[str, float]]:
     """Return a film's video loops (§4.1, Figs. 8, 12, 13), best first, and each test's counts.
 
-    pairs: D of the rows that may be compared (Eq. 6); rate_hz: frames per second; step: the median
-    natural step, in the unit of D. NoLoops if there is none; its message names the parameter that
-    would give some.
-
-    The loops have the columns of `LOOPS` and are sorted by filtered distance.
+    pairs: D of the rows that may be compared (Eq. 6); step: the median natural step, in the unit of
+    D. The loops have the columns of `LOOPS`; the counts are those of `find_candidates`. NoLoops if
+    there is none; its message names the parameter that would give some.
     """
-    loops, counts = candidates(pairs, features, settings.distance_threshold * step, settings)
+    loops, counts = find_candidates(pairs, features, settings.distance_threshold * step, settings)
     loops = loops[~loops["improper"]].reset_index(drop=True)
     if loops.empty:
-        raise _none(pairs, features, step, settings)
+        raise _explain_no_loops(pairs, features, step, settings)
     loops = loops[keep_best(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)]
     loops = loops.reset_index(drop=True)
     track = features["track_id"].to_numpy()
@@ -96,50 +88,42 @@ def find(
 
 
 def least_frames(delta: int, settings: LoopsSettings) -> int:
-    """Return the least number of frames between two ends of a loop in one track.
-
-    delta: Δ in frames.
-    """
+    """Return the least number of frames between two ends of a loop in one track; delta: frames."""
     return max(1, round(settings.min_length_deltas * delta))
 
 
-def candidates(
+def find_candidates(
     pairs: SparseMap, features: pd.DataFrame, limit: float, settings: LoopsSettings
-) -> tuple[pd.DataFrame, PairCounts]:
+) -> tuple[pd.DataFrame, dict[str, float]]:
     """Return all local minima of filtered D up to `limit`, the best first, and each test's counts.
 
     Columns: a, b (feature rows, a < b), distance, filtered, improper (Fig. 13: whether the pair is
-    no loop).
+    no loop). Counts: pairs, pairs_below_threshold, minima, improper_dropped.
     """
     track = features["track_id"].to_numpy(np.int32)
-    value = filter_diagonals(pairs, track, settings.compared_neighbour_frames, limit)
+    weight = binomial_weights(settings.compared_neighbour_frames)
+    value = filter_diagonals(pairs, track, weight, limit)
     delta = delta_of(features)
     radius, least = max(1, round(settings.apart * delta)), least_frames(delta, settings)
-    at, a = minima(pairs, value, track, radius, least)
+    at = np.flatnonzero(minima(pairs, value, track, radius, least))
+    a = (np.searchsorted(pairs.start, at, side="right") - 1).astype(np.int32)
     b = pairs.j[at]
     bad = improper(a, b, features, settings.improper_angle_deg)
     table = pd.DataFrame(
         {"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at], "improper": bad}
     )
-    counts = PairCounts(len(pairs.j), int(np.isfinite(value).sum()), len(at), int(bad.sum()))
+    counts = {
+        "pairs": float(len(pairs.j)),  # rounded: see `distance.pairs_kept`
+        "pairs_below_threshold": int(np.isfinite(value).sum()),
+        "minima": len(at),
+        "improper_dropped": int(bad.sum()),
+    }
     return table.sort_values(["filtered", "a", "b"], ignore_index=True), counts
 
 
-def weights(n: int) -> Floats:
+def binomial_weights(n: int) -> Floats:
     """Return the binomial weights (2n + 1,) of the pairs along a diagonal; their sum is 1."""
     return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
-
-
-def filter_diagonals(
-    pairs: SparseMap, track: NDArray[np.int32], dynamics: int, limit: float
-) -> NDArray[np.float32]:
-    """Return the filtered D of every stored pair: Σ w_k D(a+k, b+k), k = −n … n (§4.1).
-
-    track: track number of every feature row; dynamics: n. The value is inf where it exceeds
-    `limit`, where one of the pairs along the diagonal is not in the map, or where one lies beyond
-    the end of either track.
-    """
-    return _filter_diagonals(pairs, track, weights(dynamics), limit)
 
 
 @kernel
@@ -155,9 +139,15 @@ def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
 
 
 @kernel
-def _filter_diagonals(
+def filter_diagonals(
     pairs: SparseMap, track: NDArray[np.int32], weight: Floats, limit: float
 ) -> NDArray[np.float32]:
+    """Return the filtered D of every stored pair: Σ w_k D(a+k, b+k), k = −n … n (§4.1).
+
+    track: of every feature row; weight: w, (2 n + 1,). The value is inf where it exceeds `limit`,
+    where one of the pairs along the diagonal is not in the map, or where one lies beyond the end of
+    either track.
+    """
     start, j, distance = pairs
     n, rows = len(weight) // 2, len(track)
     value = np.full(len(j), np.inf, np.float32)
@@ -183,24 +173,15 @@ def _filter_diagonals(
     return value
 
 
-def minima(
-    pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
-) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the places (k,) in `pairs.j`, and the rows a (k,), of the local minima of `value`.
-
-    value: filtered D of every pair. Each is the smallest within `radius` frames along a and along
-    b, inside the two tracks; the first of equal ones that are as near (a film that repeats). In one
-    track b is at least `least` frames after a; nearer pairs are no loops, but they count in the
-    comparison: a pair on a slope down to them is no minimum.
-    """
-    places = np.flatnonzero(_minima(pairs, value, track, radius, least))
-    rows = np.searchsorted(pairs.start, places, side="right") - 1
-    return places, rows.astype(np.int32)
-
-
 @kernel
-def _minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
-    """Return whether each pair is such a minimum."""
+def minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
+    """Return which pairs are local minima of their filtered D, `value`.
+
+    Each is the smallest within `radius` frames along a and along b, inside the two tracks; the
+    first of equal ones that are as near (a film that repeats). In one track b is at least `least`
+    frames after a; nearer pairs are no loops, but they count in the comparison: a pair on a slope
+    down to them is no minimum.
+    """
     start, j = pairs.start, pairs.j
     minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
@@ -225,17 +206,13 @@ def _minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
     return minimum
 
 
-def keep_best(a: Rows, b: Rows, most: int) -> Mask:
+@kernel
+def keep_best(a, b, most):  # type: ignore[no-untyped-def]
     """Return which loops (n,) to keep so that no frame is an end of more than `most` loops.
 
     a, b (n,): the loops' ends (feature rows), the best loop first.
     """
-    return _keep_best(a, b, np.zeros(b.max() + 1, np.int32), most)
-
-
-@kernel
-def _keep_best(a, b, count, most):  # type: ignore[no-untyped-def]
-    keep = np.zeros(len(a), np.bool_)
+    keep, count = np.zeros(len(a), np.bool_), np.zeros(b.max() + 1, np.int32)
     for p in range(len(a)):
         if count[a[p]] < most and count[b[p]] < most:
             keep[p] = True
@@ -266,9 +243,10 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     return rank_groups(name[part[:n]])
 
 
-def _none(
+def _explain_no_loops(
     pairs: SparseMap, features: pd.DataFrame, step: float, settings: LoopsSettings
 ) -> NoLoops:
+    """Return the error for a film without loops, which says what to change."""
     goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())
@@ -288,7 +266,7 @@ def _none(
             "distance.motion_area_threshold, or distance.frame_of_reference=body; or take a longer "
             "clip",
         )
-    any_far, _ = candidates(pairs, features, np.inf, settings)
+    any_far, _ = find_candidates(pairs, features, np.inf, settings)
     any_far = any_far[~any_far["improper"]]
     if len(any_far):
         enough = np.ceil(100 * any_far["filtered"].iloc[0] / step) / 100
@@ -308,3 +286,100 @@ def _none(
         "loops.improper_angle_deg=180, a greater distance.max_distance_steps; or take a "
         "longer clip",
     )
+
+
+# --- Fig. 13
+
+
+def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
+    """Return whether each loop (n,) is improper: it travels against the heading (Fig. 13).
+
+    Travel and heading differ by more than `most_deg` over the loop, at its end a or at its end b,
+    see `travel_of`: there head and tail may be swapped, or the fish adrift.
+    """
+    return np.asarray((travel_of(a, b, features).off_deg > most_deg).any(axis=-1))
+
+
+class Travel(NamedTuple):
+    """Directions of travel and headings of n loops, each between its ends, at end a and at end b.
+
+    travel_deg, heading_deg (n, 3): anticlockwise as seen; travel is NaN where there is none.
+    """
+
+    travel_deg: Floats
+    heading_deg: Floats
+
+    @property
+    def off_deg(self) -> Floats:
+        """Return the angle (n, 3) [°] between travel and heading, 0 … 180; NaN without travel."""
+        return np.abs(wrap_deg(self.travel_deg - self.heading_deg))
+
+
+def travel_of(a: Rows, b: Rows, features: pd.DataFrame) -> Travel:
+    """Return the directions of travel and the headings of n loops (Fig. 13).
+
+    a, b (n,): the loops' ends, feature rows. Between its ends, a loop within one track travels from
+    a to b, whatever route the fish takes; its heading is the mean over it (travel is NaN where the
+    fish turns round). At either end the fish travels from Δ/2 before to Δ/2 after it. A fish that
+    moved less than `TRAVEL` body lengths has no direction of travel.
+    """
+    track = features["track_id"].to_numpy()
+    x, y = through_water(features).T * ((1,), (-1,))
+    length = typical_length(features).to_numpy(float)
+    unit = np.exp(1j * np.radians(features["heading_deg"].to_numpy(float)))
+
+    def travel(low: Rows, high: Rows, known: Mask) -> Floats:
+        way = (x[high] - x[low]) + 1j * (y[high] - y[low])
+        known = known & (np.abs(way) >= TRAVEL * length[low])
+        return np.where(known, np.degrees(np.angle(way)), np.nan)
+
+    total = np.r_[0, np.cumsum(unit)]
+    mean = (total[b + 1] - total[a]) / (b + 1 - a)
+    travels = [travel(a, b, (track[a] == track[b]) & (np.abs(mean) >= RESULTANT))]
+    delta = delta_of(features)
+    first = np.searchsorted(track, track)  # tracks lie one after another, their numbers rise
+    last = np.searchsorted(track, track, side="right") - 1
+    for end in (a, b):
+        low = np.maximum(end - delta // 2, first[end])
+        high = np.minimum(low + delta, last[end])
+        travels.append(travel(low, high, np.ones(len(end), bool)))
+    headings = [np.degrees(np.angle(vector)) for vector in (mean, unit[a], unit[b])]
+    return Travel(np.stack(travels, axis=-1), np.stack(headings, axis=-1))
+
+
+# --- metrics
+
+
+def loop_metrics(
+    loops: pd.DataFrame, counts: dict[str, float], graph: LoopGraph, features: pd.DataFrame,
+    facts: MapFacts, compared: Ints,
+) -> dict[str, float]:  # fmt: skip
+    """Return the metrics of a film's loops, by their names in metrics.json.
+
+    A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film. Shares of the
+    film are of its `compared` rows. A component counts if the film can play in it for ever. From a
+    dead end every route leads to the end of a track.
+    """
+    track = features["track_id"].to_numpy()
+    seam = loops["distance"].to_numpy(float) / facts.step_median
+    within = loops["length_s"].notna()
+    largest = in_component(graph, len(features))
+    sizes = loops["group"].value_counts()
+    return {
+        **counts,
+        "loops": len(loops),
+        "loops_within_tracks": int(within.sum()),
+        "length_median_s": float(loops["length_s"].median()),
+        "ends": len(graph.ends),
+        "loops_per_end_max": int(np.diff(graph.start).max()),
+        "groups": len(sizes),
+        "largest_group_pct": float(100 * sizes.max() / len(loops)),
+        "components": int(np.unique(graph.component[graph.cyclic]).size),
+        "largest_component_film_pct": float(100 * largest[compared].mean()),
+        "largest_component_tracks": int(np.unique(track[largest]).size),
+        "dead_ends": int((~graph.endless).sum()),
+        "endless_film_pct": float(100 * can_play_for_ever(graph, track)[compared].mean()),
+        "seam_median_steps": float(np.median(seam)),
+        "seam_p95_steps": float(np.quantile(seam, 0.95)),
+        "seams_above_p95_of_natural_pct": float(100 * (loops["distance"] > facts.step_p95).mean()),
+    }

@@ -31,7 +31,7 @@ from finloop.modes.player import PaperMode, PaperPlayer
 from finloop.modes.sprites import Sprites
 from finloop.plan.graph import Jumps, MotionGraph, loop_jumps, motion_graph
 from finloop.pose.film import FilmPoses
-from finloop.sprites.pictures import outlines
+from finloop.sprites.orient import sprite_outlines
 
 
 class FilmData(NamedTuple):
@@ -182,7 +182,7 @@ def prepare_mode_assets(made: FilmData, p: AnimateSettings) -> ModeAssets:
         head_ahead_px(reel.features, reel.size),
     )  # fmt: skip
     pictures = Pictures(reel, made.map_facts.size, Bodies(made.poses, reel.goes_on, reel.sprites))
-    hulls = outlines(reel) if len(reel.sprites) else []
+    hulls = sprite_outlines(reel) if len(reel.sprites) else []
     return ModeAssets(at_size, world, pictures, Cast(reel.sprites, hulls, at_size.hulls))
 
 

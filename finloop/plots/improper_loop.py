@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats, Picture
 from finloop.distance.reel import Reel
 from finloop.features.current import through_water
 from finloop.features.table import delta_of, wrap_deg
-from finloop.loops.travel import travel_of
+from finloop.loops.search import travel_of
 from finloop.plots.loops import SIZE_PX, fish_rows, on_light
 from finloop.plots.parts import draw_arrow
 
@@ -49,8 +49,7 @@ def most_improper(
 
     Pairs that are improper between their ends come before those that are improper at an end. Of
     these it is the pair whose travel differs most from the heading; a path below one body length
-    counts less. candidates: from `loops.search.candidates`; most_deg: the angle that a loop may
-    have.
+    counts less. candidates: from `loops.search.find_candidates`; most_deg: a loop's largest angle.
     """
     pairs = candidates[candidates["improper"]]
     if pairs.empty:

@@ -25,22 +25,10 @@ def draw(
 ) -> Premultiplied:
     """Draw an animal in another pose: a picture (height, width, c), premultiplied, 0 … 1.
 
-    Drawn in its own pose at its own place it is the frame itself.
-
-    Parameters
-    ----------
-    cutout
-        The film's picture of the animal; c = 2 (grey, alpha) or 4 (red, green, blue, alpha).
-    pose
-        The animal's pose in the film, px of the film.
-    target
-        The new pose, px of the new picture.
-    size
-        Height and width of the new picture, px; what lies outside is cut off.
-    mirrored
-        Whether the animal's left is drawn as its right; `target` is as visible, not mirrored.
-    sharp
-        Keys' cubic filter, as in `render.painter`; else a linear one, as in `distance.picture`.
+    Drawn in its own pose at its own place it is the frame itself. pose: px of the film; target: px
+    of the new picture; size: its height and width, px; mirrored: whether the animal's left is drawn
+    as its right (`target` is as visible, not mirrored); sharp: Keys' cubic filter, as in
+    `render.painter`, else a linear one, as in `distance.picture`.
     """
     source = place_backbone(pose, cutout.x0_px, cutout.y0_px)
     strip = PosedPicture(cutout.pixels, source, place_backbone(target), mirrored, sharp)
@@ -61,10 +49,9 @@ class PosedPicture:
         mirrored: bool,
         sharp: bool = True,
     ) -> None:
-        """Plan the drawing of a picture (h, w, c), 0 … 255, premultiplied.
+        """Plan the drawing of a picture (h, w, c), 0 … 255, premultiplied; see `draw`.
 
-        source, target: the animal's backbone in it and in the new picture; mirrored, sharp: see
-        `draw`.
+        source, target: the animal's backbone in it and in the new picture.
         """
         across = source.size_px / target.size_px
         self._how = DrawingMode(across, mirrored, sharp)

@@ -47,15 +47,9 @@ class Pose:
     def move_to(
         self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
     ) -> "Pose":
-        """Return the same postures at other places, headings and sizes; a number applies to all.
-
-        x_px, y_px: mass centre; heading_rad: anticlockwise, 0 = to the right; size_px: typical
-        length.
-        """
-        place = (x_px, y_px, heading_rad, size_px)
-        x, y, heading, size = (
-            np.broadcast_to(np.asarray(part, float), self.posture.shape[:-1]) for part in place
-        )
+        """Return the same postures at other places, headings and sizes; a number applies to all."""
+        place, shape = (x_px, y_px, heading_rad, size_px), self.posture.shape[:-1]
+        x, y, heading, size = (np.broadcast_to(np.asarray(part, float), shape) for part in place)
         return Pose(x, y, heading, size, self.posture)
 
     def mirror(self) -> "Pose":
@@ -72,21 +66,13 @@ class Pose:
         return np.stack([x, y], -1)
 
     @property
-    def angles_rad(self) -> Floats:
-        """Return the directions (…, n) of the backbone's steps in the picture, towards the head.
-
-        Radians, anticlockwise, 0 = to the right.
-        """
-        return bends(self.posture) + self.heading_rad[..., None]
-
-    @property
     def steps_px(self) -> Floats:
         """Return the lengths (…, n) of the backbone's steps, px."""
         return steps(self.posture) * self.size_px[..., None]
 
     def backbone_px(self) -> Points:
         """Return the backbone's n + 1 points (…, n + 1, 2), from head to tail: x, y in px."""
-        angles, length = self.angles_rad, self.steps_px[..., None]
+        angles, length = bends(self.posture) + self.heading_rad[..., None], self.steps_px[..., None]
         way = np.stack([-np.cos(angles), np.sin(angles)], -1) * length
         head = self.head_px[..., None, :]
         return np.concatenate([head, head + way.cumsum(-2)], -2)
@@ -119,9 +105,8 @@ def mirror_posture(posture: Floats) -> Floats:
 def poses_from_features(features: pd.DataFrame, backbones: Reals) -> Pose:
     """Return the poses (k) of the rows of a feature table.
 
-    features: track_id, x_px, y_px, heading_deg, body_length_px. backbones: (k, n + 1, 2) px, head
-    first, as `features.table.measure_features` gives them, or `puppet.tail.align_body_and_tail` for
-    an animal with a thin tail.
+    backbones: (k, n + 1, 2) px, head first, from `features.table.measure_features`, or from
+    `puppet.tail.align_body_and_tail` for an animal with a thin tail.
     """
     lines = np.asarray(backbones, float)
     way = -np.diff(lines, axis=1)

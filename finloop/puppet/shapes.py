@@ -21,13 +21,6 @@ _EXACT = 1e-5  # accuracy of codes, which files hold as float32
 _ROUNDING = 1e-6  # relative difference of a shape's components that counts as equal
 
 
-class NearestPostures(NamedTuple):
-    """Postures (…, d) that the film almost shows, and whether (…) each was moved to be so."""
-
-    posture: Floats
-    clamped: Mask
-
-
 class NearestCodes(NamedTuple):
     """Codes (…, c) of postures that the film almost shows, and whether (…) each was moved."""
 
@@ -82,8 +75,8 @@ class PoseShapes:
         total = float(variance.sum())
         enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
         codes = apart @ shapes[:enough].T
-        some = codes[spread_rows(np.arange(len(codes)), _SAMPLE)]
-        nearest = scipy.spatial.cKDTree(codes).query(some, k=2)[0][:, 1]
+        sample = codes[spread_rows(np.arange(len(codes)), _SAMPLE)]
+        nearest = scipy.spatial.cKDTree(codes).query(sample, k=2)[0][:, 1]
         gap = float(np.quantile(nearest, gap_quantile))
         return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
 
@@ -115,21 +108,15 @@ class PoseShapes:
     def _tree(self) -> scipy.spatial.cKDTree:
         return scipy.spatial.cKDTree(self.codes)
 
-    def nearest(self, postures: Floats) -> NearestPostures:
-        """Move postures (…, d) that are far from all filmed ones until they are within `gap`.
-
-        A posture whose codes are within `gap` of a filmed one stays unchanged. Any other one moves
-        straight towards the nearest filmed one. Mirror images count as filmed.
-        """
-        codes, clamped = self.nearest_codes(self.encode(postures))
-        return NearestPostures(np.where(clamped[..., None], self.decode(codes), postures), clamped)
-
     def is_far_from_film(self, codes: Floats) -> Mask:
         """Return whether (…) codes (…, c) are about `gap` or more away from all filmed ones."""
         return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
 
     def nearest_codes(self, codes: Floats) -> NearestCodes:
-        """Move codes (…, c) that are far from all filmed ones until they are within `gap`."""
+        """Move codes (…, c) that are far from all filmed ones straight towards the nearest one.
+
+        They stop where they are within `gap` of it. Mirror images count as filmed.
+        """
         near, most = np.array(codes, float), self.gap + _EXACT
         clamped = np.asarray(np.isinf(self._tree.query(near, distance_upper_bound=most)[0]))
         if clamped.any():
@@ -141,10 +128,7 @@ class PoseShapes:
 
 
 def _fix_signs(shapes: Floats) -> Floats:
-    """Make the greatest component of each shape (c, d) positive.
-
-    Of components that are equal but for rounding, the first one counts.
-    """
+    """Make the first greatest component, but for rounding, of each shape (c, d) positive."""
     size = np.abs(shapes)
     greatest = (size > (1 - _ROUNDING) * size.max(axis=1, keepdims=True)).argmax(axis=1)
     return shapes * np.sign(np.take_along_axis(shapes, greatest[:, None], axis=1))

@@ -33,8 +33,8 @@ class Tail(NamedTuple):
 def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
     """Return how much the visible tail varies: its length's quantile 0.95 less 0.05, over all rows.
 
-    The unit is the median length of the body without the tail. tracks, backbones: see
-    `align_body_and_tail`; thin: see `Tail`.
+    The unit is the median length of the body without the tail. Arguments as in
+    `align_body_and_tail`.
     """
     end = _body_end(_half_widths(tracks, backbones), thin)
     step, last = _steps(backbones.astype(float)), backbones.shape[1] - 1
@@ -45,10 +45,9 @@ def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
 def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
     """Return backbones (k, n, 2) px of body and tail; a point has the same place in all rows.
 
-    The head comes first. The first points divide the body, the others the whole tail; where no tail
-    is visible, the line continues straight. tracks: backbone_x_px, backbone_y_px, half_width_px of
-    k rows. backbones: (k, n, 2) of the same, head first, as `features.table.measure_features` gives
-    them.
+    The first points, from the head, divide the body, the others the whole tail; where no tail is
+    visible, the line continues straight. tracks: backbone_x_px, backbone_y_px, half_width_px of k
+    rows; backbones: (k, n, 2), head first, from `features.table.measure_features`.
     """
     widths = _half_widths(tracks, backbones)
     lines = np.stack([
@@ -68,10 +67,12 @@ def align_body_and_tail(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Po
 
 
 def _steps(lines: Floats) -> Floats:
+    """Return the mean length (k,) [px] of a step of each backbone (k, n, 2)."""
     return np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).mean(1)
 
 
 def _half_widths(tracks: pd.DataFrame, backbones: Reals) -> Floats:
+    """Return the half widths (k, n) [px] of the tracks, head first as the backbones are."""
     width = lists_to_array(tracks["half_width_px"]).astype(float)
     first = lists_to_points(tracks, "backbone")[:, 0]
     near, far = (np.abs(first - backbones[:, end]).sum(1) for end in (0, -1))

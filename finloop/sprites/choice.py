@@ -1,31 +1,432 @@
-"""The choice of frames for sprites (fish paper §3.3, which makes it by hand).
+"""The choice of film frames for sprites (fish paper §3.3, which makes it by hand).
 
 Four sequences: *straight* (one full tail beat whose end meets its beginning), *slide* (gliding with
 a still tail, also a loop), and the strongest *left* and *right* turns, from nearly straight through
-the bend back to nearly straight. The candidate with the smallest sum of faults is chosen, so its
-faults explain the choice. Only the best candidates are compared as pictures.
+the bend back to nearly straight. Candidates are runs of successive frames of one track; each has
+faults, by name, of which 1 is just acceptable. The candidate with the smallest sum of faults is
+chosen, so its faults explain the choice. Only the best candidates are compared as pictures.
+
+A side is 1 (left) or −1 (right). `delta` is Δ in frames; `table` is from `swimmer_table`.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import distance_pair_by_pair, successive_distances
-from finloop.features.swimming_type import STRAIGHT
-from finloop.sprites.candidates import beats, slides, substitute_beats, substitute_turns, turns
+from finloop.features.current import through_water
+from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.stretch import SIDES, WORDS, FrameRun, cycle_heading, parse_frame_run
+
+SIDES = {"left": LEFT, "right": RIGHT}
+WORDS = ("straight", "slide", *SIDES)
+"""The sequences of sprites."""
 
 _SAMPLE = 200  # frames that give the clip's median sharpness; more do not change it
 
-Look = Callable[[NDArray[np.intp], Reals], NDArray[np.float32]]
+Rows = NDArray[np.intp]
+DrawPictures = Callable[[Rows, Reals], NDArray[np.float32]]
 """Rows of the table of swimmers and a heading for each → pictures (n, size, size, channels) of
 these fish, headed right, their mass centres in the middle, all of one length."""
+
+
+# -- the table of swimmers -------------------------------------------------------------------------
+
+
+def swimmer_table(
+    features: pd.DataFrame, tracks: pd.DataFrame, settings: SpritesSettings
+) -> pd.DataFrame:
+    """Return what the choice of sprites needs to know of each fish in each frame of the film.
+
+    The rows are those of `features` and `tracks`. tail: offset of the tail tip from the head's
+    axis, body lengths, + = left; heading: degrees, unwrapped; speed: body lengths a frame; alone:
+    body lengths to the nearest other mass centre; usable: whether the frame may become a sprite.
+    """
+    table = features.assign(area_px=tracks["area_px"], contrast=tracks["contrast"])
+    table = table.reset_index(drop=True)
+    of_track = table.groupby("track_id", sort=False)
+    length = of_track["body_length_px"].transform("median").to_numpy()
+    back = np.radians(table["heading_deg"].to_numpy(float))
+    dx = (table["tail_x_px"] - table["head_x_px"]).to_numpy(float)
+    dy = (table["tail_y_px"] - table["head_y_px"]).to_numpy(float)
+    path = pd.DataFrame(through_water(table)).groupby(table["track_id"], sort=False)
+    place = path.transform(lambda x: smooth(x.to_numpy(float))).to_numpy()
+    travel = np.diff(place, axis=0, append=place[-1:])
+    last = (of_track.cumcount(ascending=False) == 0).to_numpy()
+    travel[last] = travel[np.maximum(np.flatnonzero(last) - 1, 0)]
+    alone = _nearest_other_px(table) / np.median(length)
+    off = np.abs(table["body_length_px"].to_numpy() / length - 1)
+    copied = ["track_id", "frame", "x_px", "y_px", "orientations", "bend", "area_px", "contrast"]
+    return table[copied].assign(
+        bend=table["bend"].to_numpy(float),
+        area_px=table["area_px"].to_numpy(float),
+        contrast=table["contrast"].to_numpy(float),
+        area_rel=table["motion_area_rel"].to_numpy(float),
+        type=table["swimming_type"],
+        heading=of_track["heading_deg"].transform(lambda h: np.unwrap(h.astype(float), period=360)),
+        step_x_px=travel[:, 0],
+        step_y_px=travel[:, 1],
+        tail=(-dx * np.sin(back) - dy * np.cos(back)) / length,
+        speed=np.hypot(*travel.T) / length,
+        length_px=length,
+        alone=alone,
+        animal_off=np.abs(length / np.median(table["body_length_px"]) - 1) / settings.size_off,
+        usable=(table["head_confidence"].to_numpy() >= settings.min_head_confidence)
+        & (off <= settings.length_off)
+        & (alone > settings.min_neighbour_distance_bl),
+    )
+
+
+def smooth(values: Reals) -> Floats:
+    """Smooth a series (frames,) by the weights ¼, ½, ¼; lines stay lines, also at the ends."""
+    x = np.array(values, np.float64)
+    if len(x) < 3:
+        return x
+    ends = np.r_[2 * x[0] - x[1], x, 2 * x[-1] - x[-2]]
+    return scipy.ndimage.convolve1d(ends, [0.25, 0.5, 0.25])[1:-1]
+
+
+def _nearest_other_px(table: pd.DataFrame) -> Floats:
+    """Return each fish's distance (rows,) [px] to the nearest other one in the frame; or inf."""
+    nearest = np.full(len(table), np.inf)
+    place = table[["x_px", "y_px"]].to_numpy()
+    for rows in table.groupby("frame").indices.values():
+        if len(rows) > 1:
+            gaps = np.hypot(*(place[rows, None] - place[None, rows]).transpose(2, 0, 1))
+            np.fill_diagonal(gaps, np.inf)
+            nearest[rows] = gaps.min(1)
+    return nearest
+
+
+# -- runs of frames --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FrameRun:
+    """Successive frames of one track, a candidate for sprites.
+
+    first, last: frame numbers, both included; rows: the same frames in the table of swimmers;
+    faults: by name.
+    """
+
+    track_id: int
+    first: int
+    last: int
+    rows: slice
+    faults: dict[str, float] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return self.rows.stop - self.rows.start
+
+    @property
+    def cost(self) -> float:
+        """Return the sum of the faults; about 1 for each that is just acceptable."""
+        return sum(self.faults.values())
+
+
+def _parse_frame_run(table: pd.DataFrame, word: str, text: str, hold: float) -> FrameRun:
+    """Return the frames that the setting `sprites.<word>_frames` lists, as "track:first-last"."""
+    name = f"sprites.{word}_frames={text}"
+    form = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*-\s*(\d+)\s*", text)
+    if form is None:
+        raise FinloopError(
+            name, 'a track and its first and last frame, as "8:120-140"', "write it in this form"
+        )
+    number, first, last = map(int, form.groups())
+    ids = table["track_id"].unique()
+    track = np.flatnonzero(table["track_id"] == number)
+    if not track.size:
+        raise FinloopError(
+            f"{name}: there is no track {number}",
+            "one of " + ", ".join(map(str, ids[:40])) + (", …" if len(ids) > 40 else ""),
+            "see reports/features/trajectories.png and data/features/features.parquet",
+        )
+    frames = table["frame"].to_numpy()[track]
+    least = 3 if word in SIDES else 2
+    if last - first + 1 < least:
+        raise FinloopError(
+            f"{name}: {max(0, last - first + 1)} frames", f"at least {least}", "list more frames"
+        )
+    rows = track[(frames >= first) & (frames <= last)]
+    if len(rows) != last - first + 1:
+        raise FinloopError(
+            f"{name}: track {number} lacks {last - first + 1 - len(rows)} of these frames",
+            f"frames within {frames[0]}-{frames[-1]}, where track {number} is",
+            "list frames of that range, or another track",
+        )
+    run = FrameRun(number, first, last, slice(int(rows[0]), int(rows[-1]) + 1))
+    if word in SIDES and "hold" not in turn_phases(table, run, SIDES[word], hold):
+        raise FinloopError(
+            f"{name}: the fish does not bend to the {word} between its first and last frame",
+            f"frames before, during and after a bend to the {word}",
+            "list frames of a turn to that side (reports/features/fig7.png shows where they are)",
+        )
+    return run
+
+
+def turn_phases(table: pd.DataFrame, run: FrameRun, side: int, hold: float) -> list[str]:
+    """Return the phase of each frame of a turn: "in", "hold" or "out"; ["none"] without a bend.
+
+    The phase is hold where the bend is at least the share `hold` of its largest value.
+    """
+    bend = side * table["bend"].to_numpy()[run.rows]
+    peak = int(bend.argmax())
+    if bend[peak] <= 0 or peak in (0, len(bend) - 1):
+        return ["none"]
+    strong = bend >= hold * bend[peak]
+    first = peak - int(np.argmin(np.r_[strong[:peak][::-1], False]))
+    last = peak + int(np.argmin(np.r_[strong[peak + 1 :], False]))
+    first, last = max(first, 1), min(last, len(bend) - 2)
+    return ["in"] * first + ["hold"] * (last - first + 1) + ["out"] * (len(bend) - 1 - last)
+
+
+def cycle_heading(table: pd.DataFrame, start: int, n: int) -> Floats:
+    """Return headings [°] on a line (n + 1,) for n straight frames and the frame after them.
+
+    start: row of the first frame. The slope is the drift from the first frame to that after the
+    last. Both show the same phase of the tail beat, so the head's yaw, which a least-squares line
+    would follow, cancels.
+    """
+    heading = table["heading"].to_numpy()[start : start + n + 1]
+    slope = (heading[-1] - heading[0]) / n
+    return heading[:-1].mean() + slope * (np.arange(n + 1) - (n - 1) / 2)
+
+
+# -- candidates: tail beats and glides -------------------------------------------------------------
+# A table of candidates has the columns start (row of the table of swimmers), length (frames) and
+# one per fault. The frame after a candidate is of the same track: it is compared with the first.
+
+
+def find_tail_beats(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
+    """Return the film's runs of one tail beat in straight swimming, with their faults."""
+    least = max(settings.beat_frames, round(settings.beat_least * delta))
+    parts = []
+    for track, n, start, at in _straight_windows(table, least, round(settings.beat_most * delta)):
+        tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
+        power = np.abs(np.fft.rfft(tail - tail.mean(1, keepdims=True), axis=1)) ** 2
+        power[:, 1 : (n + 1) // 2] *= 2
+        total = np.maximum(power[:, 1:].sum(1), 1e-12)
+        swing = np.maximum(np.ptp(tail, axis=1), 1e-6)
+        faults = _common_faults(track, start, n, settings) | {
+            "several waves": (1 - power[:, 1] / total) / (1 - settings.one_wave),
+            "flicker": settings.flicker_frames / n,
+            "lopsided": np.abs(tail.mean(1)) / swing / settings.lopsided,
+        }
+        parts.append(pd.DataFrame({"start": at, "length": n, "swing": swing, **faults}))
+    if not parts:
+        return pd.DataFrame()
+    waves = pd.concat(parts, ignore_index=True)
+    beat = waves["swing"].between(settings.min_tail_swing_bl, settings.max_tail_swing_bl)
+    waves = waves[beat & (waves["several waves"] <= 1)]
+    untypical = np.abs(np.log2(waves["swing"] / waves["swing"].median()))
+    return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
+
+
+def find_glides(table: pd.DataFrame, delta: int, settings: SpritesSettings) -> pd.DataFrame:
+    """Return the film's runs of straight gliding with a still tail, with their faults.
+
+    Runs shorter than `slide_least` are included only if there are no longer ones, and those whose
+    tail moves more than `still` only if no tail is still.
+    """
+    least = max(3, round(settings.slide_least * delta))
+    most = max(3, round(settings.slide_most * delta))
+    typical = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
+    for shortest in sorted({least, max(3, least // 2), 3}, reverse=True):
+        parts = []
+        for track, n, start, at in _straight_windows(table, shortest, most):
+            tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
+            speed = sliding_window_view(track["speed"].to_numpy(), n)[start].mean(1)
+            faults = _common_faults(track, start, n, settings) | {
+                "tail moves": np.ptp(tail, axis=1) / settings.still,
+                "tail aside": np.abs(tail.mean(1)) / settings.still,
+                "untypical speed": np.abs(np.log2(np.maximum(speed, 1e-6) / typical)) / 2,
+                "short": least / n,
+            }
+            parts.append(pd.DataFrame({"start": at, "length": n, **faults}))
+        if parts:
+            glides = pd.concat(parts, ignore_index=True)
+            still = glides[glides["tail moves"] <= 1]
+            return glides if still.empty else still
+    return pd.DataFrame()
+
+
+def _substitute_tail_beats(
+    table: pd.DataFrame, delta: int, settings: SpritesSettings
+) -> pd.DataFrame:
+    """Return glides in place of a tail beat: of straight frames, else of usable, else of any."""
+    as_straight = table.assign(type=np.int8(STRAIGHT))
+    for rows in (table, as_straight, as_straight.assign(usable=True)):
+        if not (glides := find_glides(rows, delta, settings)).empty:
+            return glides
+    return pd.DataFrame()
+
+
+def _straight_windows(
+    table: pd.DataFrame, least: int, most: int
+) -> Iterator[tuple[pd.DataFrame, int, Rows, Rows]]:
+    """Yield runs of `least` … `most` usable straight frames, followed by another such frame.
+
+    Each item is a track, a length, and the runs' first rows in that track and in `table`.
+    """
+    fine = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
+    for span in _unbroken_row_slices(table):
+        for n in range(least, min(most, span.stop - span.start - 1) + 1):
+            start = np.flatnonzero(sliding_window_view(fine[span], n + 1).all(1))
+            if start.size:
+                yield table.iloc[span], n, start, start + span.start
+
+
+def _unbroken_row_slices(table: pd.DataFrame) -> Iterator[slice]:
+    """Yield, as a slice of rows, each run of successive frames of one track."""
+    broken = (np.diff(table["track_id"]) != 0) | (np.diff(table["frame"]) != 1)
+    edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(table)]
+    yield from (slice(a, b) for a, b in pairwise(edges) if b > a)
+
+
+def _common_faults(
+    track: pd.DataFrame, start: Rows, n: int, settings: SpritesSettings
+) -> dict[str, Floats]:
+    """Return the faults that tail beats and glides share, for runs of n frames from `start`."""
+    heading = track["heading"].to_numpy()
+    speed = sliding_window_view(track["speed"].to_numpy(), n)[start]
+    area = sliding_window_view(track["area_px"].to_numpy(), n + 1)[start]
+    change = np.abs(speed[:, -(n // 2) :].mean(1) - speed[:, : n // 2].mean(1))
+    alone = sliding_window_view(track["alone"].to_numpy(), n)[start].min(1)
+    return {
+        "drift": np.abs(heading[start + n] - heading[start]) / settings.drift_deg,
+        "speed changes": change / np.maximum(speed.mean(1), 1e-6) / settings.speed_change,
+        "area changes": np.ptp(area, axis=1) / area.mean(1) / settings.area_change,
+        "another size": track["animal_off"].to_numpy()[start],
+        "not alone": _crowding(alone, settings),
+    }
+
+
+def _crowding(alone: Reals, settings: SpritesSettings) -> Floats:
+    """Return 1 where another fish is just far enough away, 0 from twice that distance."""
+    return np.clip(2 - alone / settings.min_neighbour_distance_bl, 0, 1)
+
+
+# -- candidates: turns -----------------------------------------------------------------------------
+
+
+def find_turns(table: pd.DataFrame, side: int, settings: SpritesSettings) -> pd.DataFrame:
+    """Return the film's strongest whole turns to one side, with their faults.
+
+    A turn is whole if all its frames are usable, it has frames before and after the largest bend,
+    and the heading changes. Weaker turns are included only if there are no stronger ones: see
+    `strong` in the settings.
+    """
+    bend = side * table["bend"].to_numpy()
+    turning = (table["type"] == side).to_numpy() & table["usable"].to_numpy()
+    if not turning.any() or bend[turning].max() <= 0:
+        return pd.DataFrame()
+    strongest = float(bend[turning].max())
+    turns = []
+    for span in _unbroken_row_slices(table):
+        track, inside = table.iloc[span], bend[span]
+        inner = np.flatnonzero((inside[1:-1] > inside[:-2]) & (inside[1:-1] >= inside[2:])) + 1
+        for peak in inner[turning[span][inner] & (inside[inner] > 0)]:
+            turn = _measure_turn(track, inside, side, peak, strongest, settings)
+            if turn is not None:
+                turns.append(turn | {"start": span.start + turn["start"]})
+    for share in settings.strong:
+        strong = [turn for turn in turns if turn["weaker"] <= (1 - share) / settings.weaker + 1e-9]
+        if strong:
+            return pd.DataFrame(strong)
+    return pd.DataFrame()
+
+
+def _substitute_turns(table: pd.DataFrame, side: int) -> pd.DataFrame:
+    """Return bends to one side in place of a whole turn, from a minimum of bending to the next.
+
+    Their one fault, weaker, is the share of the strongest bend that they lack.
+    """
+    bends = []
+    for span in _unbroken_row_slices(table):
+        bend = side * table["bend"].to_numpy()[span][:-1]  # a frame of the track follows
+        minimal = (bend[1:-1] < bend[:-2]) & (bend[1:-1] <= bend[2:])
+        low = np.flatnonzero(np.r_[True, minimal, True][: len(bend)])
+        for first, last in pairwise(low.tolist()):
+            peak = float(bend[first : last + 1].max())
+            if last - first >= 2 and peak > max(0.0, bend[first], bend[last]):
+                bends.append((span.start + first, last - first + 1, peak))
+    candidates = pd.DataFrame(bends, columns=["start", "length", "weaker"])
+    return candidates.assign(weaker=1 - candidates["weaker"] / candidates["weaker"].max())
+
+
+def _measure_turn(
+    track: pd.DataFrame, bend: Floats, side: int, peak: int, strongest: float,
+    settings: SpritesSettings,
+) -> dict[str, float] | None:  # fmt: skip
+    """Return start, length and faults of the turn around the row `peak`; None if it is not whole.
+
+    bend: to that side, of each row; strongest: the largest one of the film.
+    """
+    first = _find_straightest_row(bend, peak, 0, -1, settings)
+    last = _find_straightest_row(bend, peak, len(bend) - 1, 1, settings)
+    before = first - 1  # the head has begun to turn by the first frame that is bent at all
+    if before >= 0 and abs(bend[before]) < settings.bent * bend[peak]:
+        first = before
+    inside = slice(first, last + 1)
+    strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak]) + first
+    if first == strong[0] or last == strong[-1] or last + 1 >= len(bend):
+        return None
+    if not track["usable"].to_numpy()[inside].all():
+        return None
+    if (track["type"].to_numpy()[inside] == -side).any():
+        return None
+    heading = track["heading"].to_numpy()[first : last + 2]
+    step = side * np.diff(smooth(heading))
+    if step.sum() < settings.min_turn_deg:
+        return None
+    area = track["area_px"].to_numpy()[inside]
+    ends = np.abs(bend[[first, last]])
+    change, top = np.diff(bend[inside]), int(bend[inside].argmax())
+    second = float(-np.minimum(change[:top], 0).sum() + np.maximum(change[top:], 0).sum())
+    n = last - first + 1
+    return {
+        "start": first,
+        "length": n,
+        "weaker": (1 - bend[peak] / strongest) / settings.weaker,
+        "bent at the ends": ends.sum() / bend[peak] / (2 * settings.bent),
+        "turns back": -np.minimum(step, 0).sum() / settings.drift_deg,
+        "goes on": abs(heading[-1] - heading[-2]) / settings.drift_deg,
+        "bends twice": second / bend[peak] / settings.bent,
+        "jumps": step.max() / settings.jump_deg,
+        "flicker": settings.flicker_frames / n,
+        "area changes": np.abs(np.diff(area)).max() / area.mean() / settings.area_change,
+        "another size": track["animal_off"].to_numpy()[first],
+        "not alone": float(_crowding(track["alone"].to_numpy()[inside].min(), settings)),
+    }
+
+
+def _find_straightest_row(
+    bend: Reals, peak: int, end: int, direction: int, settings: SpritesSettings
+) -> int:
+    """Return the row from `peak` to `end` where the fish is straightest before the next bend.
+
+    direction: 1 = later, −1 = earlier. Small rises do not end the search; a straight fish does.
+    """
+    low = row = peak
+    while row != end and abs(bend[low]) > settings.straight_bend * bend[peak]:
+        row += direction
+        if abs(bend[row]) < abs(bend[low]):
+            low = row
+        elif bend[row] < 0 or bend[row] > bend[low] + settings.bent * bend[peak]:
+            break
+    return low
+
+
+# -- the choice ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -42,43 +443,56 @@ class Choice:
     stands_in: bool = False
 
 
-def choose(
-    table: pd.DataFrame, look: Look, delta: int, settings: SpritesSettings
+def choose_frames(
+    table: pd.DataFrame, draw_pictures: DrawPictures, delta: int, settings: SpritesSettings
 ) -> dict[str, Choice]:
     """Choose the film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
-    table: from `swimmers`; look: draws rows of it; delta: Δ in frames. A side without a turn gets
-    the opposite turn, mirrored. A film without a tail beat or a whole turn gets the best
-    substitute. FinloopError if the settings name frames that do not exist, or the fish never bends.
+    A side without a turn gets the opposite turn, mirrored. A film without a tail beat or a whole
+    turn gets the best substitute. FinloopError if the settings name frames that do not exist, or
+    the fish never bends.
     """
-    sharp = _typical_sharpness(table, look, settings)
-    stretches: dict[str, Sequence[FrameRun]] = {}
-    stands_in: set[str] = set()
+    usable = np.flatnonzero(table["usable"])
+    usable = usable if usable.size else np.arange(len(table))
+    sample = usable[np.linspace(0, usable.size - 1, min(_SAMPLE, usable.size)).astype(int)]
+    pictures = draw_pictures(sample, table["heading"].to_numpy()[sample])
+    typical_sharpness = float(np.median(sharpness(pictures)))
 
     def best(word: str, candidates: pd.DataFrame) -> list[FrameRun]:
-        return best_of_tracks(table, candidates, look, sharp, settings, loops=word not in SIDES)
+        return best_of_tracks(
+            table, candidates, draw_pictures, typical_sharpness, settings, loops=word not in SIDES
+        )
 
+    runs: dict[str, Sequence[FrameRun]] = {}
+    stands_in: set[str] = set()
     for word in WORDS:
         text = getattr(settings, f"{word}_frames")
         if text is not None:
-            stretches[word] = [parse_frame_run(table, word, text, settings.hold)]
-            continue
-        if word in SIDES:
-            candidates = turns(table, SIDES[word], settings)
+            runs[word] = [_parse_frame_run(table, word, text, settings.hold)]
+        elif word in SIDES:
+            runs[word] = best(word, find_turns(table, SIDES[word], settings))
         else:
-            candidates = (beats if word == "straight" else slides)(table, delta, settings)
-        stretches[word] = best(word, candidates)
-    if not stretches["straight"]:
-        stretches["straight"] = best("straight", substitute_beats(table, delta, settings))
+            find = find_tail_beats if word == "straight" else find_glides
+            runs[word] = best(word, find(table, delta, settings))
+    if not runs["straight"]:
+        runs["straight"] = best("straight", _substitute_tail_beats(table, delta, settings))
         stands_in.add("straight")
-    if not (stretches["left"] or stretches["right"]):
+    if not (runs["left"] or runs["right"]):
         for word, side in SIDES.items():
-            stretches[word] = best(word, substitute_turns(table, side))
+            runs[word] = best(word, _substitute_turns(table, side))
             stands_in.add(word)
-    _check(stretches)
+    lacks = [] if runs["straight"] else ["four frames of one track, one after the other"]
+    if not (runs["left"] or runs["right"]):
+        lacks.append("a fish that bends")
+    if lacks:
+        raise FinloopError(
+            f"the film does not show {' nor '.join(lacks)}",
+            "a fish that swims, some seconds of it",
+            "take a longer film (reports/features/trajectories.png shows what was followed)",
+        )
     choices = {
-        word: Choice(s, stands_in=word in stands_in)
-        for word, s in choose_combination(table, stretches, settings).items()
+        word: Choice(run, stands_in=word in stands_in)
+        for word, run in choose_combination(table, runs, settings).items()
     }
     if "slide" not in choices:  # nothing glides: the straightest there is
         choices["slide"] = choices["straight"]
@@ -88,34 +502,14 @@ def choose(
     return {word: choices[word] for word in WORDS}
 
 
-def _typical_sharpness(table: pd.DataFrame, look: Look, settings: SpritesSettings) -> float:
-    """Return the median `sharpness` of usable frames spread over the film, else of all frames."""
-    usable = np.flatnonzero(table["usable"])
-    usable = usable if usable.size else np.arange(len(table))
-    rows = usable[np.linspace(0, usable.size - 1, min(_SAMPLE, usable.size)).astype(int)]
-    return float(np.median(sharpness(look(rows, table["heading"].to_numpy()[rows]))))
-
-
-def _check(stretches: dict[str, Sequence[FrameRun]]) -> None:
-    lacks = [] if stretches["straight"] else ["four frames of one track, one after the other"]
-    if not (stretches["left"] or stretches["right"]):
-        lacks.append("a fish that bends")
-    if lacks:
-        raise FinloopError(
-            f"the film does not show {' nor '.join(lacks)}",
-            "a fish that swims, some seconds of it",
-            "take a longer film (reports/features/trajectories.png shows what was followed)",
-        )
-
-
 def best_of_tracks(
-    table: pd.DataFrame, candidates: pd.DataFrame, look: Look, sharp: float,
-    settings: SpritesSettings, *, loops: bool,
+    table: pd.DataFrame, candidates: pd.DataFrame, draw_pictures: DrawPictures,
+    typical_sharpness: float, settings: SpritesSettings, *, loops: bool,
 ) -> list[FrameRun]:  # fmt: skip
     """Return each track's best candidate, with the faults of its pictures; the best track first.
 
-    candidates: columns start, length and faults; sharp: the median of `sharpness` over the film;
-    loops: the frame after the last should be like the first, within a natural step.
+    typical_sharpness: the median of `sharpness` over the film; loops: the frame after the last
+    should be like the first, within a natural step.
     """
     if candidates.empty:
         return []
@@ -127,22 +521,20 @@ def best_of_tracks(
     best: dict[int, FrameRun] = {}
     for at in order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]:
         start, n = int(candidates.at[at, "start"]), int(candidates.at[at, "length"])
-        more = {}
         rows = np.arange(start, start + n + 1)
-        pictures = look(
-            rows, cycle_heading(table, start, n) if loops else table["heading"].to_numpy()[rows]
-        )
-        if loops:
-            more["does not close"] = closure(pictures)
-        more["soft"] = max(0.0, 1 - float(np.median(sharpness(pictures))) / sharp) / settings.soft
+        heading = cycle_heading(table, start, n) if loops else table["heading"].to_numpy()[rows]
+        pictures = draw_pictures(rows, heading)
+        more = {"does not close": closure(pictures)} if loops else {}
+        soft = 1 - float(np.median(sharpness(pictures))) / typical_sharpness
+        more["soft"] = max(0.0, soft) / settings.soft
         track = int(table["track_id"].iat[start])
-        stretch = FrameRun(
+        run = FrameRun(
             track, int(table["frame"].iat[start]), int(table["frame"].iat[start + n - 1]),
             slice(start, start + n), candidates.loc[at, faults].to_dict() | more,
         )  # fmt: skip
-        if track not in best or stretch.cost < best[track].cost:
-            best[track] = stretch
-    return sorted(best.values(), key=lambda s: s.cost)
+        if track not in best or run.cost < best[track].cost:
+            best[track] = run
+    return sorted(best.values(), key=lambda run: run.cost)
 
 
 def closure(pictures: Reals) -> float:
@@ -166,40 +558,38 @@ def sharpness(pictures: Reals) -> Floats:
 
 
 def choose_combination(
-    table: pd.DataFrame, stretches: dict[str, Sequence[FrameRun]], settings: SpritesSettings
+    table: pd.DataFrame, runs: dict[str, Sequence[FrameRun]], settings: SpritesSettings
 ) -> dict[str, FrameRun]:
-    """Return the best frames of each sequence: least faults together, and few changes of animal.
+    """Choose one run for each sequence: least faults together, and few changes of the animal.
 
-    stretches: the candidates of each sequence. A sequence of another track than the first one costs
+    runs: the candidates of each sequence. A sequence of another track than the first one costs
     `track_change_cost`. A relative difference of `size_off` in length, contrast and area, on
     average, costs 1 more.
     """
-    words = [word for word in stretches if stretches[word]]
-    looks = (
+    words = [word for word in runs if runs[word]]
+    appearance = (
         table[table["type"] == STRAIGHT]
         .groupby("track_id")[["length_px", "contrast", "area_px"]]
         .median()
         .reindex(table["track_id"].unique())
         .fillna(table[["length_px", "contrast", "area_px"]].median())
     )
-    like = np.log(looks)
+    log_appearance = np.log(appearance)
 
-    def strange(a: int, b: int) -> float:
+    def change_cost(a: int, b: int) -> float:
         if a == b:
             return 0.0
-        difference = float(np.abs(like.loc[a] - like.loc[b]).mean())
+        difference = float(np.abs(log_appearance.loc[a] - log_appearance.loc[b]).mean())
         return settings.track_change_cost + difference / settings.size_off
 
     best: tuple[float, dict[str, FrameRun]] = (np.inf, {})
-    for first in stretches[words[0]]:
+    for first in runs[words[0]]:
         choice = {words[0]: first}
         total = settings.cycle_weight * first.cost
         for word in words[1:]:
-            price, choice[word] = min(
-                ((s.cost + strange(first.track_id, s.track_id), s) for s in stretches[word]),
-                key=lambda priced: priced[0],
-            )
-            total += price
+            costs = [run.cost + change_cost(first.track_id, run.track_id) for run in runs[word]]
+            choice[word] = runs[word][int(np.argmin(costs))]
+            total += min(costs)
         if total < best[0]:
             best = (total, choice)
     return best[1]

@@ -5,13 +5,10 @@ import pandas as pd
 
 from finloop.distance.picture import distance_pair_by_pair, successive_distances
 from finloop.features.metrics import table1
-from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
+from finloop.features.swimming_type import STRAIGHT
 from finloop.features.table import orientations_of
-from finloop.sprites.choice import Choice, Look, closure
+from finloop.sprites.choice import SIDES, Choice, DrawPictures, closure, cycle_heading
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.stretch import SIDES, cycle_heading
-
-TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
 
 
 def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
@@ -21,20 +18,21 @@ def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     largest one in turns to that side.
     """
     count = orientations_of(sprites)
-    every = pd.DataFrame(
-        {
-            "orientation": np.tile(np.arange(1, count + 1), len(sprites)),
-            "orientations": count,
-            "swimming_type": np.repeat(sprites["sequence"].map(TYPES).to_numpy(), count),
-            "motion_area": np.repeat(sprites["bend"].abs().to_numpy(), count),
-        }
-    )
-    table = table1(every)
-    for word, kind in SIDES.items():
-        mine = every.loc[every["swimming_type"] == kind, "motion_area"].max()
-        clip = features.loc[features["swimming_type"] == kind, "motion_area"].max()
-        if clip > 0:  # NaN where the clip never turns to this side and the other is mirrored
-            table[f"max_area_{word}"] *= mine / clip
+    types = [SIDES.get(word, STRAIGHT) for word in sprites["sequence"]]
+    pictures = pd.DataFrame({
+        "orientation": np.tile(np.arange(1, count + 1), len(sprites)),
+        "orientations": count,
+        "swimming_type": np.repeat(types, count),
+        "motion_area": np.repeat(sprites["bend"].abs().to_numpy(), count),
+    })  # fmt: skip
+    table = table1(pictures)
+    for word, side in SIDES.items():
+        own, film = (
+            rows.loc[rows["swimming_type"] == side, "motion_area"].max()
+            for rows in (pictures, features)
+        )
+        if film > 0:  # NaN where the film never turns to this side and the other is mirrored
+            table[f"max_area_{word}"] *= own / film
     return table
 
 
@@ -43,29 +41,27 @@ def count_complete_orientations(table: pd.DataFrame) -> int:
     return int((table[["straight_pct", "left_pct", "right_pct"]] > 0).all(axis=1).sum())
 
 
-def numbers(
+def sprite_metrics(
     sprites: pd.DataFrame, table: pd.DataFrame, features: pd.DataFrame, frames: int, rate_hz: float
 ) -> dict[str, float]:
     """Return the metrics of the chosen sprites, by their names in metrics.json.
 
-    sprites: schema `SPRITES`; table: from `swimmers`; frames: the number of film frames; rate_hz:
-    frames per second.
+    sprites: schema `SPRITES`; table: from `swimmer_table`; frames: how many the film has.
     """
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
-    frames_used = sprites[["track_id", "frame"]].drop_duplicates()
+    used = sprites[["track_id", "frame"]].drop_duplicates()
+    after = table1_after(sprites, features)
     result: dict[str, float] = {
         "sprites": len(sprites),
         "pictures": len(sprites) * orientations_of(sprites),
-        "picked_of_fish_frames_pct": 100 * len(frames_used) / len(table),
-        "picked_of_film_frames_pct": 100 * frames_used["frame"].nunique() / frames,
+        "picked_of_fish_frames_pct": 100 * len(used) / len(table),
+        "picked_of_film_frames_pct": 100 * used["frame"].nunique() / frames,
         "tracks_used": sprites["track_id"].nunique(),
         "scale_min": sprites["scale"].min(),
         "scale_max": sprites["scale"].max(),
         "mirrored_turns": sum(sequences[word]["mirrored"].any() for word in SIDES),
         "orientations_with_all_types_before": count_complete_orientations(table1(features)),
-        "orientations_with_all_types_after": count_complete_orientations(
-            table1_after(sprites, features)
-        ),
+        "orientations_with_all_types_after": count_complete_orientations(after),
         "tail_beat_hz": rate_hz / len(sequences["straight"]),
     }
     for word, rows in sequences.items():
@@ -78,47 +74,40 @@ def numbers(
     return result
 
 
-def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> dict[str, float]:
+def cycle_metrics(
+    word: str, choice: Choice, table: pd.DataFrame, draw_pictures: DrawPictures
+) -> dict[str, float]:
     """Return how far the tail swings [body lengths] in a cycle, and how well the cycle closes.
 
     word: the sequence, straight or slide. Closure is the picture distance of the last frame, and of
     the one after it, from the first, over the cycle's median step. It is missing if the track ends
     there.
     """
-    rows = np.arange(choice.stretch.rows.start, choice.stretch.rows.stop)
-    n = len(rows)
-    more = np.r_[rows, min(rows[-1] + 1, len(table) - 1)]
-    goes_on = table["track_id"].iat[more[-1]] == choice.stretch.track_id and more[-1] > rows[-1]
-    tail = table["tail"].to_numpy()[rows]
-    pictures = look(more, cycle_heading(table, rows[0], n)) if goes_on else None
+    start, stop = choice.stretch.rows.start, choice.stretch.rows.stop
+    tail = table["tail"].to_numpy()[start:stop]
     result = {f"{word}_tail_swing_body_lengths": float(np.ptp(tail))}
-    if pictures is not None:
+    if stop < len(table) and table["track_id"].iat[stop] == choice.stretch.track_id:
+        heading = cycle_heading(table, start, stop - start)
+        pictures = draw_pictures(np.arange(start, stop + 1), heading)
         median = max(float(np.median(successive_distances(pictures))), 1e-9)
-        result[f"{word}_closure_last_to_first"] = (
-            float(distance_pair_by_pair(pictures[n - 1], pictures[0])) / median
-        )
+        last = float(distance_pair_by_pair(pictures[-2], pictures[0]))
+        result[f"{word}_closure_last_to_first"] = last / median
         result[f"{word}_closure_after_last_to_first"] = closure(pictures)
     return result
 
 
 def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: SpritesSettings) -> bool:
-    """Return whether a chosen slide is one: at least `slide_least` long, its tail within `still`.
-
-    table: from `swimmers`; delta: Δ in frames.
-    """
+    """Return whether a chosen slide is at least `slide_least` long and its tail within `still`."""
     tail = table["tail"].to_numpy()[choice.stretch.rows]
     long = len(tail) >= round(settings.slide_least * delta)
     return long and float(np.ptp(tail)) <= settings.still
 
 
-def faults(choices: dict[str, Choice]) -> pd.DataFrame:
+def fault_table(choices: dict[str, Choice]) -> pd.DataFrame:
     """Return every fault of each choice: sequence, frames, fault, value (1 is acceptable)."""
-    return pd.DataFrame(
-        [
-            (word, f"{s.track_id}:{s.first}-{s.last}", name, value)
-            for word, choice in choices.items()
-            for s in [choice.stretch]
-            for name, value in (s.faults or {"listed by hand": 0.0}).items()
-        ],
-        columns=["sequence", "frames", "fault", "value"],
-    )
+    rows = []
+    for word, choice in choices.items():
+        run = choice.stretch
+        for name, value in (run.faults or {"listed by hand": 0.0}).items():
+            rows.append((word, f"{run.track_id}:{run.first}-{run.last}", name, value))
+    return pd.DataFrame(rows, columns=["sequence", "frames", "fault", "value"])

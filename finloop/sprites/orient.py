@@ -1,20 +1,29 @@
-"""Sprites: a few frames of the film, turned to fill all orientations (fish paper §3.3)."""
+"""Sprites: a few frames of the film, turned to fill all orientations (fish paper §3.3).
+
+A cut-out is turned about its mass centre, without fringes and without clipping. Pictures are
+premultiplied (h, w, channels) uint8, alpha last: only such neighbours may be mixed, else the colour
+under transparent pixels bleeds into the edge. Angles are degrees, anticlockwise as seen; y is down.
+Pixel centres lie at integers.
+"""
 
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 import pandas as pd
 import scipy
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema, columns
-from finloop.features.table import direction_deg, orientations_of, wrap_deg
-from finloop.sprites.choice import Choice
+from finloop.distance.reel import Reel
+from finloop.features.table import direction_deg, wrap_deg
+from finloop.sprites.choice import SIDES, Choice, cycle_heading, smooth, turn_phases
 from finloop.sprites.settings import SpritesSettings
-from finloop.sprites.stretch import SIDES, FrameRun, cycle_heading, phases
-from finloop.sprites.swimmers import smooth
-from finloop.sprites.turn import turn_cutout
+
+_REACH = 4  # px that a Lanczos kernel of four lobes reaches beyond a pixel
+_SOLID = 64  # alpha from which a pixel belongs to the fish
 
 SPRITES = Schema(
     Column("sprite", "int16", "1"),
@@ -38,7 +47,7 @@ def sprite_table(
 ) -> pd.DataFrame:
     """Return the table of sprites (schema `SPRITES`): every chosen frame, its heading, its motion.
 
-    table: from `swimmers`; choices: the frames of each sequence.
+    table: from `swimmer_table`; choices: the frames of each sequence.
     """
     rows = pd.concat([_sequence(table, word, choice, settings) for word, choice in choices.items()])
     rows.insert(0, "sprite", np.arange(len(rows)))
@@ -48,74 +57,38 @@ def sprite_table(
 def _sequence(
     table: pd.DataFrame, word: str, choice: Choice, settings: SpritesSettings
 ) -> pd.DataFrame:
-    stretch, sign = choice.stretch, -1 if choice.mirrored else 1
-    here = table.iloc[stretch.rows]
-    n = len(here)
-    if word in SIDES:
-        side = sign * SIDES[word]  # as filmed
-        heading = _turn_heading(table, stretch, side, settings.turn_back_deg)
-        phase = phases(table, stretch, side, settings.hold)
+    """Return the sprites of one sequence, columns of `SPRITES` without their numbers."""
+    run, sign = choice.stretch, -1 if choice.mirrored else 1
+    here = table.iloc[run.rows]
+    n, start, after = len(here), run.rows.start, run.rows.stop
+    goes_on = after < len(table) and table["track_id"].iat[after] == run.track_id
+    side = sign * SIDES.get(word, 0)  # as filmed
+    if side:
+        heading = smooth(table["heading"].to_numpy()[start : after + goes_on])
     else:
-        heading = _line(table, stretch)
-        phase = ["cycle"] * n
+        heading = cycle_heading(table, start, n if goes_on else n - 1)
+    if not goes_on:  # to the frame that would come next
+        heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
+    if side and -np.minimum(side * np.diff(heading), 0).sum() <= settings.turn_back_deg:
+        heading = side * scipy.optimize.isotonic_regression(side * heading).x
     angle = np.radians(heading[:-1])
     dx, dy = here["step_x_px"].to_numpy(), here["step_y_px"].to_numpy()
     length = here["length_px"].to_numpy()
-    return pd.DataFrame(
-        {
-            "sequence": word,
-            "step": np.arange(n),
-            "phase": phase,
-            "row": np.arange(len(table))[stretch.rows],
-            "track_id": here["track_id"].to_numpy(),
-            "frame": here["frame"].to_numpy(),
-            "mirrored": choice.mirrored,
-            "x_px": here["x_px"].to_numpy(),
-            "y_px": here["y_px"].to_numpy(),
-            "heading_deg": wrap_deg(heading[:-1]),
-            "head_offset_deg": sign * wrap_deg(here["heading"].to_numpy() - heading[:-1]),
-            "scale": np.median(table["length_px"]) / length,
-            "motion_area_rel": here["area_rel"].to_numpy(),
-            "bend": sign * here["bend"].to_numpy(),
-            "forward": (dx * np.cos(angle) - dy * np.sin(angle)) / length,
-            "sideways": sign * (-dx * np.sin(angle) - dy * np.cos(angle)) / length,
-            "turn_deg": sign * np.diff(heading),
-            "orientations": orientations_of(table),
-        }
+    return here[["track_id", "frame", "x_px", "y_px", "orientations"]].assign(
+        sequence=word,
+        step=np.arange(n),
+        phase=turn_phases(table, run, side, settings.hold) if side else "cycle",
+        row=np.arange(start, after),
+        mirrored=choice.mirrored,
+        heading_deg=wrap_deg(heading[:-1]),
+        head_offset_deg=sign * wrap_deg(here["heading"].to_numpy() - heading[:-1]),
+        scale=np.median(table["length_px"]) / length,
+        motion_area_rel=here["area_rel"],
+        bend=sign * here["bend"],
+        forward=(dx * np.cos(angle) - dy * np.sin(angle)) / length,
+        sideways=sign * (-dx * np.sin(angle) - dy * np.cos(angle)) / length,
+        turn_deg=sign * np.diff(heading),
     )
-
-
-def _line(table: pd.DataFrame, stretch: FrameRun) -> Floats:
-    """Return the heading (n + 1,) of a straight stretch and of the next frame, on a line."""
-    rows = _with_next(table, stretch)
-    n = len(stretch)
-    if rows.stop - rows.start == n + 1:
-        return cycle_heading(table, rows.start, n)
-    line = cycle_heading(table, rows.start, n - 1)  # the track ends here
-    return np.r_[line, 2 * line[-1] - line[-2]]
-
-
-def _turn_heading(
-    table: pd.DataFrame, stretch: FrameRun, side: int, turn_back_deg: float
-) -> Floats:
-    """Return the heading (n + 1,) of a turn and of the next frame, smoothed; its ends as measured.
-
-    If it turns back by at most `turn_back_deg` in all, that is removed.
-    """
-    rows = _with_next(table, stretch)
-    heading = smooth(table["heading"].to_numpy()[rows])
-    if len(heading) == len(stretch):  # the track ends here
-        heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
-    if -np.minimum(side * np.diff(heading), 0).sum() <= turn_back_deg:
-        heading = side * scipy.optimize.isotonic_regression(side * heading).x
-    return heading
-
-
-def _with_next(table: pd.DataFrame, stretch: FrameRun) -> slice:
-    """Return the rows of a stretch and of the film's next frame, where the track has one."""
-    track, after = table["track_id"].to_numpy(), stretch.rows.stop
-    more = after < len(table) and track[after] == stretch.track_id
-    return slice(stretch.rows.start, after + int(more))
 
 
 def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
@@ -130,3 +103,81 @@ def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
             turn = float(direction_deg(orientation, row.orientations)) - row.heading_deg
             sprite = turn_cutout(cutout, row.x_px, row.y_px, turn, mirror)
             yield sprite._replace(sprite=row.sprite, orientation=orientation)
+
+
+def sprite_outlines(reel: Reel) -> list[Floats]:
+    """Return the convex hull (k, 2) of every sprite: px ahead and left of its mass centre.
+
+    The px are those of the drawn animation, where all fish are equally long.
+    """
+    hulls = []
+    for number, row in enumerate(reel.sprites.itertuples()):
+        cutout = reel.sprite(number)
+        solid = np.argwhere(cutout.pixels[..., -1] >= _SOLID)[:, ::-1].astype(np.float32)
+        hull = cv2.convexHull(solid)[:, 0].astype(float)
+        offset = hull + np.array([cutout.x0_px - row.x_px, cutout.y0_px - row.y_px])
+        hulls.append(offset * np.array([row.scale, -row.scale]))
+    return hulls
+
+
+def rotation(angle_deg: float) -> Floats:
+    """Return the matrix (2, 2) that turns points (x right, y down); exact at multiples of 90°."""
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    if angle_deg % 90 == 0:
+        c, s = np.round([c, s])
+    return np.array([[c, s], [-s, c]])
+
+
+def reflection(axis_deg: float) -> Floats:
+    """Return the matrix (2, 2) that mirrors points about a line through 0 in this direction."""
+    return rotation(axis_deg) @ np.diag([1.0, -1.0]) @ rotation(-axis_deg)
+
+
+def turn_cutout(
+    source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
+) -> Cutout:
+    """Turn a cut-out about the point (x_px, y_px) of the film, which stays in place.
+
+    With `mirror_axis_deg` it is first mirrored about the line of that direction through the same
+    point. Both are one resampling (Lanczos, four lobes), trimmed to the visible pixels. A turn by
+    0, or by any angle that maps pixels to pixels, is exact.
+    """
+    angle_deg %= 360
+    if angle_deg == 0 and mirror_axis_deg is None:
+        return source
+    linear = rotation(angle_deg)
+    if mirror_axis_deg is not None:
+        linear = linear @ reflection(mirror_axis_deg)
+    pivot, origin = np.array([x_px, y_px]), np.array([source.x0_px, source.y0_px])
+    h, w = source.pixels.shape[:2]
+    corners = np.array([[0, 0], [w - 1, 0], [0, h - 1], [w - 1, h - 1]]) + origin
+    there = (corners - pivot) @ linear.T + pivot
+    low = np.floor(there.min(0)).astype(int) - _REACH
+    high = np.ceil(there.max(0)).astype(int) + _REACH
+    back = linear.T  # rigid: the inverse
+    offset = pivot - origin + back @ (low - pivot)  # in the source, under the canvas's first pixel
+    width, height = (high - low + 1).tolist()
+    canvas = cv2.warpAffine(
+        source.pixels.astype(np.float32), np.column_stack([back, offset]), (width, height),
+        flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
+    )  # fmt: skip
+    # The filter overshoots. Where alpha exceeds 255, the colour is lowered with it; otherwise edges
+    # would shine.
+    level = canvas * (255 / np.maximum(canvas[..., -1:], 255))
+    pixels = np.rint(np.clip(level, 0, 255)).astype(np.uint8)
+    np.minimum(pixels[..., :-1], pixels[..., -1:], out=pixels[..., :-1])
+    left, top, pixels = trim_picture(pixels)
+    return source._replace(pixels=pixels, x0_px=int(low[0]) + left, y0_px=int(low[1]) + top)
+
+
+def trim_picture(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
+    """Return left, top [px] and the smallest part of a picture that has all its visible pixels.
+
+    A wholly transparent picture is trimmed to its first pixel.
+    """
+    rows = np.flatnonzero(pixels[..., -1].any(1))
+    columns = np.flatnonzero(pixels[..., -1].any(0))
+    if not rows.size:
+        return 0, 0, pixels[:1, :1]
+    top, left = int(rows[0]), int(columns[0])
+    return left, top, np.ascontiguousarray(pixels[top : rows[-1] + 1, left : columns[-1] + 1])

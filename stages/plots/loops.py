@@ -11,7 +11,7 @@ from finloop.features.table import delta_of
 from finloop.io.picture import save_figure
 from finloop.loops.graph import loop_graph
 from finloop.loops.positions import position_table, table_ends
-from finloop.loops.search import as_map, candidates, least_frames
+from finloop.loops.search import as_map, find_candidates, least_frames
 from finloop.loops.settings import LoopsSettings
 from finloop.plots import loops as draw
 from finloop.plots.improper_loop import figure13, most_improper
@@ -71,11 +71,11 @@ def draw_improper(project: Project, p: LoopsSettings) -> Figure:
     """Return Fig. 13 of the fish paper, or a figure that says that no loop is improper."""
     features, reel, facts = project.features, project.film_reel, project.map_facts
     pairs = as_map(project.pairs, len(features))
-    every, counts = candidates(pairs, features, p.distance_threshold * facts.step_median, p)
+    every, counts = find_candidates(pairs, features, p.distance_threshold * facts.step_median, p)
     loop = most_improper(every, features, p.improper_angle_deg)
     if loop is None:
         return message(
-            f"Fig. 13: of {counts.minima} pairs of similar frames none travels more than "
+            f"Fig. 13: of {counts['minima']} pairs of similar frames none travels more than "
             f"{p.improper_angle_deg:g}° (loops.improper_angle_deg) off the fish's heading."
         )
     track, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
@@ -86,7 +86,7 @@ def draw_improper(project: Project, p: LoopsSettings) -> Figure:
         f"(a loop: {p.distance_threshold:g} at most);\n"
         f"it travels {loop.off_deg:.0f}° off the heading "
         f"(a loop: {p.improper_angle_deg:g}° at most). "
-        f"{counts.improper} of {counts.minima} similar pairs are improper"
+        f"{counts['improper_dropped']} of {counts['minima']} similar pairs are improper"
     )
     return figure13(loop, reel, facts.pose, project.background, words)
 
