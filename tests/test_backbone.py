@@ -9,8 +9,16 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 from skimage.morphology import skeletonize
 
-from finloop.extract.backbone import resample, ring, smoother, trace, upper_level, without_notches
-from finloop.extract.skeleton import longest_geodesic, trim_forks
+from finloop.extract.backbone import (
+    longest_geodesic,
+    resample,
+    ring,
+    smoother,
+    trace,
+    trim_forks,
+    upper_level,
+    without_notches,
+)
 
 ROOT2 = np.sqrt(2)
 SIZE = (161, 171)  # of the pictures that shapes are drawn into

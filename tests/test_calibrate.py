@@ -17,8 +17,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.calibrate.film import film_shoal, horizon_frames
 from finloop.calibrate.fit import Rings, cross_validate, default_zones, fit_zones, regression
-from finloop.calibrate.points import own_steps, simulate_points
-from finloop.calibrate.rule import film_rule, shortage
+from finloop.calibrate.rule import film_rule, own_steps, shortage, simulate_points
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import FEATURES
 from finloop.io.numbers import load_numbers

@@ -42,7 +42,6 @@ from finloop.extract.background import (
     light,
     median_background,
     patched_background,
-    sample_size,
     scale_brightness,
     survey_noise,
 )
@@ -52,6 +51,7 @@ from finloop.extract.film import (
     detections,
     learn_background,
     link_tracks,
+    sample_frames,
     track_rows,
 )
 from finloop.extract.samples import Typical, judge, survey, typical_fish
@@ -302,20 +302,16 @@ def test_a_black_clip_is_said(value):
 
 
 def test_how_many_frames_are_looked_at():
-    small = (100, 100, 1)
-    assert [sample_size(asked, 1000, small) for asked in (3, 4, 40, 41)] == [3, 3, 39, 41]
-    assert [sample_size(41, frames, small) for frames in (1, 2, 3, 8, 41, 42)] == [
-        1,
-        1,
-        3,
-        7,
-        41,
-        41,
-    ]
+    def count(asked, frames=1000, shape=(100, 100, 1)):
+        return len(sample_frames(asked, frames, shape, stride=1))
+
+    assert [count(asked) for asked in (3, 4, 40, 41)] == [3, 3, 39, 41]
+    assert [count(41, frames) for frames in (1, 2, 3, 8, 41, 42)] == [1, 1, 3, 7, 41, 41]
     for shape in ((4000, 6000, 3), (2160, 3840, 3), (30_000, 30_000, 3)):
-        count = sample_size(41, 1000, shape)
-        assert count % 2 == 1
-        assert count == 1 or count * np.prod(shape) <= 2**29
+        many = count(41, shape=shape)
+        assert many % 2 == 1
+        assert many == 1 or many * np.prod(shape) <= 2**29
+    assert sample_frames(3, 250, (9, 9), stride=12) == [0, 120, 240]  # at key frames
 
 
 def test_mog2_takes_in_what_stays_and_follows_the_frames():

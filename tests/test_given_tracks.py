@@ -26,19 +26,17 @@ from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.export.keypoints import deeplabcut
 from finloop.extract.film import Detections
-from finloop.extract.fit import (
+from finloop.extract.given import (
     FilmSize,
+    GivenTrackLinker,
     SilhouetteFit,
     fit_to_silhouettes,
     keypoint,
-    map_poses_to_clip,
-    refuse_other_film,
-)
-from finloop.extract.given import (
-    GivenTrackLinker,
     longest_run,
+    map_poses_to_clip,
     match_silhouettes,
     no_silhouette_error,
+    refuse_other_film,
 )
 from finloop.extract.load_given import tracks_of
 from finloop.extract.settings import ExtractSettings

@@ -18,8 +18,7 @@ import stages.plots.extract
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.extract.alike import Likeness, likeness, match_cutout
-from finloop.extract.join_films import join_extractions
+from finloop.extract.join_films import Likeness, join_extractions, likeness, match_cutout
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts

@@ -15,8 +15,7 @@ from finloop.social import zones as zones_module
 from finloop.social.leader import contradiction, leaders
 from finloop.social.measures import SHOAL, compare_groups, shoal_table, wasserstein_distances
 from finloop.social.neighbours import neighbours, relative_neighbours, vectors
-from finloop.social.rule import Others, Self, Shoaling, shoaling_place
-from finloop.social.steps import SocialSteps, add_pull_to_moves, add_pull_to_turns
+from finloop.social.rule import Others, Self, Shoaling, SocialSteps, shoaling_place
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 
@@ -209,11 +208,9 @@ def test_steps_that_are_alike_are_drawn():
 
 def test_a_pull_adds_to_the_own_step():
     own = steps()
-    assert add_pull_to_moves(np.array([1j]), np.array([2.0]), own) == pytest.approx(2 + 1j)
-    assert add_pull_to_turns(np.array([1 + 0j]), np.array([2j]), own) == pytest.approx(
-        (1 + 1j) / np.sqrt(2)
-    )
-    assert abs(add_pull_to_turns(np.array([0j]), np.array([0j]), own)) == pytest.approx(1)
+    turned = own.add_pull_to_turns(np.array([1 + 0j, 0j]), np.array([2j, 0j]))
+    assert turned[0] == pytest.approx((1 + 1j) / np.sqrt(2))
+    assert abs(turned[1]) == 1
 
 
 def place_of(others, zones=ZONES, x=300.0, y=200.0, walls=OPEN, seed=0):

@@ -11,13 +11,11 @@ from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone
 
-_REACH = 0.3  # share of the diagonal of a silhouette's box; pixels farther from it are no fin
 _ALIKE = 1.2  # largest ratio of two means that count as equal: all fish may head the same way
 # Least share of the way round an animal that is gloom; measured: fins 0.00-0.04, a mouse's 0.28.
 _AROUND = 0.15
@@ -27,7 +25,6 @@ _RIM = 2  # px of tank that a cut-out keeps about its fins
 
 Fins = Literal["all", "darker", "brighter", "none"]
 """Which pale pixels count as fins: those darker or brighter than the tank, both, or none."""
-
 
 Kind = Literal["fins", "shadow", "gloom"]
 """The nature of the pale pixels about the fish of a film."""
@@ -44,33 +41,6 @@ class Pale(NamedTuple):
     y0: int
     mask: Mask
     field: Picture
-
-
-def nearest(bodies: Picture) -> NDArray[np.int32]:
-    """Return the number (h, w), from 1, of the silhouette that is nearest to each pixel.
-
-    bodies: (h, w) uint8, 1 inside a silhouette, 0 elsewhere.
-    """
-    numbers = cv2.distanceTransformWithLabels(
-        1 - bodies, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
-    )[1]
-    return np.asarray(numbers)
-
-
-def pale_of(corner: tuple[int, int], body: Mask, mask: Mask, field: Picture) -> Pale:
-    """Return the pale pixels of a patch that lie near one silhouette, `body` (h, w).
-
-    corner: x, y of the body's first pixel in the patch. mask (H, W): pixels of the patch that are
-    pale or of the body; field (H, W): the patch's difference image. x0, y0 of the result are px of
-    the patch, too.
-    """
-    (x, y), (h, w) = corner, body.shape
-    reach = int(_REACH * np.hypot(h, w))
-    left, top = max(x - reach, 0), max(y - reach, 0)
-    window = np.s_[top : y + h + reach, left : x + w + reach]
-    own = mask[window].copy()
-    own[y - top : y - top + h, x - left : x - left + w] &= ~body
-    return Pale(left, top, own, field[window].copy())
 
 
 def with_fins(
@@ -90,7 +60,7 @@ def with_fins(
 
 @kernel
 def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
-    """Return alpha with fins and its first pixel x, y; at: first pixel of `alpha` in the mask."""
+    """Return alpha (h, w) with fins, and its first pixel x, y; at: that of `alpha` in the mask."""
     (left, top), (contrast, threshold) = at, levels
     (h, w), (height, width) = alpha.shape, mask.shape
     x, y, right, bottom = left, top, left + w, top + h
@@ -113,15 +83,6 @@ def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
             if alpha[v, u]:
                 shown[top - y + v, left - x + u] = alpha[v, u]
     return shown, x, y
-
-
-def is_darker(film: Picture, tank: Picture) -> Mask:
-    """Return the mask (h, w) of where a frame is darker than the tank, summed over channels.
-
-    film, tank: (h, w[, 3]) uint8, of one size.
-    """
-    change = film.astype(np.int16) - tank
-    return np.asarray((change if change.ndim == 2 else change.sum(axis=2)) < 0)
 
 
 class Side(NamedTuple):

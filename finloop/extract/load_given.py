@@ -3,7 +3,6 @@
 It connects `extract.given` to files; `extract.write` uses it where tracks are from a file.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
@@ -14,14 +13,16 @@ import numpy as np
 from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.fit import (
+from finloop.extract.given import (
     FilmSize,
+    Given,
+    GivenTrackLinker,
+    Outcome,
     SilhouetteFit,
     fit_to_silhouettes,
     map_poses_to_clip,
     refuse_other_film,
 )
-from finloop.extract.given import Given, GivenTrackLinker, Outcome
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.io.film_writer import TRACKS_NAME
@@ -117,10 +118,7 @@ def place_metrics(
     tracks: GivenTracks, followed: GivenTrackLinker, agreement: SilhouetteFit
 ) -> dict[str, float]:
     """Return counts and shares (0 … 1) of the places' outcomes by name, for metrics.json."""
-    total = Counter[Outcome]()
-    for (_, outcome), count in followed.outcomes.items():
-        total[outcome] += count
-    given = tracks.given
+    given, total = tracks.given, followed.outcome_counts()
     return {
         "places": total.total(),
         **{f"places_{what.replace(' ', '_')}": total[what] for what in get_args(Outcome)},

@@ -4,6 +4,10 @@ Two thresholds: pixels above the noise form *candidate* patches; within a patch,
 the pixels above a share of that fish's own contrast. The first threshold finds pale fish, the
 second keeps soft shadows, wakes and reflections out of the silhouette. If a fish is both brighter
 and darker than the tank, its pixels darker than a shadow belong to the silhouette, too.
+
+A part a few pixels wide, such as a mouse's tail, is blurred, so its own contrast is lower: it would
+be in the silhouette of some frames only, and the backbone long in one frame and short in the next.
+Where that is so, thin parts get a lower threshold.
 """
 
 from collections.abc import Iterator
@@ -16,15 +20,17 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
-from finloop.extract.backbone import Backbone, ring, trace, upper_level
+from finloop.extract.backbone import Backbone, pad_picture, ring, trace, upper_level
 from finloop.extract.background import Scene, difference
-from finloop.extract.fins import Fins, Pale, is_darker, nearest, pale_of, with_fins
+from finloop.extract.fins import Fins, Pale, with_fins
 from finloop.extract.table import OUTLINE_POINTS
-from finloop.extract.thin import EDGE, with_thin_parts
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
 Edge = NDArray[np.int32]  # (n, 1, 2) x, y, px
 _CONTRAST = 0.8  # quantile of the difference inside a candidate that stands for its contrast
+THIN_EDGE = 0.2  # share of the animal's contrast at which a thin part ends
+_THIN = 0.4  # share of a body's largest half width; narrower parts are thin
+_REACH = 0.3  # share of the diagonal of a silhouette's box; pixels farther from it are no fin
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,7 @@ class SilhouetteEdge(NamedTuple):
 
     share: of a fish's own contrast, at which its edge lies; shadow: most of the tank's light that a
     shadow takes; fins: which pale pixels beyond a silhouette belong to it; thin: whether its pale
-    thin parts belong to it (`finloop.extract.thin`).
+    thin parts belong to it (`with_thin_parts`).
     """
 
     share: float
@@ -89,7 +95,6 @@ def silhouettes(
     scene: in the light of the frame (`in_light_of`); arena: (h, w) uint8, 255 inside; ends: where a
     silhouette ends.
     """
-    fins = ends.fins
     change = difference(frame, scene)
     height, width = change.shape
     for candidate in _candidates(change, arena, int(scene.threshold)):
@@ -103,11 +108,11 @@ def silhouettes(
         level = max(int(scene.threshold), int(ends.share * contrast))
         above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
         if ends.thin:
-            above = with_thin_parts(above, patch, max(int(scene.threshold), int(EDGE * contrast)))
+            edge_level = max(int(scene.threshold), int(THIN_EDGE * contrast))
+            above = with_thin_parts(above, patch, edge_level)
+        film, tank = (picture[top:bottom, left:right] for picture in (frame, scene.background))
         if scene.polarity == "both":
-            window = np.s_[top:bottom, left:right]
-            dark = _darker_than_shadows(frame[window], scene.background[window], ends.shadow)
-            above = _with_dark_skin(above, dark & (patch > scene.threshold))
+            above = _with_dark_skin(above, patch > scene.threshold, film, tank, ends.shadow)
         parts = []
         for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
             pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
@@ -115,28 +120,49 @@ def silhouettes(
                 part = _silhouette(edge, patch, (left, top), contrast, arena)
                 if part.area_px >= least_area:
                     parts.append((part, edge))
-        if fins == "none" or not parts:
+        if ends.fins == "none" or not parts:
             yield from (part for part, _ in parts)
         else:
-            seen = patch > scene.threshold
-            if fins != "all":
-                window = np.s_[top:bottom, left:right]
-                darker = is_darker(frame[window], scene.background[window])
-                seen &= darker if fins == "darker" else ~darker
-            yield from _with_fins(parts, candidate, patch, (left, top), seen)
+            pale = patch > scene.threshold
+            if ends.fins != "all":
+                gain = film.astype(np.int16) - tank
+                darker = (gain if gain.ndim == 2 else gain.sum(axis=2)) < 0
+                pale &= darker if ends.fins == "darker" else ~darker
+            yield from _with_pale_pixels(parts, candidate, patch, (left, top), pale)
 
 
-def _darker_than_shadows(film: Picture, tank: Picture, shadow: float) -> Mask:
-    """Return the pixels (h, w) that lack more than a share of the tank's light in all channels."""
-    dark = cv2.subtract(tank, film) > shadow * tank
-    return dark if dark.ndim == 2 else dark.all(axis=-1)
+def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
+    """Return silhouettes (h, w), 0 or 255, together with the pale thin parts that touch them.
 
-
-def _with_dark_skin(above: Picture, dark: Mask) -> Picture:
-    """Return the mask `above` (0 or 255) of a fish, with its `dark` patches.
-
-    Where bright skin becomes dark skin, a pixel is as bright as the tank: such gaps are closed.
+    above: the silhouettes, 0 or 255; change: the difference image; level: grey levels that a thin
+    part exceeds. A pale and wide part, such as a shadow or the gloom around an animal, is not thin.
     """
+    body = np.minimum(above, 1)
+    pale = cv2.threshold(change, level, 1, cv2.THRESH_BINARY)[1] | body
+    half_width = float(cv2.distanceTransform(pad_picture(body, 1), cv2.DIST_L2, 3).max())
+    reach = max(1, int(_THIN * half_width + 0.5))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    rim = 2 * reach + 2
+    wide = cv2.morphologyEx(pad_picture(pale, rim), cv2.MORPH_OPEN, disc)[rim:-rim, rim:-rim]
+    both = body | (pale & (1 - wide))
+    _, number = cv2.connectedComponents(both)
+    touch = np.isin(number, number[body.view(bool)])
+    _, part, sizes, _ = cv2.connectedComponentsWithStats(both * touch & (1 - body))
+    long = sizes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= reach
+    long[0] = False  # the rest of the picture
+    return np.where(long[part], np.uint8(255), above)
+
+
+def _with_dark_skin(
+    above: Picture, changed: Mask, film: Picture, tank: Picture, shadow: float
+) -> Picture:
+    """Return the mask `above` (0 or 255) of a fish with its patches darker than a shadow.
+
+    These lack more than the share `shadow` of the tank's light in all channels. Where bright skin
+    becomes dark skin, a pixel is as bright as the tank: such gaps are closed.
+    """
+    dark = cv2.subtract(tank, film) > shadow * tank
+    dark = changed & (dark if dark.ndim == 2 else dark.all(axis=-1))
     if not (dark & (above == 0)).any():
         return above
     both = np.where(dark, np.uint8(255), above)
@@ -176,36 +202,38 @@ def _silhouette(
     mask = np.zeros(field.shape, np.uint8)
     cv2.drawContours(mask, [edge], -1, 1, cv2.FILLED, offset=(-x, -y))
     x0, y0, area = x + corner[0], y + corner[1], cv2.countNonZero(mask)
-    at_border = at_edge or _near_border(mask, arena[y0:, x0:])
+    height, width = field.shape
+    inside = arena[y0 : y0 + height, x0 : x0 + width]
+    near = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
+    at_border = at_edge or bool((near & (inside == 0)).any())
     return Silhouette(x0, y0, mask.view(bool), field, contrast, area, at_border)
 
 
-def _with_fins(
+def _with_pale_pixels(
     parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
-    seen: Mask,
+    pale: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
-    """Yield the silhouettes of a candidate, each with the nearest of the pixels `seen`."""
+    """Yield the silhouettes of a candidate, each with those pale pixels to which it is nearest."""
     left, top = corner
     inside = np.zeros(patch.shape, np.uint8)
     cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-left, -top))
-    seen = seen & inside.view(bool)
+    pale = pale & inside.view(bool)
     if len(parts) > 1:
-        bodies = np.zeros(patch.shape, np.uint8)
-        cv2.drawContours(bodies, [edge for _, edge in parts], -1, 1, cv2.FILLED)
-        numbers = nearest(bodies)
+        outside = np.ones(patch.shape, np.uint8)
+        cv2.drawContours(outside, [edge for _, edge in parts], -1, 0, cv2.FILLED)
+        nearest = cv2.distanceTransformWithLabels(
+            outside, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
+        )[1]
     for part, edge in parts:
-        x, y = edge[0, 0]
-        own = seen if len(parts) == 1 else seen & (numbers == numbers[y, x])
-        found = pale_of((part.x0 - left, part.y0 - top), part.mask, own, patch)
-        yield replace(part, fins=found._replace(x0=found.x0 + left, y0=found.y0 + top))
-
-
-def _near_border(mask: Picture, arena: Picture) -> bool:
-    """Return whether a silhouette comes close to the outside of the arena."""
-    inside = arena[: mask.shape[0], : mask.shape[1]]
-    if inside.all():
-        return False
-    return bool(((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & (inside == 0)).any())
+        column, row = edge[0, 0]
+        own = pale if len(parts) == 1 else pale & (nearest == nearest[row, column])
+        x, y, (h, w) = part.x0 - left, part.y0 - top, part.mask.shape
+        reach = int(_REACH * np.hypot(h, w))
+        x0, y0 = max(x - reach, 0), max(y - reach, 0)
+        window = np.s_[y0 : y + h + reach, x0 : x + w + reach]
+        mask = own[window].copy()
+        mask[y - y0 : y - y0 + h, x - x0 : x - x0 + w] &= ~part.mask
+        yield replace(part, fins=Pale(x0 + left, y0 + top, mask, patch[window].copy()))
 
 
 def contour(silhouette: Silhouette) -> Edge:

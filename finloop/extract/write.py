@@ -62,16 +62,6 @@ class Extraction(NamedTuple):
     lost: list[int]
 
 
-def scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
-    """Return the facts about the tank and its fish for later stages, to be saved as `SCENE_NAME`.
-
-    points: the number of points of a backbone.
-    """
-    area, length, contrast, fins, thin = typical
-    levels = scene.polarity, scene.noise, scene.threshold
-    return SceneFacts(*levels, area, length, contrast, fins, points, thin)
-
-
 def extract(
     clip: Path,
     p: ExtractSettings,
@@ -95,16 +85,17 @@ def extract(
     scene, typical = survey(frames, arena, p, Threads(THREADS))
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
-    whole = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
+    store = pieces.load_or_make if pieces else None
+    whole = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
     detector = film.Detector(arena, typical, p)
-    sample = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
-    _refuse_small_disk(folder, facts.frames, list(sample), pieces)
+    sample = [detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)]]
+    _refuse_small_disk(folder, facts.frames, sample, pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
     agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
-    linker = (
-        GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames) if tracks else None
-    )
+    linker = None
+    if tracks:
+        linker = GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames)
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         found = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
@@ -122,7 +113,7 @@ def extract(
         if tracks and linker:
             raise no_silhouette_error(tracks.given, linker, p.min_track_frames)
         raise film.no_track_error(p, verdicts)
-    tank = scene_facts(scene, typical, p.points)
+    tank = _scene_facts(scene, typical, p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
     numbers = {}
@@ -130,6 +121,13 @@ def extract(
         save_given(folder, tracks.given, p.points)
         numbers = place_metrics(tracks, linker, agreement)
     return Extraction(tank, verdicts, lengths, numbers, lost)
+
+
+def _scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
+    """Return the facts about the tank and its fish that later stages need."""
+    area, length, contrast, fins, thin = typical
+    levels = scene.polarity, scene.noise, scene.threshold
+    return SceneFacts(*levels, area, length, contrast, fins, points, thin)
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from finloop.base.arrays import Floats, Ints, Mask, Picture
-from finloop.extract.backbone import trace, without_notches
+from finloop.extract.backbone import longest_geodesic, trace, without_notches
 from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, judge
 from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
-from finloop.extract.skeleton import longest_geodesic
 
 _MARGIN = 6  # px of tank around a fish
 _NEAR = np.ones((3, 3), np.uint8)
