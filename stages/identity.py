@@ -11,7 +11,7 @@ from finloop.identity.film import (
     IDENTITIES,
     USED,
     Evidence,
-    evidence,
+    collect_evidence,
     from_names,
     identities,
     trial_gaps,
@@ -33,7 +33,7 @@ def main() -> None:
         if given is not None:
             table, trial = from_names(features, given["animal"]), dict[str, float]()
         else:
-            film = evidence(project.film_reel, project.tracks(USED), cuts, p)
+            film = collect_evidence(project.film_reel, project.tracks(USED), cuts, p)
             table = identities(film)
             trial = join_trial(film, table)
     save_table(OUT / "identities.parquet", table, IDENTITIES)

@@ -88,8 +88,8 @@ def law(inputs):
 def random_model(seed=0, hidden=20):
     r = rng(seed)
     return MotionModel(
-        0.2, *input_range(random_inputs(50, seed)), np.array([0.0, -1.0]), np.array([1.0, 1.0]),
-        MARGIN, r.normal(size=(4, hidden)), r.normal(size=hidden), r.normal(size=(hidden, 2)),
+        0.2, MARGIN, *input_range(random_inputs(50, seed)), np.array([0.0, -1.0]),
+        np.array([1.0, 1.0]), r.normal(size=(4, hidden)), r.normal(size=hidden), r.normal(size=(hidden, 2)),
         r.normal(size=2),
     )  # fmt: skip
 

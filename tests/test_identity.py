@@ -15,7 +15,13 @@ import stages.identity
 import stages.plots.identity
 from finloop.identity import appearance, motion
 from finloop.identity.film import IDENTITIES
-from finloop.identity.joins import Pairs, best_joins, in_passes, simultaneous_pairs, successor_pairs
+from finloop.identity.joins import (
+    Pairs,
+    best_joins,
+    join_in_passes,
+    simultaneous_pairs,
+    successor_pairs,
+)
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 
@@ -38,14 +44,14 @@ def rng():
 
 def test_who_swims_straight_on_is_foretold():
     ways = [np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)]
-    drift = motion.drift(table_of(*ways))
+    drift = motion.measure_drift(table_of(*ways))
     assert drift.error[:-1] == pytest.approx(0, abs=1e-9)
     assert drift.share[:-1] == pytest.approx(1)
 
 
 def test_who_wanders_gets_as_far_as_a_random_walk(rng):
     ways = np.cumsum(rng.normal(0, 1, (40, 400, 2)), axis=1)
-    drift = motion.drift(table_of(*ways))
+    drift = motion.measure_drift(table_of(*ways))
     # Half of the walks of g steps of spread 1 end within sqrt(2 ln 2 g).
     assert drift.error[:-1] == pytest.approx(np.sqrt(2 * np.log(2) * drift.gaps[:-1]), rel=0.1)
     assert np.all(drift.share[:-1] < 0.1)
@@ -72,9 +78,9 @@ def test_a_track_is_joined_to_one_that_begins_where_it_leads():
     before = [(t[:12], way[:12]) for way in ways]
     after = [(t[16:], way[16:]) for way in ways[::-1]]
     frames, places = zip(*before, *after, strict=True)
-    ends = motion.ends(list(frames), list(places), 4)
+    ends = motion.track_ends(list(frames), list(places), 4)
     pairs = successor_pairs(ends.start, ends.stop, np.zeros(4, int))
-    score = motion.log_ratios(ends, motion.drift(table_of(*ways, *ways)), pairs)
+    score = motion.log_ratios(ends, motion.measure_drift(table_of(*ways, *ways)), pairs)
     joins = best_joins(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
     assert joins.before.tolist() == [-1, -1, 1, 0]
 
@@ -171,7 +177,7 @@ def test_tracks_that_are_joined_tell_more_together(rng):
         return best_joins(count, pairs, log_ratio, 0.01, 0.5, rng)
 
     assert best_names(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
-    assert in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
+    assert join_in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
 
 
 def test_where_no_join_is_sure_passes_are_one(rng):
@@ -181,7 +187,7 @@ def test_where_no_join_is_sure_passes_are_one(rng):
     def best_names(count, pairs, log_ratio):
         return best_joins(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
 
-    joins = in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, best_names)
+    joins = join_in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, best_names)
     np.testing.assert_array_equal(joins, once)
 
 
