@@ -24,7 +24,7 @@ from finloop.features import area as features_area
 from finloop.features.area import bend, closed_spline, control_points, signed_area
 from finloop.features.current import through_water
 from finloop.features.head import _posterior, _viterbi, head_first
-from finloop.features.memory import block_frames, measured_delta
+from finloop.features.memory import block_frames, measure_delta
 from finloop.features.metrics import (
     against_truth,
     heading_agreement,
@@ -213,11 +213,11 @@ def test_delta_is_a_time(delta_s, rate, frames):
 )
 def test_delta_is_measured_in_the_film(beat_s, rate, frames, delta_s):
     bend = np.sin(2 * np.pi * np.arange(frames) / rate / beat_s)
-    assert measured_delta([bend], rate) == pytest.approx(delta_s, rel=0.05)
+    assert measure_delta([bend], rate) == pytest.approx(delta_s, rel=0.05)
 
 
 def test_a_fish_that_never_bends_has_the_paper_s_delta():
-    assert measured_delta([np.zeros(300)], 25.0) == 0.2
+    assert measure_delta([np.zeros(300)], 25.0) == 0.2
 
 
 def test_blocks_are_shorter_in_a_short_film():
