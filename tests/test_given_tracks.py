@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from scratch import content, prepare
 
@@ -215,11 +217,8 @@ def test_the_verbs_take_tracks_of_centres_alone(film, tmp_path):
     tracks = finloop.track(shown, tmp_path, tracks_path=str(tmp_path / "a.npy"))
     assert set(tracks.given["animal"]) == {"1", "2", "3"}
     assert tracks.given[["head_x_px", "tail_x_px"]].isna().all(axis=None)
-    led, plain = (
-        finloop.measure(tracks),
-        measure_features(tracks.table, 25.0, settings("features"))[0],
-    )
-    pd.testing.assert_frame_equal(led, plain, check_dtype=False, rtol=1e-5)
+    plain, _ = measure_features(tracks.table, 25.0, settings("features"))
+    pd.testing.assert_frame_equal(finloop.measure(tracks), plain, check_dtype=False, rtol=1e-5)
 
 
 def test_what_is_used_is_said():
@@ -281,14 +280,10 @@ def test_several_films_of_another_programs_tracks_become_one(
 
 def spot(x, y, isolated=True, long=10, wide=4):
     """A silhouette that is a rectangle about a place."""
-    box = (x - long, y - wide, x + long + 1, y + wide + 1)
-    corners = [
-        (x - long, y - wide),
-        (x + long, y - wide),
-        (x + long, y + wide),
-        (x - long, y + wide),
-    ]
+    left, top, right, bottom = x - long, y - wide, x + long, y + wide
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
     outline = np.array(corners, np.int32)[:, None]
+    box = (left, top, right + 1, bottom + 1)
     return SilhouettePlace(x, y, 4.0 * long * wide, box, isolated, outline)
 
 
@@ -318,13 +313,10 @@ def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outco
     assert mirrored == outcomes[::-1]
 
 
-def test_no_animal_is_taken_from_where_none_is_isolated():
+def test_only_given_points_and_isolated_silhouettes_count():
     assert match_silhouettes(place_array((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [
         ("not isolated", 0)
     ]
-
-
-def test_of_several_points_those_that_are_given_count():
     points = np.array([[(41, 50), (np.nan, np.nan), (59, 50)]])
     assert match_silhouettes(points, [spot(50, 50), spot(50, 60)], 20.0) == [("used", 0)]
 
@@ -395,18 +387,16 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
 
 
 def test_places_without_gaps_are_not_told_to_fill_them():
-    told = map_poses(poses_at(np.full((30, 1, 2), 50.0)))
-    rows, followed = run(told, [[spot(50, 50, isolated=False)]] * 30)
+    told = map_poses(poses_at(np.full((30, 1, 2), 50.0)), tracks_px_per_unit=1.5)
+    assert (told.points == 75).all()
+    rows, followed = run(told, [[spot(75, 75, isolated=False)]] * 30)
     error = no_silhouette_error(told, followed, 3)
     assert not rows and longest_run(told) == 30
     assert "30 not isolated" in error.came and "extract.tracks_path=null" in error.do
     assert "fill" not in error.do
-
-
-def test_runs_of_two_animals_are_not_added_up():
     places = np.full((12, 2, 2), np.nan)
     places[:6, 0] = places[6:, 1] = 50.0
-    assert longest_run(map_poses(poses_at(places))) == 6
+    assert longest_run(map_poses(poses_at(places))) == 6  # runs of two animals are not added up
 
 
 def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypatch):
@@ -441,11 +431,6 @@ def test_points_of_little_confidence_count_as_not_given(monkeypatch):
         map_poses(Poses(**vars(doubtful) | {"confidence": np.full((4, 1), 0.5)}))
 
 
-def test_places_are_scaled():
-    told = map_poses(poses_at(np.full((4, 1, 2), 50.0)), tracks_px_per_unit=2.0)
-    assert (told.points == 100).all()
-
-
 # --- head and tail -------------------------------------------------------------------------------
 
 
@@ -458,20 +443,16 @@ def test_places_are_scaled():
         (("a", "b"), (None, None)),
     ],
 )
-def test_common_names_of_head_and_tail_are_known(names, expected):
+def test_keypoints_of_head_and_tail_are_known_or_named(names, expected):
     poses = poses_of(("x",), names, np.arange(3), np.full((3, 1, len(names), 2), 50.0))
     told = map_poses_to_clip(poses, np.arange(3), FilmSize(3, 100, 100), file_settings())
     assert told[1:] == expected
     if expected[0]:
         assert (told[0].head == 50).all()
-
-
-def test_a_named_keypoint_is_taken_or_missed():
-    poses = poses_of(("x",), ("a", "b"), np.arange(3), np.full((3, 1, 2, 2), 50.0))
-    assert keypoint(poses.keypoints, "b", (), "tracks_head_keypoint") == "b"
-    assert keypoint(poses.keypoints, "none", ("a",), "tracks_head_keypoint") is None
+    assert keypoint(names, names[1], (), "tracks_head_keypoint") == names[1]
+    assert keypoint(names, "none", names, "tracks_head_keypoint") is None
     with pytest.raises(FinloopError, match="no keypoint 'nose'"):
-        keypoint(poses.keypoints, "nose", (), "tracks_head_keypoint")
+        keypoint(names, "nose", (), "tracks_head_keypoint")
 
 
 def test_which_end_is_told_to_be_the_head():
@@ -526,6 +507,8 @@ def test_animals_that_rest_fit_at_all_moments():
     places = np.tile([[[50.0, 50.0], [120.0, 90.0]]], (20, 1, 1))
     told, good = map_and_fit(places, [[spot(50, 50), spot(120, 90)]] * 20)
     assert good.chance == good.share == 1.0
+    needed = [SilhouetteFit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
+    assert needed == [0.5, 0.7, 0.9]  # between chance and all
     refuse_other_film(told, good, FilmSize(20, 200, 150))
 
 
@@ -564,35 +547,27 @@ def test_a_few_frames_more_or_fewer_are_no_fault():
     assert map_poses(poses_at(places), range(60), frames=60).stop[-1] == 40
 
 
-def test_the_share_needed_lies_between_chance_and_all():
-    needed = [SilhouetteFit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
-    assert needed == [0.5, 0.7, 0.9]
-
-
 @pytest.mark.parametrize(
     ("name", "made", "said"),
     [
+        (".", None, "is unknown"),
         ("a.txt", b"1 2 3", "is unknown"),
         ("a.csv", b"p,q\n1,2\n", "is unknown"),
         ("a.csv", b"", "is unknown"),
         ("a.csv", b"\xff\xfe\x00scorer", "cannot be read"),
         ("a.npz", b"no zip", "tracks of TRex"),
         ("a.npy", b"\x93NUMPY", "tracks of idtracker.ai"),
+        ("a.npy", None, "does not say where any animal is"),
         ("a.parquet", b"PAR1", "tracks of idtracker.ai"),
     ],
 )
 def test_a_file_that_is_none_is_said(tmp_path, name, made, said):
-    (tmp_path / name).write_bytes(made)
+    if made is not None:
+        (tmp_path / name).write_bytes(made)
+    elif name == "a.npy":
+        np.save(tmp_path / name, np.full((5, 2, 2), np.nan))
     with pytest.raises(FinloopError, match=said):
         load_poses(tmp_path / name, None, 25.0)
-
-
-def test_an_empty_folder_and_tracks_without_a_place_are_said(tmp_path):
-    with pytest.raises(FinloopError, match="is unknown"):
-        load_poses(tmp_path, None, 25.0)
-    np.save(tmp_path / "a.npy", np.full((5, 2, 2), np.nan))
-    with pytest.raises(FinloopError, match="does not say where any animal is"):
-        load_poses(tmp_path / "a.npy", None, 25.0)
 
 
 def test_the_missing_extra_is_named(tmp_path, monkeypatch, film):
@@ -674,18 +649,11 @@ def as_tidy(folder, places):
 
 
 def as_parquet(folder, places):
-    frame = long_table(places)
-    frame.attrs = {}
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    facts = json.dumps({"identities_labels": NAMES})
-    plain = pa.Table.from_pandas(frame)
-    pq.write_table(
-        plain.replace_schema_metadata({**plain.schema.metadata, "idtrackerai_attributes": facts}),
-        folder / "trajectories.parquet",
-    )
-    return folder / "trajectories.parquet"
+    plain = pa.Table.from_pandas(long_table(places))
+    facts = {"idtrackerai_attributes": json.dumps({"identities_labels": NAMES})}
+    path = folder / "trajectories.parquet"
+    pq.write_table(plain.replace_schema_metadata({**plain.schema.metadata, **facts}), path)
+    return path
 
 
 def as_hdf5(folder, places):
@@ -701,19 +669,13 @@ def test_trajectories_of_idtracker(tmp_path, film, write):
     places = arrays(film[1])[:, :, 2].copy()
     places[3, 1] = np.nan
     poses = load_poses(write(tmp_path, places), None, 25.0)
-    assert (poses.individuals, poses.keypoints, poses.frames) == (
-        NAMES,
-        ("centre",),
-        FRAMES_OF_FILM,
-    )
+    assert (poses.individuals, poses.keypoints) == (NAMES, ("centre",))
+    assert poses.frames == FRAMES_OF_FILM
     np.testing.assert_allclose(arrays(poses)[:, :, 0], places, atol=1e-9)
     assert len(poses.frame) == FRAMES_OF_FILM * FISH - 1 and np.isnan(poses.confidence).all()
-
-
-def test_of_a_session_the_file_is_read_that_needs_no_optional_package(tmp_path, film):
-    session = as_npy(tmp_path, arrays(film[1])[:, :, 2])
-    (session / "trajectories/trajectories.h5").write_bytes(b"")
-    assert load_poses(session, "idtracker.ai", 25.0).individuals == NAMES
+    if write is as_npy:  # of a session the file is read that needs no optional package
+        (tmp_path / "session_film/trajectories/trajectories.h5").write_bytes(b"")
+        assert load_poses(tmp_path / "session_film", "idtracker.ai", 25.0).individuals == NAMES
 
 
 def test_old_trajectories_without_names_and_a_bare_array(tmp_path, film):
