@@ -37,7 +37,6 @@ from finloop.extract.given import (
     longest_run,
     map_poses_to_clip,
     match_silhouettes,
-    no_silhouette_error,
     refuse_other_film,
 )
 from finloop.extract.load_given import tracks_of
@@ -336,7 +335,7 @@ def file_settings(**changes):
 def map_poses(poses, shown=None, size=(200, 150), frames=None, **changes):
     shown = np.arange(poses.frames) if shown is None else np.asarray(shown)
     film_size = FilmSize(int(shown.max()) + 1 if frames is None else frames, *size)
-    return map_poses_to_clip(poses, shown, film_size, file_settings(**changes))[0]
+    return map_poses_to_clip(poses, shown, film_size, file_settings(**changes))
 
 
 class Anything:
@@ -380,7 +379,7 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
     told = map_poses(poses_at(places))
     rows, followed = run(told, [[spot(50, 50), spot(90, 90)]] * 30, least=8)
     assert not rows and longest_run(told) == 6
-    error = no_silhouette_error(told, followed, 8)
+    error = followed.no_track_error()
     assert "for 6 frames at most, and 5 of 30 frames have no place" in error.came
     assert "places: 50 used" in error.came
     assert "8 frames on end" in error.wanted and "fill the gaps" in error.do
@@ -390,7 +389,7 @@ def test_places_without_gaps_are_not_told_to_fill_them():
     told = map_poses(poses_at(np.full((30, 1, 2), 50.0)), tracks_px_per_unit=1.5)
     assert (told.points == 75).all()
     rows, followed = run(told, [[spot(75, 75, isolated=False)]] * 30)
-    error = no_silhouette_error(told, followed, 3)
+    error = followed.no_track_error()
     assert not rows and longest_run(told) == 30
     assert "30 not isolated" in error.came and "extract.tracks_path=null" in error.do
     assert "fill" not in error.do
@@ -444,11 +443,10 @@ def test_points_of_little_confidence_count_as_not_given(monkeypatch):
     ],
 )
 def test_keypoints_of_head_and_tail_are_known_or_named(names, expected):
-    poses = poses_of(("x",), names, np.arange(3), np.full((3, 1, len(names), 2), 50.0))
-    told = map_poses_to_clip(poses, np.arange(3), FilmSize(3, 100, 100), file_settings())
-    assert told[1:] == expected
-    if expected[0]:
-        assert (told[0].head == 50).all()
+    places = np.arange(len(names))[:, None] + np.full((3, 1, len(names), 2), 50.0)
+    told = map_poses(poses_of(("x",), names, np.arange(3), places))
+    for name, place in zip(expected, (told.head, told.tail), strict=True):
+        assert (place == 50 + names.index(name)).all() if name else np.isnan(place).all()
     assert keypoint(names, names[1], (), "tracks_head_keypoint") == names[1]
     assert keypoint(names, "none", names, "tracks_head_keypoint") is None
     with pytest.raises(FinloopError, match="no keypoint 'nose'"):
@@ -494,13 +492,12 @@ def map_and_fit(places, film, names=None):
 
 def test_tracks_of_this_film_fit_and_those_of_another_do_not():
     places, film = moving()
-    size = FilmSize(30, 200, 150)
     told, good = map_and_fit(places, film)
     assert good.share == 1.0 > good.least_share > good.chance
-    refuse_other_film(told, good, size)
+    refuse_other_film(told, good)
     told, bad = map_and_fit(moving(seed=5)[0] + 3, film)
     with pytest.raises(FinloopError, match=f"{bad.share:.0%} show an animal"):
-        refuse_other_film(told, bad, size)
+        refuse_other_film(told, bad)
 
 
 def test_animals_that_rest_fit_at_all_moments():
@@ -509,7 +506,7 @@ def test_animals_that_rest_fit_at_all_moments():
     assert good.chance == good.share == 1.0
     needed = [SilhouetteFit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
     assert needed == [0.5, 0.7, 0.9]  # between chance and all
-    refuse_other_film(told, good, FilmSize(20, 200, 150))
+    refuse_other_film(told, good)
 
 
 def test_more_animals_than_there_are_is_said():
@@ -520,7 +517,7 @@ def test_more_animals_than_there_are_is_said():
     with pytest.raises(
         FinloopError, match=r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
     ):
-        refuse_other_film(told, bad, FilmSize(30, 200, 150))
+        refuse_other_film(told, bad)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import cv2
 import numpy as np
@@ -51,7 +51,7 @@ class Given:
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
     where a point is missing; head, tail: (rows, 2) px, NaN where missing; start, stop: (frames of
-    the clip,) the rows start … stop − 1 are those of a frame.
+    the clip,) the rows start … stop − 1 are those of a frame; film: that was tracked.
     """
 
     names: tuple[str, ...]
@@ -61,6 +61,7 @@ class Given:
     tail: Floats
     start: NDArray[np.int64]
     stop: NDArray[np.int64]
+    film: "FilmSize"
 
     def rows(self, frame: int) -> slice:
         """Return the rows that belong to one frame of the clip, as a slice."""
@@ -86,12 +87,12 @@ class FilmSize(NamedTuple):
 
 def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
-) -> tuple[Given, str | None, str | None]:
-    """Return another program's poses by frames of the clip, and its head and tail keypoints.
+) -> Given:
+    """Return another program's poses by frames of the clip.
 
-    The names of these keypoints are None where it has none. clip_frames: (frames of the clip,) the
-    film's frame that each shows. FinloopError if a named keypoint is missing, the file has places
-    beyond the film's end or none in the clip, or the places are not in px of the picture.
+    clip_frames: (frames of the clip,) the film's frame that each shows. FinloopError if a named
+    keypoint is missing, the file has places beyond the film's end or none in the clip, or the
+    places are not in px of the picture.
     """
     head = keypoint(poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint")
     tail = keypoint(poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint")
@@ -109,7 +110,7 @@ def map_poses_to_clip(
     _refuse_other_length(frame, clip_frames, film)
     _refuse_other_units(points, film)
     none = np.full((len(points), 2), np.nan)
-    tracks = Given(
+    return Given(
         poses.individuals,
         poses.individual[rows],
         points,
@@ -117,8 +118,8 @@ def map_poses_to_clip(
         none if tail is None else points[:, poses.keypoints.index(tail)],
         np.searchsorted(frame, clip_frames, side="left"),
         np.searchsorted(frame, clip_frames, side="right"),
+        film,
     )
-    return tracks, head, tail
 
 
 def keypoint(
@@ -291,37 +292,49 @@ class GivenTrackLinker:
             yield Counter(verdicts), ready
         self._end(set(), waiting, running)
 
+    def no_track_error(self) -> FollowedNoneError:
+        """Return the error to raise where no animal has silhouettes long enough for a track."""
+        given, least = self._given, self._least
+        longest, without = longest_run(given), int((given.stop == given.start).sum())
+        became = ", ".join(f"{count} {outcome}" for outcome, count in self.outcome_counts().items())
+        do = SHOWN_ALONE
+        if longest < least:
+            do = (
+                f"fill the gaps (a place that is NaN, infinite or of a confidence below "
+                f"{ExtractSettings.tracks_least_confidence:g} is none) and export the tracks again"
+            )
+        return FollowedNoneError(
+            f"no animal of the file of tracks has a silhouette for {least} frames on end "
+            f"(places: {became}); the places of an animal in the file of tracks continue for "
+            f"{longest} frames at most, and {without} of {len(given.start)} frames have no place",
+            f"an animal with a place in {least} frames on end, and its own silhouette there",
+            f"{do}; or allow shorter tracks (extract.min_track_frames)",
+        )
+
+    def metrics(self, agreement: "SilhouetteFit") -> dict[str, float]:
+        """Return counts and shares (0 … 1) of the places' outcomes by name, for metrics.json."""
+        given, counts = self._given, self.outcome_counts()
+        return {
+            "places": counts.total(),
+            **{f"places_{what.replace(' ', '_')}": counts[what] for what in get_args(Outcome)},
+            "places_in_short_runs": self.short,
+            "places_used_share": (counts["used"] - self.short) / max(1, counts.total()),
+            "places_near_a_silhouette_share": agreement.share,
+            "places_near_by_chance_share": agreement.chance,
+            "animals": len({animal for animal, _ in self.outcomes}),
+            "animals_used": len({animal for animal, what in self.outcomes if what == "used"}),
+            "frames_without_place": int((given.stop == given.start).sum()),
+            "places_with_head_share": float(np.isfinite(given.head).all(axis=1).mean()),
+        }
+
     def _end(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
+        """End the runs of all animals that are not among those seen; count the short ones."""
         for animal in [animal for animal in waiting if animal not in seen]:
             self.short += len(waiting.pop(animal))
         for animal in [animal for animal in running if animal not in seen]:
             del running[animal]
-
-
-def no_silhouette_error(
-    given: Given, followed: GivenTrackLinker, least_frames: int
-) -> FollowedNoneError:
-    """Return the error to raise where no animal has silhouettes long enough for a track."""
-    longest, without = longest_run(given), int((given.stop == given.start).sum())
-    became = ", ".join(f"{count} {outcome}" for outcome, count in followed.outcome_counts().items())
-    of_file = (
-        f"the places of an animal in the file of tracks continue for {longest} frames at most, and "
-        f"{without} of {len(given.start)} frames have no place"
-    )
-    do = SHOWN_ALONE
-    if longest < least_frames:
-        do = (
-            f"fill the gaps (a place that is NaN, infinite or of a confidence below "
-            f"{ExtractSettings.tracks_least_confidence:g} is none) and export the tracks again"
-        )
-    return FollowedNoneError(
-        f"no animal of the file of tracks has a silhouette for {least_frames} frames on end "
-        f"(places: {became}); {of_file}",
-        f"an animal with a place in {least_frames} frames on end, and its own silhouette there",
-        f"{do}; or allow shorter tracks (extract.min_track_frames)",
-    )
 
 
 def longest_run(given: Given) -> int:
@@ -395,10 +408,11 @@ def _near(points: Floats, spots: Sequence[SilhouettePlace], length_px: float) ->
     return _silhouette_distances(points, spots, length_px).min(axis=1) <= length_px
 
 
-def refuse_other_film(tracks: Given, agreement: SilhouetteFit, film: FilmSize) -> None:
+def refuse_other_film(tracks: Given, agreement: SilhouetteFit) -> None:
     """Raise FinloopError if fewer given places have a silhouette than tracks of this film need."""
     if agreement.share >= agreement.least_share:
         return
+    film = tracks.film
     place = np.nanmean(tracks.points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
     lost = ", ".join(tracks.names[animal] for animal in agreement.lost[:8])

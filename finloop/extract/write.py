@@ -18,8 +18,8 @@ from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.given import GivenTrackLinker, no_silhouette_error
-from finloop.extract.load_given import check_given, load_given, place_metrics, save_given
+from finloop.extract.given import GivenTrackLinker
+from finloop.extract.load_given import check_given, load_given, save_given
 from finloop.extract.samples import Typical, Verdict, survey
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -51,7 +51,7 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 class Extraction(NamedTuple):
     """The results of a clip: facts, counts of silhouettes by verdict, counts of frames by track.
 
-    given: outcomes of the places in a file of tracks, see `place_metrics`; empty without one. lost:
+    given: outcomes of the places in a file of tracks; empty without one. lost:
     numbers of the frames that could not be decoded.
     """
 
@@ -78,7 +78,7 @@ def extract(
     has too little space, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
-    tracks = load_given(clip, facts, p) if p.tracks_path else None
+    given = load_given(clip, facts, p) if p.tracks_path else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     frames = sample_of(clip / CLIP_NAME, facts, p.samples)
@@ -92,10 +92,10 @@ def extract(
     _refuse_small_disk(folder, facts.frames, sample, pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
-    agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
-    linker = None
-    if tracks:
-        linker = GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames)
+    linker, agreement = None, None
+    if given:
+        agreement = check_given(given, clip, facts, scene, detector)
+        linker = GivenTrackLinker(given, typical.length_px, p.min_track_frames)
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         found = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
@@ -110,16 +110,14 @@ def extract(
         for fish in film.batches(track_frames()):
             write(film.track_rows(fish), film.cutouts(fish))
     if not lengths:
-        if tracks and linker:
-            raise no_silhouette_error(tracks.given, linker, p.min_track_frames)
-        raise film.no_track_error(p, verdicts)
+        raise linker.no_track_error() if linker else film.no_track_error(p, verdicts)
     tank = _scene_facts(scene, typical, p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
     numbers = {}
-    if tracks and linker and agreement:
-        save_given(folder, tracks.given, p.points)
-        numbers = place_metrics(tracks, linker, agreement)
+    if given and linker and agreement:
+        save_given(folder, given, p.points)
+        numbers = linker.metrics(agreement)
     return Extraction(tank, verdicts, lengths, numbers, lost)
 
 
