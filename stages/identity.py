@@ -12,8 +12,8 @@ from finloop.identity.film import (
     USED,
     Evidence,
     collect_evidence,
-    from_names,
     identities,
+    identities_from_names,
     trial_gaps,
 )
 from finloop.identity.settings import IdentitySettings
@@ -31,7 +31,7 @@ def main() -> None:
         features, given = project.features, project.external_tracks
         cuts = [start for start, _ in project.facts.segments[1:]]
         if given is not None:
-            table, trial = from_names(features, given["animal"]), dict[str, float]()
+            table, trial = identities_from_names(features, given["animal"]), dict[str, float]()
         else:
             film = collect_evidence(project.film_reel, project.tracks(USED), cuts, p)
             table = identities(film)

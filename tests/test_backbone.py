@@ -11,10 +11,10 @@ from skimage.morphology import skeletonize
 
 from finloop.extract.backbone import (
     longest_geodesic,
+    refine_outline,
     resample,
-    ring,
-    smoother,
-    trace,
+    smoothing_matrix,
+    trace_backbone,
     trim_forks,
     upper_level,
     without_notches,
@@ -210,7 +210,7 @@ def whole(line, half_width):
 
 
 def backbone(mask, field, points=33, floor=FLOOR):
-    found = trace(np.ascontiguousarray(mask), np.ascontiguousarray(field), points, floor)
+    found = trace_backbone(np.ascontiguousarray(mask), np.ascontiguousarray(field), points, floor)
     assert found is not None
     return found
 
@@ -351,7 +351,7 @@ RADIUS = np.hypot(*np.mgrid[-10:10, -12:12])
     ids=["nothing", "a pixel", "2x2", "four pixels", "a disc", "a square", "everything"],
 )  # fmt: skip
 def test_what_has_no_length_has_no_backbone(mask):
-    assert trace(mask, 100 * mask.astype(np.uint8), 33, FLOOR) is None
+    assert trace_backbone(mask, 100 * mask.astype(np.uint8), 33, FLOOR) is None
 
 
 @pytest.mark.parametrize(
@@ -362,7 +362,7 @@ def test_what_has_no_length_has_no_backbone(mask):
 )  # fmt: skip
 @pytest.mark.parametrize("level", [100, 0])
 def test_what_is_no_fish_still_ends_well(mask, level):
-    found = trace(mask, level * mask.astype(np.uint8), 33, FLOOR)
+    found = trace_backbone(mask, level * mask.astype(np.uint8), 33, FLOOR)
     if found is not None:
         assert np.isfinite(found.points_px).all()
         assert np.isfinite(found.half_width_px).all()
@@ -374,7 +374,7 @@ def test_what_is_no_fish_still_ends_well(mask, level):
 
 @pytest.mark.parametrize("points", [17, 33, 65])
 def test_the_smoother_lets_parabolas_pass_and_takes_out_a_zigzag(points):
-    matrix, s = smoother(points), np.linspace(-1, 1, points)
+    matrix, s = smoothing_matrix(points), np.linspace(-1, 1, points)
     for power in range(3):
         assert np.allclose(matrix @ s**power, s**power, atol=1e-6)
     assert np.allclose(matrix, matrix[::-1, ::-1], atol=1e-6)  # no end is favoured
@@ -411,7 +411,7 @@ def test_the_outline_of_a_soft_disc_is_its_circle(turn, points):
     inside = np.clip(radius - np.hypot(x - centre[0], y - centre[1]) + 0.5, 0, 1)
     alpha = np.round(255 * inside).astype(np.uint8)
     chain = cv2.findContours((alpha > 127).astype(np.uint8), cv2.RETR_EXTERNAL, 1)[0][0][:, 0]
-    edge = ring(alpha, chain[::turn].copy(), points)
+    edge = refine_outline(alpha, chain[::turn].copy(), points)
     assert edge.shape == (points, 2)
     assert np.hypot(*(edge - centre).T) == pytest.approx(radius, abs=0.12)
     assert steps(np.vstack([edge, edge[:1]])) == pytest.approx(2 * np.pi * radius / points, rel=0.1)

@@ -58,10 +58,10 @@ from finloop.extract.samples import Typical, judge, survey, typical_fish
 from finloop.extract.segment import (
     Silhouette,
     SilhouetteEdge,
-    matte,
     measure_fish,
     premultiply,
     silhouettes,
+    soft_alpha,
 )
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
@@ -535,7 +535,7 @@ def test_alpha_is_the_difference_over_the_largest_within_two_pixels_inside():
     true = np.minimum(255 * field.astype(float) / most, 255)
     true[cv2.erode(solid, np.ones((3, 3))) > 0] = 255
     true[cv2.dilate(solid, np.ones((3, 3))) == 0] = 0
-    assert np.abs(matte(blob, field, 30) - true).max() <= 0.5
+    assert np.abs(soft_alpha(blob, field, 30) - true).max() <= 0.5
 
 
 # -- what a fish is -----------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from finloop.base.settings import settings
-from finloop.extract.backbone import trace
+from finloop.extract.backbone import trace_backbone
 from finloop.extract.samples import survey
 from finloop.extract.segment import THIN_EDGE, SilhouetteEdge, silhouettes, with_thin_parts
 from finloop.extract.settings import ExtractSettings
@@ -65,7 +65,7 @@ def test_the_backbone_is_as_long_however_pale_the_tail(tail, monkeypatch):
     for thin in (False, True):
         ends = SilhouetteEdge(how.outline_contrast_ratio, how.shadow, "none", thin)
         (one,) = silhouettes(frame, scene, WHOLE, 60, ends)
-        line = trace(one.mask, one.field, 33, scene.threshold)
+        line = trace_backbone(one.mask, one.field, 33, scene.threshold)
         assert line is not None
         lengths[thin] = line.length_px
     assert lengths[True] == pytest.approx(110, rel=0.06)

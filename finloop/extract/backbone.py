@@ -25,7 +25,7 @@ _STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # half widths from an end to where its direction is measured
 _NOTCH = 0.5  # radius of the disc that closes notches, as a share of the largest half width
 _FORK = 3.0  # half widths from a path's tip within which it is cut off
-_SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoother()
+_SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoothing_matrix()
 
 
 class Backbone(NamedTuple):
@@ -43,7 +43,7 @@ class Backbone(NamedTuple):
     length_px: float
 
 
-def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
+def trace_backbone(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
     """Trace the backbone of the silhouette `mask` (h, w) with `points` points; None if too short.
 
     field (h, w): the difference image, from which flanks and tips are read at sub-pixel precision;
@@ -55,7 +55,7 @@ def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | N
     path = trim_forks(longest_geodesic(skeleton, half_width), half_width)
     if len(path) < 4:
         return None
-    return Backbone(*_refine((field, filled), path, smoother(points), floor))
+    return Backbone(*_refine((field, filled), path, smoothing_matrix(points), floor))
 
 
 def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
@@ -205,7 +205,7 @@ def _geodesic(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
 
 
 @lru_cache
-def smoother(points: int) -> Floats:
+def smoothing_matrix(points: int) -> Floats:
     """Return a Whittaker smoother with a third-difference penalty, a (points, points) matrix.
 
     Multiplied by a line's points (points, 2), it gives the smoothed line. Straight lines and
@@ -217,6 +217,7 @@ def smoother(points: int) -> Floats:
 
 @kernel
 def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
+    """Return the field between four pixels, bilinear; 0 outside of the picture."""
     height, width = field.shape
     x0, y0 = int(np.floor(x)), int(np.floor(y))
     if x0 < 0 or y0 < 0 or x0 >= width - 1 or y0 >= height - 1:
@@ -302,7 +303,7 @@ def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
+def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
     """Return the outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
 
     `chain` (m, 2) are the pixels just inside it, in order, closed. They are resampled evenly, moved
@@ -347,12 +348,14 @@ def upper_level(patch: Picture, threshold: float, share: float) -> float:
 
 @kernel
 def _median(values, i):  # type: ignore[no-untyped-def]
+    """Return the median of the value i and its two neighbours."""
     a, b = values[i - 1], values[i]
     return max(min(a, b), min(max(a, b), values[i + 1]))
 
 
 @kernel
 def _median3(values):  # type: ignore[no-untyped-def]
+    """Return the medians of three neighbours each; both ends stay unchanged."""
     out = values.copy()
     for i in range(1, values.size - 1):
         out[i] = _median(values, i)
@@ -361,6 +364,7 @@ def _median3(values):  # type: ignore[no-untyped-def]
 
 @kernel
 def _quantile(values, share):  # type: ignore[no-untyped-def]
+    """Return a quantile of few values, linear between them."""
     rising = values.copy()
     for i in range(1, values.size):
         k = i

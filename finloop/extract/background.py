@@ -50,7 +50,7 @@ class Scene:
 
     @cached_property
     def light_meter(self) -> "_LightMeter":
-        """What measures the light of frames relative to the background."""
+        """The meter of the light of frames relative to the background."""
         return _LightMeter(self.background)
 
 

@@ -26,7 +26,7 @@ from finloop.extract.segment import (
     SegmentedFish,
     Silhouette,
     SilhouetteEdge,
-    contour,
+    edge_pixels,
     measure_fish,
     silhouettes,
 )
@@ -233,7 +233,7 @@ def _silhouette_place(
     h, w = silhouette.mask.shape
     x0, y0 = silhouette.x0, silhouette.y0
     box = (x0, y0, x0 + w, y0 + h)
-    outline = contour(silhouette) if outlined else None
+    outline = edge_pixels(silhouette) if outlined else None
     if fish is None:
         return SilhouettePlace(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False, outline)
     return SilhouettePlace(fish.x_px, fish.y_px, silhouette.area_px, box, True, outline)

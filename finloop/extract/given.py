@@ -223,15 +223,15 @@ def match_silhouettes(
     some = within | (apart.min(axis=1) <= length_px)
     claims = Counter(own[some].tolist())
 
-    def outcome(j: int) -> Outcome:
-        if claims[j] > 1:
-            return "shared"
-        return "used" if spots[j].isolated else "not isolated"
-
-    return [
-        (outcome(int(j)), int(j)) if has else ("no silhouette", None)
-        for j, has in zip(own, some, strict=True)
-    ]
+    result: list[tuple[Outcome, int | None]] = []
+    for j, has in zip(own.tolist(), some, strict=True):
+        if not has:
+            result.append(("no silhouette", None))
+        elif claims[j] > 1:
+            result.append(("shared", j))
+        else:
+            result.append(("used" if spots[j].isolated else "not isolated", j))
+    return result
 
 
 class GivenTrackLinker:

@@ -18,7 +18,7 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import ALONE, Threads, ordered_map
-from finloop.extract.backbone import trace
+from finloop.extract.backbone import trace_backbone
 from finloop.extract.background import (
     Scene,
     flat_background,
@@ -177,7 +177,7 @@ def typical_fish(
     traced = [
         (s, line)
         for s in alike
-        if (line := trace(s.mask, s.field, settings.points, scene.threshold)) is not None
+        if (line := trace_backbone(s.mask, s.field, settings.points, scene.threshold)) is not None
     ]
     if not traced:
         raise _no_fish_error(candidates, scene, settings)

@@ -19,7 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
-from finloop.extract.backbone import Backbone, pad_picture, ring, trace, upper_level
+from finloop.extract.backbone import (
+    Backbone,
+    pad_picture,
+    refine_outline,
+    trace_backbone,
+    upper_level,
+)
 from finloop.extract.background import Scene, difference
 from finloop.extract.fins import Fins, Pale, with_fins
 from finloop.extract.table import OUTLINE_POINTS
@@ -235,7 +241,7 @@ def _with_pale_pixels(
         yield replace(part, fins=Pale(x0 + left, y0 + top, mask, patch[window].copy()))
 
 
-def contour(silhouette: Silhouette) -> Edge:
+def edge_pixels(silhouette: Silhouette) -> Edge:
     """Return the pixels (n, 1, 2) int32 of a silhouette's edge, x and y in px of the picture."""
     chains, _ = cv2.findContours(
         silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE,
@@ -252,10 +258,10 @@ def measure_fish(
     frame, scene: those in which it was found; points: of the backbone. Only the cut-out shows the
     fins, too.
     """
-    backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
+    backbone = trace_backbone(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
         return None
-    alpha = matte(silhouette.mask, silhouette.field, round(scene.threshold))
+    alpha = soft_alpha(silhouette.mask, silhouette.field, round(scene.threshold))
     moments = cv2.moments(alpha)
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
@@ -271,14 +277,14 @@ def measure_fish(
         area_px=moments["m00"] / 255,
         contrast=silhouette.contrast,
         backbone=backbone._replace(points_px=backbone.points_px + corner),
-        outline_px=outline(alpha) + corner,
+        outline_px=_outline(alpha) + corner,
         x0=left,
         y0=top,
         cutout=premultiply(frame[window], scene.background[window], shown),
     )
 
 
-def matte(mask: Mask, field: Picture, floor: int) -> Picture:
+def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     """Return the soft alpha (h, w) uint8, 0 … 255, of a silhouette `mask` (h, w).
 
     Near the outline a pixel is a blend of fish and tank, so alpha is its difference (`field`)
@@ -293,14 +299,14 @@ def matte(mask: Mask, field: Picture, floor: int) -> Picture:
     return alpha.astype(np.uint8)
 
 
-def outline(alpha: Picture) -> Floats:
+def _outline(alpha: Picture) -> Floats:
     """Return the outline (OUTLINE_POINTS, 2) x, y at equal arc lengths, where alpha is one half.
 
     alpha: (h, w) uint8; x and y are px of it.
     """
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    return ring(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
+    return refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
 
 
 def premultiply(film: Picture, tank: Picture, alpha: Picture) -> Picture:

@@ -81,7 +81,7 @@ def extract(
     given = load_given(clip, facts, p) if p.tracks_path else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
-    frames = sample_of(clip / CLIP_NAME, facts, p.samples)
+    frames = load_sample_frames(clip / CLIP_NAME, facts, p.samples)
     scene, typical = survey(frames, arena, p, Threads(THREADS))
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
@@ -135,7 +135,7 @@ def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
 
 
-def sample_of(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
+def load_sample_frames(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
     """Return up to `samples` frames (h, w[, 3]) spread over a clip, but no damaged ones.
 
     path: of the clip's film; facts: about it. UndecodableError if none can be decoded.

@@ -88,7 +88,7 @@ def identities(film: Evidence) -> pd.DataFrame:
     ).astype(IDENTITIES.kinds)
 
 
-def from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
+def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
     """Return the animal of each track (schema IDENTITIES) from another program's names of animals.
 
     animals (rows,): the name of the animal in each row of the feature table. Animal 0 has the most
