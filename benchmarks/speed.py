@@ -30,7 +30,7 @@ from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.base.parallel import Processes, Threads, warm_up
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
-from finloop.extract.backbone import trace
+from finloop.extract.backbone import trace_backbone
 from finloop.extract.film import (
     ClipStream,
     Detector,
@@ -45,7 +45,7 @@ from finloop.extract.samples import survey
 from finloop.extract.segment import SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
-from finloop.extract.write import sample_of
+from finloop.extract.write import load_sample_frames
 from finloop.features.table import FEATURES, measure_features
 from finloop.features.table import FeaturesSettings as FeatureSettings
 from finloop.io.cutouts import film_writer
@@ -101,7 +101,7 @@ def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: Feat
     """Run the work of both stages without pictures; return the number of fish-frames."""
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
-    frames = sample_of(clip / "clip.mp4", facts, how.samples)
+    frames = load_sample_frames(clip / "clip.mp4", facts, how.samples)
     scene, typical = survey(frames, arena, how, Threads(THREADS))
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
@@ -213,7 +213,7 @@ def main() -> None:
             ("scikit-image + longest path", lambda: longest_paths(masks)),
         ):
             mine, theirs, ratio, _ = time_pairs(
-                lambda: [trace(m, f, how.points, 6.0) for m, f in outlines], work
+                lambda: [trace_backbone(m, f, how.points, 6.0) for m, f in outlines], work
             )
             print(
                 f"backbones of a 110 px carp, one core: {len(masks) / mine:.0f}/s; "

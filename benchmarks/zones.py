@@ -22,7 +22,7 @@ import pandas as pd
 
 from benchmarks.matching import MODE, material, replace_settings, settings_without_path
 from finloop.calibrate.film import FilmShoal, film_shoal
-from finloop.calibrate.points import own_steps, simulate_points
+from finloop.calibrate.rule import own_steps, simulate_points
 from finloop.features.table import delta_of
 from finloop.modes.matching import matching_animator
 from finloop.project import Project

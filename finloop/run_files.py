@@ -287,8 +287,7 @@ class RunFiles:
     @cached_property
     def rule(self) -> Shoaling:
         """Return the rule by which fish act on each other: the zones and steps of `calibrate`."""
-        from finloop.social.rule import Shoaling
-        from finloop.social.steps import SOCIAL_STEPS, steps_of
+        from finloop.social.rule import SOCIAL_STEPS, Shoaling, SocialSteps
         from finloop.social.zones import Zones
 
         folder = self.data / "calibrate"
@@ -296,7 +295,8 @@ class RunFiles:
         return load_json(
             folder / "zones.json",
             lambda entry: Shoaling(
-                Zones(**entry["zones"]), steps_of(table, entry["forward"], entry["onward"]),
+                Zones(**entry["zones"]),
+                SocialSteps.from_table(table, entry["forward"], entry["onward"]),
                 entry["horizon_frames"], entry["alike"],
             ),
             *remake_hint("calibrate"),

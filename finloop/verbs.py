@@ -73,8 +73,7 @@ from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
-from finloop.social.rule import Shoaling, require_rule
-from finloop.social.steps import SOCIAL_STEPS, rows_of, steps_of
+from finloop.social.rule import SOCIAL_STEPS, Shoaling, SocialSteps, require_rule
 from finloop.sprites.choice import choose_frames, swimmer_table
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 
@@ -236,8 +235,9 @@ def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
     if lack := shortage(group):
         warnings.warn(lack, stacklevel=2)
     rule = require_rule(film_rule(group, p)[0])
-    steps = apply_schema(pd.DataFrame(rows_of(rule.steps)), SOCIAL_STEPS)
-    return replace(rule, steps=steps_of(steps, rule.steps.forward, rule.steps.onward))
+    own = rule.steps
+    table = apply_schema(own.table(), SOCIAL_STEPS)
+    return replace(rule, steps=SocialSteps.from_table(table, own.forward, own.onward))
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)

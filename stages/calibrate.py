@@ -11,8 +11,7 @@ import pandas as pd
 
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.fit import Fitted
-from finloop.calibrate.points import own_steps, simulate_points
-from finloop.calibrate.rule import film_rule, shortage
+from finloop.calibrate.rule import film_rule, own_steps, shortage, simulate_points
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
@@ -21,8 +20,7 @@ from finloop.io.several import readable_parts
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
 from finloop.social.measures import SHOAL, compare_groups
-from finloop.social.rule import Shoaling
-from finloop.social.steps import SOCIAL_STEPS, rows_of
+from finloop.social.rule import SOCIAL_STEPS, Shoaling
 from finloop.social.zones import NO_ZONES, Zones
 from stages.settings import load
 
@@ -70,7 +68,7 @@ def save_rule(folder: Path, rule: Shoaling) -> None:
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
         "forward": own.forward, "onward": own.onward,
     })  # fmt: skip
-    save_table(folder / "steps.parquet", pd.DataFrame(rows_of(own)), SOCIAL_STEPS)
+    save_table(folder / "steps.parquet", own.table(), SOCIAL_STEPS)
 
 
 def main() -> None:

@@ -15,9 +15,8 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers
-from finloop.extract.alike import Likeness
 from finloop.extract.film import FollowedNoneError
-from finloop.extract.join_films import Contribution, join_extractions
+from finloop.extract.join_films import Contribution, Likeness, join_extractions
 from finloop.extract.load_given import tracks_of
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings

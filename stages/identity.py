@@ -11,9 +11,9 @@ from finloop.identity.film import (
     IDENTITIES,
     USED,
     Evidence,
-    evidence,
-    from_names,
+    collect_evidence,
     identities,
+    identities_from_names,
     trial_gaps,
 )
 from finloop.identity.settings import IdentitySettings
@@ -31,9 +31,9 @@ def main() -> None:
         features, given = project.features, project.external_tracks
         cuts = [start for start, _ in project.facts.segments[1:]]
         if given is not None:
-            table, trial = from_names(features, given["animal"]), dict[str, float]()
+            table, trial = identities_from_names(features, given["animal"]), dict[str, float]()
         else:
-            film = evidence(project.film_reel, project.tracks(USED), cuts, p)
+            film = collect_evidence(project.film_reel, project.tracks(USED), cuts, p)
             table = identities(film)
             trial = join_trial(film, table)
     save_table(OUT / "identities.parquet", table, IDENTITIES)

@@ -9,8 +9,16 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 from skimage.morphology import skeletonize
 
-from finloop.extract.backbone import resample, ring, smoother, trace, upper_level, without_notches
-from finloop.extract.skeleton import longest_geodesic, trim_forks
+from finloop.extract.backbone import (
+    longest_geodesic,
+    refine_outline,
+    resample,
+    smoothing_matrix,
+    trace_backbone,
+    trim_forks,
+    upper_level,
+    without_notches,
+)
 
 ROOT2 = np.sqrt(2)
 SIZE = (161, 171)  # of the pictures that shapes are drawn into
@@ -65,6 +73,24 @@ WYE = """
     ...#...
     ...#...
 """
+FIG4 = """
+    .....#......
+    .....#......
+    ############
+    ........#...
+    .........#..
+"""
+PIECES = """
+    ########.
+    .........
+    ##..#####
+"""
+LOOP = """
+    .###.
+    #...#
+    #...#
+    .###.
+"""
 FORK = """
     .......
     ....##.
@@ -85,30 +111,16 @@ FORK = """
         (LONG_TEE, 3 + ROOT2),  # down the stem, from one end of the bar by a diagonal step
         (WYE, 6 * ROOT2),  # from arm to arm
         (FORK, 3 + 2 * ROOT2),  # the lower prong
+        (FIG4, 11),  # the paper's Fig. 4: A to D, without the side branches
+        (PIECES, 7),  # the piece of the most pixels
+        (LOOP, 3 + 2 * ROOT2),  # half of the way round
+        (".", 0),
     ],
 )
 def test_lengths_of_skeletons_drawn_by_hand(drawing, length):
     pixels = skeleton(drawing)
     for view in (pixels, pixels.T, pixels[::-1], pixels[:, ::-1]):
         assert steps(longest(np.ascontiguousarray(view))).sum() == pytest.approx(length)
-
-
-def test_side_branches_are_pruned():
-    # Fig. 4 of the paper: A is where the numbering starts, the pixels of the branches to B and C get
-    # smaller numbers than D does; A to D stays. Small letters mark what has to go.
-    drawing = """
-        .....b......
-        .....b......
-        AAAAAAADDDDD
-        ........c...
-        .........c..
-    """
-    letters = np.array([list(line) for line in drawing.split()])
-    path = longest(letters != ".")
-    kept = np.zeros(letters.shape, bool)
-    kept[path[:, 1].astype(int), path[:, 0].astype(int)] = True
-    assert np.array_equal(kept, np.isin(letters, ["A", "D"]))
-    assert sorted(path[[0, -1], 0]) == [0, 11]
 
 
 def test_a_long_thin_fin_loses_to_a_short_thick_head():
@@ -128,31 +140,6 @@ def test_a_long_thin_fin_loses_to_a_short_thick_head():
     ours = longest(letters != ".", width)
     assert sorted(ours[[0, -1], 0]) == [0, 9]
     assert ours[:, 1].min() >= 4
-
-
-def test_of_separate_pieces_the_one_with_the_most_pixels():
-    pieces = skeleton("""
-        ########.
-        .........
-        ##..#####
-    """)
-    path = longest(pieces)
-    assert np.all(path[:, 1] == 0)
-    assert len(path) == 8
-
-
-def test_a_loop_has_an_end_too():
-    ring = skeleton("""
-        .###.
-        #...#
-        #...#
-        .###.
-    """)
-    assert steps(longest(ring)).sum() == pytest.approx(3 + 2 * ROOT2)  # half of the way round
-
-
-def test_nothing_has_no_path():
-    assert longest(np.zeros((4, 5), bool)).shape == (0, 2)
 
 
 def blob(seed):
@@ -223,7 +210,7 @@ def whole(line, half_width):
 
 
 def backbone(mask, field, points=33, floor=FLOOR):
-    found = trace(np.ascontiguousarray(mask), np.ascontiguousarray(field), points, floor)
+    found = trace_backbone(np.ascontiguousarray(mask), np.ascontiguousarray(field), points, floor)
     assert found is not None
     return found
 
@@ -261,14 +248,6 @@ def test_thinning_alone_stops_short_of_the_head():
     assert cdist([head], found).min() < 1.0
 
 
-def test_nothing_depends_on_the_number_of_points_but_their_number():
-    mask, field = draw_discs(*shape(1.2, 30))
-    few, many = backbone(mask, field, 17), backbone(mask, field, 65)
-    assert few.points_px.shape == (17, 2)
-    assert few.length_px == pytest.approx(many.length_px, rel=0.01)
-    assert aside(few.points_px, many.points_px).mean() < 0.1
-
-
 VIEWS = {  # a picture, and the points in it, seen otherwise
     "turned by 90°": (np.rot90, lambda p: np.stack([p[:, 1], SIZE[1] - 1 - p[:, 0]], 1)),
     "upside down": (lambda z: z[::-1, ::-1], lambda p: np.array(SIZE)[::-1] - 1 - p),
@@ -288,17 +267,18 @@ def test_another_view_of_a_fish_has_the_same_backbone(view, degrees):
     assert other.length_px == pytest.approx(one.length_px, rel=0.005)
 
 
-def test_the_same_fish_elsewhere_has_the_same_backbone_there():
+def test_place_contrast_and_number_of_points_do_not_matter():
     mask, field = draw_discs(*shape(1.2, 30))
-    one, other = backbone(mask, field), backbone(mask[3:, 7:], field[3:, 7:])
-    assert np.allclose(other.points_px + (7, 3), one.points_px, atol=1e-9)
-
-
-def test_contrast_does_not_matter():
-    mask, field = draw_discs(*shape(1.2, 30))
-    one, other = backbone(mask, field), backbone(mask, 2 * field)
-    assert np.allclose(one.points_px, other.points_px)
-    assert np.allclose(one.half_width_px, other.half_width_px)
+    one, elsewhere, strong, fine = (
+        backbone(mask, field), backbone(mask[3:, 7:], field[3:, 7:]), backbone(mask, 2 * field),
+        backbone(mask, field, 65),
+    )  # fmt: skip
+    assert np.allclose(elsewhere.points_px + (7, 3), one.points_px, atol=1e-9)
+    assert np.allclose(strong.points_px, one.points_px)
+    assert np.allclose(strong.half_width_px, one.half_width_px)
+    assert one.points_px.shape == (33, 2) and fine.points_px.shape == (65, 2)
+    assert fine.length_px == pytest.approx(one.length_px, rel=0.01)
+    assert aside(one.points_px, fine.points_px).mean() < 0.1
 
 
 def test_a_haze_below_the_floor_does_not_lengthen_a_pale_fish():
@@ -366,34 +346,23 @@ RADIUS = np.hypot(*np.mgrid[-10:10, -12:12])
 
 @pytest.mark.parametrize(
     "mask",
-    [
-        pytest.param(blank(), id="nothing"),
-        pytest.param(blank(np.s_[5, 5]), id="a pixel"),
-        pytest.param(blank(np.s_[5:7, 5:7]), id="2x2"),
-        pytest.param(blank(np.s_[5, 3:7]), id="four pixels"),
-        pytest.param(RADIUS < 7.5, id="a disc"),
-        pytest.param(blank(np.s_[5:15, 5:15]), id="a square"),
-        pytest.param(np.ones((20, 24), bool), id="everything"),
-    ],
-)
+    [blank(), blank(np.s_[5, 5]), blank(np.s_[5:7, 5:7]), blank(np.s_[5, 3:7]), RADIUS < 7.5,
+     blank(np.s_[5:15, 5:15]), np.ones((20, 24), bool)],
+    ids=["nothing", "a pixel", "2x2", "four pixels", "a disc", "a square", "everything"],
+)  # fmt: skip
 def test_what_has_no_length_has_no_backbone(mask):
-    assert trace(mask, 100 * mask.astype(np.uint8), 33, FLOOR) is None
+    assert trace_backbone(mask, 100 * mask.astype(np.uint8), 33, FLOOR) is None
 
 
 @pytest.mark.parametrize(
     "mask",
-    [
-        pytest.param(blank(np.s_[5, 3:15]), id="one pixel wide"),
-        pytest.param(np.eye(20, 24, dtype=bool), id="a diagonal from corner to corner"),
-        pytest.param(blank(np.s_[:3, :]), id="along the edge"),
-        pytest.param((RADIUS < 8.5) & (RADIUS > 5), id="a ring"),
-        pytest.param(blank(np.s_[5], np.s_[12:14, 5:9]), id="two pieces"),
-    ],
-)
-@pytest.mark.parametrize("field", ["mask", "nothing"])
-def test_what_is_no_fish_still_ends_well(mask, field):
-    level = {"mask": 100, "nothing": 0}[field]
-    found = trace(mask, level * mask.astype(np.uint8), 33, FLOOR)
+    [blank(np.s_[5, 3:15]), np.eye(20, 24, dtype=bool), blank(np.s_[:3, :]),
+     (RADIUS < 8.5) & (RADIUS > 5), blank(np.s_[5], np.s_[12:14, 5:9])],
+    ids=["one pixel wide", "a diagonal", "along the edge", "a ring", "two pieces"],
+)  # fmt: skip
+@pytest.mark.parametrize("level", [100, 0])
+def test_what_is_no_fish_still_ends_well(mask, level):
+    found = trace_backbone(mask, level * mask.astype(np.uint8), 33, FLOOR)
     if found is not None:
         assert np.isfinite(found.points_px).all()
         assert np.isfinite(found.half_width_px).all()
@@ -403,20 +372,15 @@ def test_what_is_no_fish_still_ends_well(mask, field):
 # -- its parts --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("points", [13, 33, 65])
-def test_the_smoother_lets_parabolas_pass(points):
-    matrix, s = smoother(points), np.linspace(-1, 1, points)
+@pytest.mark.parametrize("points", [17, 33, 65])
+def test_the_smoother_lets_parabolas_pass_and_takes_out_a_zigzag(points):
+    matrix, s = smoothing_matrix(points), np.linspace(-1, 1, points)
     for power in range(3):
         assert np.allclose(matrix @ s**power, s**power, atol=1e-6)
     assert np.allclose(matrix, matrix[::-1, ::-1], atol=1e-6)  # no end is favoured
-
-
-@pytest.mark.parametrize("points", [17, 33, 65])
-def test_the_smoother_takes_out_a_zigzag_and_leaves_a_wave(points):
-    zigzag = (-1.0) ** np.arange(points)
-    assert np.abs(smoother(points) @ zigzag)[4:-4].max() < 0.2
-    wave = np.sin(2 * np.pi * np.linspace(0, 1, points))  # as long as the fish
-    assert np.abs(smoother(points) @ wave - wave).max() < 0.15
+    assert np.abs(matrix @ (-1.0) ** np.arange(points))[4:-4].max() < 0.2
+    wave = np.sin(np.pi * s)  # as long as the fish
+    assert np.abs(matrix @ wave - wave).max() < 0.15
 
 
 def test_resampling_gives_equal_steps_along_the_same_line():
@@ -447,7 +411,7 @@ def test_the_outline_of_a_soft_disc_is_its_circle(turn, points):
     inside = np.clip(radius - np.hypot(x - centre[0], y - centre[1]) + 0.5, 0, 1)
     alpha = np.round(255 * inside).astype(np.uint8)
     chain = cv2.findContours((alpha > 127).astype(np.uint8), cv2.RETR_EXTERNAL, 1)[0][0][:, 0]
-    edge = ring(alpha, chain[::turn].copy(), points)
+    edge = refine_outline(alpha, chain[::turn].copy(), points)
     assert edge.shape == (points, 2)
     assert np.hypot(*(edge - centre).T) == pytest.approx(radius, abs=0.12)
     assert steps(np.vstack([edge, edge[:1]])) == pytest.approx(2 * np.pi * radius / points, rel=0.1)

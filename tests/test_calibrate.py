@@ -17,8 +17,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.calibrate.film import film_shoal, horizon_frames
 from finloop.calibrate.fit import Rings, cross_validate, default_zones, fit_zones, regression
-from finloop.calibrate.points import own_steps, simulate_points
-from finloop.calibrate.rule import film_rule, shortage
+from finloop.calibrate.rule import film_rule, own_steps, shortage, simulate_points
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import FEATURES
 from finloop.io.numbers import load_numbers
@@ -158,21 +157,17 @@ def test_what_fits_by_chance_is_found_out_by_the_other_part():
     for _ in range(40):
         noise = rng.normal(0, 1, (40, 5)) + 1j * rng.normal(0, 1, (40, 5))
         pulls, wall, after = noise[:, :3], noise[:, 3], 0.5 + noise[:, 4]
-        nothing = np.zeros_like(pulls)
-        own.append(
-            np.subtract(*(regression(one, wall, after, free)[1] for one in (pulls, nothing)))
-        )
-        cross.append(
-            np.subtract(
-                *(cross_validate(one, wall, after, free, parts) for one in (pulls, nothing))
-            )
-        )
-        drawn = after + 2 * pulls[:, 0]
-        true.append(
-            np.subtract(
-                *(cross_validate(one, wall, drawn, free, parts) for one in (pulls, nothing))
-            )
-        )
+
+        def squares(fit, after, wall=wall, pulls=pulls):
+            """The squares left by the pulls less those left by nothing."""
+            return np.subtract(*(fit(one, wall, after) for one in (pulls, 0 * pulls)))
+
+        def cross_fit(pulls, wall, after):
+            return cross_validate(pulls, wall, after, free, parts)
+
+        own.append(squares(lambda *given: regression(*given, free)[1], after))
+        cross.append(squares(cross_fit, after))
+        true.append(squares(cross_fit, after + 2 * pulls[:, 0]))
     assert np.mean(own) < 0  # what was fitted to fits better with anything than with nothing
     assert np.mean(cross) > 0
     assert max(true) < 0
@@ -209,12 +204,8 @@ def test_a_horizon_longer_than_the_tracks_is_refused():
         with pytest.raises(FinloopError, match=f"horizon={horizon:g} is .* has 300") as caught:
             film_shoal(table, ARENA, 1, horizon)
         assert "at most 149" in caught.value.wanted and "auto" in caught.value.do
-
-
-def test_a_film_of_which_steps_are_measured_always_has_some():
-    for frames in (3, 4, 7, 30):
-        film = film_shoal(swim(TRUE, frames=frames), ARENA, 10, "auto")
-        assert len(film.whole_steps(5000)) > 0
+    for frames in (3, 4, 7, 30):  # a measured one always leaves some steps
+        assert len(film_shoal(swim(TRUE, frames=frames), ARENA, 10, "auto").whole_steps(5000)) > 0
 
 
 def test_tracks_too_short_for_a_step_teach_no_rule():

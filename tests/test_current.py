@@ -7,7 +7,7 @@ from toy_film import RATE, film_of, lessons, loops, planning
 from finloop.animate.measures import motion_of_film
 from finloop.animate.motion import learn
 from finloop.base.settings import settings
-from finloop.features.current import measured_current
+from finloop.features.current import measure_current
 from finloop.modes.phases import learn_phases
 from finloop.plan.graph import mean_step_px
 from finloop.plan.world import learn_brisk
@@ -26,20 +26,20 @@ def beating(frames=200, hz=2.0, wide=0.18, drift=0.0):
 def test_a_tail_beat_on_the_spot_says_how_fast_the_water_is(hz, wide, speed):
     # At a Strouhal number of 0.3: hz * wide / 0.3, and at most 0.7 body lengths a beat.
     parts = beating(hz=hz, wide=wide)
-    found = measured_current(*parts, [slice(0, 200)], RATE)
+    found = measure_current(*parts, [slice(0, 200)], RATE)
     assert found == pytest.approx(speed, rel=0.1)
     twice = [np.concatenate([part, part]) for part in parts]
-    assert measured_current(*twice, [slice(0, 200), slice(200, 400)], RATE) == pytest.approx(found)
-    quicker = measured_current(*parts, [slice(0, 200)], 10 * RATE)
+    assert measure_current(*twice, [slice(0, 200), slice(200, 400)], RATE) == pytest.approx(found)
+    quicker = measure_current(*parts, [slice(0, 200)], 10 * RATE)
     assert quicker == pytest.approx(10 * found)
 
 
 def test_who_swims_about_or_turns_or_rests_is_in_no_current():
     track = [slice(0, 200)]
-    assert measured_current(*beating(drift=0.3), track, RATE) == 0
-    assert measured_current(*beating(wide=0.03), track, RATE) == 0
+    assert measure_current(*beating(drift=0.3), track, RATE) == 0
+    assert measure_current(*beating(wide=0.03), track, RATE) == 0
     place, heading, tail, bend = beating()
-    assert measured_current(place, 100 * heading, tail, bend, track, RATE) == 0
+    assert measure_current(place, 100 * heading, tail, bend, track, RATE) == 0
 
 
 def test_all_that_swims_by_the_film_gets_on_as_in_still_water():

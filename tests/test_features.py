@@ -21,10 +21,16 @@ import stages.plots.features
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.features import area as features_area
-from finloop.features.area import bend, closed_spline, control_points, signed_area
+from finloop.features.area import (
+    bend,
+    closed_spline,
+    control_points,
+    interpolate_lines,
+    signed_area,
+)
 from finloop.features.current import through_water
 from finloop.features.head import _posterior, _viterbi, head_first
-from finloop.features.memory import block_frames, measured_delta
+from finloop.features.memory import block_frames, measure_delta
 from finloop.features.metrics import (
     against_truth,
     heading_agreement,
@@ -72,13 +78,9 @@ ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE = 25.0
 SETTINGS = FeaturesSettings(
-    delta_s=0.2,
-    water_current_bl_s=0.0,
-    turn_threshold_deg=16.0,
-    bend_threshold=0.04,
-    turn_end_threshold=0.5,
-    orientations=24,
-)
+    delta_s=0.2, water_current_bl_s=0.0, turn_threshold_deg=16.0, bend_threshold=0.04,
+    turn_end_threshold=0.5, orientations=24,
+)  # fmt: skip
 LENGTH = 60.0
 POINTS = 33
 WIDTH = LENGTH * 0.09 * np.sin(np.pi * np.linspace(1, 0, POINTS) ** 1.6)  # head first: blunt there
@@ -110,22 +112,18 @@ def swim(frames, speed=4.0, turn_deg=0.0, heading_deg=0.0, arc_deg=0.0, wag_deg=
 
 def tracks_table(*tracks, start=0, width=WIDTH):
     """A table of tracks out of backbones (frames, n, 2) each."""
-    rows = []
-    for number, lines in enumerate(tracks):
-        for frame, line in enumerate(lines):
-            rows.append(
-                {
-                    "track_id": number,
-                    "frame": start + frame,
-                    "x_px": line[:, 0].mean(),
-                    "y_px": line[:, 1].mean(),
-                    "length_px": np.hypot(*np.diff(line, axis=0).T).sum(),
-                    "backbone_x_px": line[:, 0].astype(np.float32),
-                    "backbone_y_px": line[:, 1].astype(np.float32),
-                    "half_width_px": np.asarray(width, np.float32),
-                }
-            )
-    return pd.DataFrame(rows)
+    return pd.DataFrame([
+        {
+            "track_id": number, "frame": start + frame,
+            "x_px": line[:, 0].mean(), "y_px": line[:, 1].mean(),
+            "length_px": np.hypot(*np.diff(line, axis=0).T).sum(),
+            "backbone_x_px": line[:, 0].astype(np.float32),
+            "backbone_y_px": line[:, 1].astype(np.float32),
+            "half_width_px": np.asarray(width, np.float32),
+        }
+        for number, lines in enumerate(tracks)
+        for frame, line in enumerate(lines)
+    ])  # fmt: skip
 
 
 def shuffle_ends(lines, width, rng):
@@ -204,20 +202,17 @@ def test_delta_is_a_time(delta_s, rate, frames):
 
 
 @pytest.mark.parametrize(
-    ("beat_s", "rate", "frames", "delta_s"),
+    ("bent", "beat_s", "rate", "frames", "delta_s"),
     [
-        (1.0, 25, 500, 0.2),  # the paper's: half a beat is longer
-        (0.05, 500, 700, 0.025),  # a larva: half a beat
-        (1.0, 500, 60, 0.03),  # a quarter of the track
+        (1, 1.0, 25, 500, 0.2),  # the paper's: half a beat is longer
+        (1, 0.05, 500, 700, 0.025),  # a larva: half a beat
+        (1, 1.0, 500, 60, 0.03),  # a quarter of the track
+        (0, 1.0, 25, 300, 0.2),  # a fish that never bends
     ],
 )
-def test_delta_is_measured_in_the_film(beat_s, rate, frames, delta_s):
-    bend = np.sin(2 * np.pi * np.arange(frames) / rate / beat_s)
-    assert measured_delta([bend], rate) == pytest.approx(delta_s, rel=0.05)
-
-
-def test_a_fish_that_never_bends_has_the_paper_s_delta():
-    assert measured_delta([np.zeros(300)], 25.0) == 0.2
+def test_delta_is_measured_in_the_film(bent, beat_s, rate, frames, delta_s):
+    bend = bent * np.sin(2 * np.pi * np.arange(frames) / rate / beat_s)
+    assert measure_delta([bend], rate) == pytest.approx(delta_s, rel=0.05)
 
 
 def test_blocks_are_shorter_in_a_short_film():
@@ -263,12 +258,6 @@ def test_the_curve_is_the_uniform_cubic_b_spline():
     assert np.abs(np.diff(np.vstack([*curve, curve[0, :1]]), axis=0)).max() < 1
 
 
-def test_anticlockwise_on_screen_is_plus():
-    square = np.array([[0, 0], [0, 1], [1, 1], [1, 0.0]])  # down, right, up: anticlockwise
-    assert signed_area(square[None])[0] > 0
-    assert signed_area(square[None, ::-1])[0] == pytest.approx(-signed_area(square[None])[0])
-
-
 def test_control_points_lie_at_their_shares():
     line = np.stack([np.linspace(0, 30, 13), np.zeros(13)], 1)[None]
     assert np.allclose(control_points(line)[0, :, 0], [0, 5, 10, 15, 25, 30])
@@ -281,37 +270,28 @@ def bends(lines):
     return bend(lines, np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).sum(1))
 
 
-def test_a_straight_fish_is_not_bent():
-    assert bends([body(h) for h in range(0, 360, 17)]) == pytest.approx(0, abs=1e-12)
-
-
 def test_a_bend_to_the_left_is_plus_and_grows_with_the_arc():
     arcs = np.arange(-150, 151, 25)
-    found = bends([body(20, arc) for arc in arcs])
-    assert np.array_equal(np.sign(found.round(9)), np.sign(arcs))
-    assert np.all(np.diff(found) > 0)
-    assert found == pytest.approx(-found[::-1])
-
-
-def test_a_left_bend_drawn_by_hand():
-    # Heads up on screen, the tail points left: it swims as in a turn from right to up, to its left.
+    for heading_deg in (20, 107, 251):
+        found = bends([body(heading_deg, arc) for arc in arcs])
+        assert np.array_equal(np.sign(found.round(9)), np.sign(arcs))  # 0 for a straight fish
+        assert np.all(np.diff(found) > 0)
+        assert found == pytest.approx(-found[::-1])
+    # By hand: heads up on screen, the tail points left, as in a turn from right to up.
     line = np.array([[10, 0], [10, 3], [9, 6], [7, 8], [4, 9.5], [0, 10.0]])
     assert bends([line])[0] > 0.02
+    assert signed_area(np.array([[[0, 0], [0, 1], [1, 1], [1, 0.0]]]))[0] > 0  # anticlockwise
 
 
 def test_place_direction_and_size_do_not_change_the_bend():
     fish = np.stack([body(10, 80), body(-140, -50)])
-    plain = bends(fish)
     angle = np.radians(33)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    assert bends(fish + (300, -20)) == pytest.approx(plain)
-    assert bends(fish @ turn) == pytest.approx(plain)
-    assert bends(3 * fish) == pytest.approx(plain)
-    assert signed_area(control_points(3 * fish)) == pytest.approx(
-        9 * signed_area(control_points(fish))
-    )
-    assert bends(fish * (-1, 1)) == pytest.approx(-plain)
-    assert bends(fish[:, ::-1] * (1, -1)).shape == plain.shape
+    for seen in (fish + (300, -20), fish @ turn, 3 * fish):
+        assert bends(seen) == pytest.approx(bends(fish))
+    one, large = (signed_area(control_points(lines)) for lines in (fish, 3 * fish))
+    assert large == pytest.approx(9 * one)
+    assert bends(fish * (-1, 1)) == pytest.approx(-bends(fish))
 
 
 # -- head or tail -----------------------------------------------------------------------------------
@@ -329,25 +309,16 @@ def test_the_head_is_found_in_every_frame(seed):
     assert confidence.min() > 0.9
 
 
-def test_a_symmetric_fish_is_told_by_its_way():
-    even = np.full(POINTS, 4.0)
-    mixed, widths, first = shuffle_ends(swim(60, speed=3.0), even, np.random.default_rng(0))
+@pytest.mark.parametrize(
+    ("speed", "width"), [(3.0, np.full(POINTS, 4.0)), (0.0, WIDTH)], ids=["by way", "by shape"]
+)
+def test_one_cue_is_enough_to_find_the_head(speed, width):
+    mixed, widths, first = shuffle_ends(swim(60, speed=speed), width, np.random.default_rng(0))
     found, confidence = head_first(mixed, widths, RATE)
     assert np.array_equal(found, first)
     assert confidence.min() > 0.9
-
-
-def test_a_fish_that_stays_is_told_by_its_shape():
-    mixed, widths, first = shuffle_ends(swim(60, speed=0.0), WIDTH, np.random.default_rng(0))
-    found, confidence = head_first(mixed, widths, RATE)
-    assert np.array_equal(found, first)
-    assert confidence.min() > 0.9
-
-
-def test_a_single_frame_is_told_by_its_shape():
-    for order in (1, -1):
-        found, _ = head_first(swim(1)[:, ::order], WIDTH[None, ::order], RATE)
-        assert found == [order == 1]
+    if speed == 0:  # a single frame, too
+        assert head_first(mixed[:1], widths[:1], RATE)[0] == first[:1]
 
 
 def test_a_fish_may_be_pushed_backwards_for_a_while():
@@ -444,22 +415,19 @@ def kind(turned, bent, **changed):
 
 
 @pytest.mark.parametrize("span", [1, 4, 5, 6])
-def test_a_steady_turn_is_the_same_everywhere(span):
-    # Near the ends as well, and across ±180°.
-    assert heading_change(wrap_deg(150 + 4.0 * np.arange(30)), span) == pytest.approx(4.0 * span)
-    assert heading_change(wrap_deg(-150 - 4.0 * np.arange(30)), span) == pytest.approx(-4.0 * span)
+@pytest.mark.parametrize("frames", [2, 3, 30])
+def test_a_steady_turn_is_the_same_everywhere(span, frames):
+    # Near the ends as well, across ±180°, and in a track shorter than the span.
+    turn = 4.0 * np.arange(frames)
+    assert heading_change(wrap_deg(150 + turn), span) == pytest.approx(4.0 * span)
+    assert heading_change(wrap_deg(-150 - turn), span) == pytest.approx(-4.0 * span)
+    assert heading_change(turn[:1], span) == [0.0]
 
 
 def test_a_turn_is_centred_on_its_frame():
     heading_deg = np.concatenate([np.zeros(20), np.full(20, 10.0)])
     assert np.flatnonzero(heading_change(heading_deg, 4)).tolist() == [18, 19, 20, 21]
     assert np.flatnonzero(heading_change(heading_deg, 5)).tolist() == [17, 18, 19, 20, 21]
-
-
-@pytest.mark.parametrize("frames", [1, 2, 3])
-def test_the_turn_of_a_short_track(frames):
-    found = heading_change(3.0 * np.arange(frames), 5)
-    assert found == pytest.approx(0.0 if frames == 1 else 15.0)
 
 
 def test_both_cues_count_in_units_of_their_thresholds():
@@ -493,11 +461,6 @@ def weaving(deg_s, bent, seconds=60.0, rate=RATE):
     return deg_s * 20 / (2 * np.pi) * np.sin(wave), bent * np.cos(wave)
 
 
-def test_a_brisk_fish_has_the_thresholds_of_one():
-    heading_deg, bent = weaving(300.0, 0.1)
-    assert thresholds([heading_deg], [bent], 5) == BRISK
-
-
 @pytest.mark.parametrize("slower", [0.2, 0.4])
 def test_a_slow_fish_turns_as_often_as_a_brisk_one(slower):
     # 45° and more in all, but never 16° in Δ: by fixed thresholds it would swim straight for ever.
@@ -513,7 +476,9 @@ def test_a_slow_fish_turns_as_often_as_a_brisk_one(slower):
     assert slow == pytest.approx([value / 2 for value in limits])
 
 
-def test_a_fish_that_keeps_its_heading_is_found_no_turns_in():
+def test_a_brisk_fish_and_one_that_keeps_its_heading_have_the_thresholds_of_a_brisk_one():
+    heading_deg, bent = weaving(300.0, 0.1)
+    assert thresholds([heading_deg], [bent], 5) == BRISK
     time = np.arange(500)
     wag = 5.0 * np.sin(time)  # of a tail beat
     assert thresholds([wag + 178.0, wag - 90.0], [0.01 * np.cos(time)] * 2, 5) == BRISK
@@ -620,12 +585,8 @@ def test_motion_area_is_the_size_of_the_bend_and_relative_to_the_largest():
         [1, bends([body(0, 40)])[0] / bends([body(0, 70)])[0], 0], abs=1e-4
     )
     assert np.sign(table["bend"].round(6)).groupby(table["track_id"]).mean().tolist() == [-1, 1, 0]
-
-
-def test_fish_that_are_never_bent_have_no_relative_area():
-    flat = np.linspace(60, 0, POINTS)[:, None] * np.array([1.0, 0.0]) + np.arange(9)[:, None, None]
-    flat[..., 1] = 0
-    table, _ = measure_features(tracks_table(flat), RATE, SETTINGS)
+    flat = np.linspace(60, 0, POINTS)[:, None] * (1.0, 0.0) + np.arange(9)[:, None, None] * (1, 0)
+    table, _ = measure_features(tracks_table(flat), RATE, SETTINGS)  # no fish is ever bent
     assert table["motion_area_rel"].tolist() == [0] * 9
 
 
@@ -698,6 +659,9 @@ def test_table_1_by_hand():
     others = table.drop([1, 7])
     assert others.pop("amount_pct").tolist() == [0] * 22
     assert others.isna().all().all()
+    straight = table1(toy_table().assign(swimming_type=0)).set_index("orientation").loc[[1, 7]]
+    assert straight["straight_pct"].tolist() == [100, 100]
+    assert not straight[["max_area_left", "max_area_right"]].any(axis=None)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -719,14 +683,6 @@ def test_table_1_sums_to_100(seed):
     assert table["max_area_left"].max() == table["max_area_right"].max() == 1.0
 
 
-def test_table_1_of_a_clip_without_turns():
-    table = table1(toy_table().assign(swimming_type=0)).set_index("orientation")
-    assert table.loc[[1, 7], "straight_pct"].tolist() == [100, 100]
-    assert (
-        table.loc[[1, 7], ["max_area_left", "max_area_right"]].to_numpy().tolist() == [[0, 0]] * 2
-    )
-
-
 def test_the_summary():
     tracks = tracks_table(swim(70, 3.0), swim(20, 3.0, turn_deg=8.0, arc_deg=60))
     numbers = summary(measure_features(tracks, RATE, SETTINGS)[0])
@@ -739,13 +695,9 @@ def test_the_summary():
     assert numbers["orientations_seen"] == 11  # 0° to 152°, less the chord of the bent neck
     assert numbers["displacement_median_body_lengths"] == pytest.approx(15 / 60)
     assert numbers["headed_along_travel_pct"] == 100
-
-
-def test_the_summary_of_one_frame():
-    numbers = summary(measure_features(tracks_table(swim(1)), RATE, SETTINGS)[0])
-    assert numbers["fish_frames"] == 1
+    numbers = summary(measure_features(tracks_table(swim(1)), RATE, SETTINGS)[0])  # one frame
+    assert numbers["fish_frames"] == 1 and numbers["moving_fish_frames"] == 0
     assert np.isnan(numbers["displacement_median_body_lengths"])
-    assert numbers["moving_fish_frames"] == 0
 
 
 def test_how_many_swim_forwards():
@@ -765,18 +717,12 @@ def test_how_many_swim_forwards():
 
 def truth_of(table, backbones):
     """The truth that this table would be perfect against; backbones at 65 points."""
-    at = np.linspace(0, POINTS - 1, 65)
-    low = np.minimum(at.astype(int), POINTS - 2)
-    lines = (
-        backbones[:, low] * (low + 1 - at)[:, None] + backbones[:, low + 1] * (at - low)[:, None]
-    )
+    lines = interpolate_lines(backbones, np.linspace(0, POINTS - 1, 65))
     same = ["frame", "x_px", "y_px", "heading_deg", "body_length_px", "bend", "swimming_type"]
     return table[same].assign(
-        fish_id=table["track_id"],
-        curvature_deg=table["bend"],
-        backbone_x_px=list(lines[..., 0]),
-        backbone_y_px=list(lines[..., 1]),
-    )
+        fish_id=table["track_id"], curvature_deg=table["bend"],
+        backbone_x_px=list(lines[..., 0]), backbone_y_px=list(lines[..., 1]),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -896,6 +842,7 @@ VARIANTS = {
 def test_figures_of_any_table(tmp_path, variant):
     table, _ = measure_features(tracks_table(*VARIANTS[variant]()), RATE, SETTINGS)
     empty = np.full((600, 800), 120, np.uint8)
+    assert sum(bar.get_height() for bar in rose(table).axes[0].patches) == pytest.approx(100)
     for name, figure, size in (
         ("fig7", figure7(table), (495, 1100)),
         ("rose", rose(table), (660, 660)),
@@ -982,12 +929,6 @@ def test_fig_5_draws_the_area_and_the_angles_of_the_table():
     assert turned[frames == rows[2]] == pytest.approx(angles.sum(), abs=1e-3)
 
 
-def test_the_rose_adds_up_to_100(swimmers_with_truth):
-    table, _, _ = swimmers_with_truth
-    (axes,) = rose(table).axes
-    assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100)
-
-
 # -- the stage --------------------------------------------------------------------------------------
 
 MADE = {
@@ -1019,19 +960,15 @@ def test_the_stage_makes_its_table_and_reports(workspace):
     assert sheet.shape == (24 + 8 * 220, 6 * 220, 3) and sheet.std() > 10
 
 
-def test_film_without_truth_has_no_errors_against_it(workspace):
-    (workspace / "data/clip/truth.parquet").unlink()
-    stages.features.main()
-    metrics = load_numbers(workspace / "reports/features")
-    assert metrics["fish_frames"] == 100
-    assert not [name for name in metrics if name.startswith("truth")]
-
-
-def test_delta_follows_the_parameter(workspace):
+def test_delta_follows_the_parameter_and_no_truth_gives_no_errors(workspace):
     prepare(workspace, *TINY_CARP, "features.delta_s=0.4")
+    (workspace / "data/clip/truth.parquet").unlink()
     stages.features.main()
     table = load_table(workspace / "data/features/features.parquet", FEATURES)
     assert table["displacement"].isna().sum() == 10
+    metrics = load_numbers(workspace / "reports/features")
+    assert metrics["fish_frames"] == 100
+    assert not [name for name in metrics if name.startswith("truth")]
 
 
 @pytest.mark.parametrize(
@@ -1077,12 +1014,6 @@ def station_features(current=0.0, heading_deg=30.0):
     )[0]
 
 
-def test_in_still_water_places_are_as_filmed():
-    table = station_features()
-    assert np.array_equal(through_water(table), table[["x_px", "y_px"]].to_numpy())
-    assert table["displacement"].max() < 1e-3
-
-
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, -150.0])
 def test_a_fish_in_a_current_gets_on_along_its_heading(heading_deg):
     table = station_features(1.5, heading_deg)
@@ -1112,3 +1043,6 @@ def test_tracks_are_moved_on_each_by_itself():
     steps = np.diff(way, axis=0)
     assert np.allclose(steps[:99], steps[100:], atol=1e-6)
     assert [one.stop - one.start for one in spans(both)] == [100, 100]
+    still = station_features()
+    assert np.array_equal(through_water(still), still[["x_px", "y_px"]].to_numpy())
+    assert still["displacement"].max() < 1e-3

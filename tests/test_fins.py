@@ -101,15 +101,11 @@ def test_the_cutout_with_its_fin_is_the_film_and_no_measure_changes(deg):
     assert (shown.x_px, shown.y_px, shown.area_px) == (without.x_px, without.y_px, without.area_px)
 
 
-def test_a_fin_is_as_opaque_as_it_is_paler_than_the_fish():
+def test_a_fin_is_as_opaque_as_it_is_paler_than_the_fish_over_any_tank():
     (fish,) = measure_patches(film([(160, 120, 0)], fin=0.2), "all")
     alpha = fish.cutout[120 - fish.y0 - 1 : 120 - fish.y0 + 2, : int(FIN) - 4, -1] / 255
     assert alpha.max() < 0.35
     assert np.median(alpha[:, 4:]) == pytest.approx(0.2, abs=0.05)
-
-
-def test_over_another_tank_the_fin_is_as_translucent():
-    (fish,) = measure_patches(film([(160, 120, 0)], fin=0.2), "all")
     other = np.full(SIZE, 120, np.uint8)
     row = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(other)[120 - fish.y0]
     assert np.median(row[6:12]) == pytest.approx(0.2 * BODY + 0.8 * 120, abs=4)

@@ -28,19 +28,16 @@ from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.export.keypoints import deeplabcut
 from finloop.extract.film import Detections
-from finloop.extract.fit import (
+from finloop.extract.given import (
     FilmSize,
+    GivenTrackLinker,
     SilhouetteFit,
     fit_to_silhouettes,
     keypoint,
-    map_poses_to_clip,
-    refuse_other_film,
-)
-from finloop.extract.given import (
-    GivenTrackLinker,
     longest_run,
+    map_poses_to_clip,
     match_silhouettes,
-    no_silhouette_error,
+    refuse_other_film,
 )
 from finloop.extract.load_given import tracks_of
 from finloop.extract.settings import ExtractSettings
@@ -213,11 +210,8 @@ def test_the_verbs_take_tracks_of_centres_alone(film, tmp_path):
     tracks = finloop.track(shown, tmp_path, tracks_path=str(tmp_path / "a.npy"))
     assert set(tracks.given["animal"]) == {"1", "2", "3"}
     assert tracks.given[["head_x_px", "tail_x_px"]].isna().all(axis=None)
-    led, plain = (
-        finloop.measure(tracks),
-        measure_features(tracks.table, 25.0, settings("features"))[0],
-    )
-    pd.testing.assert_frame_equal(led, plain, check_dtype=False, rtol=1e-5)
+    plain, _ = measure_features(tracks.table, 25.0, settings("features"))
+    pd.testing.assert_frame_equal(finloop.measure(tracks), plain, check_dtype=False, rtol=1e-5)
 
 
 def test_what_is_used_is_said():
@@ -276,9 +270,10 @@ def test_several_films_of_another_programs_tracks_become_one(
 
 def spot(x, y, isolated=True, long=10, wide=4):
     """A silhouette that is a rectangle about a place."""
-    box = (x - long, y - wide, x + long + 1, y + wide + 1)
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [long, wide] + [x, y]
-    outline = corners.astype(np.int32)[:, None]
+    left, top, right, bottom = x - long, y - wide, x + long, y + wide
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+    outline = np.array(corners, np.int32)[:, None]
+    box = (left, top, right + 1, bottom + 1)
     return SilhouettePlace(x, y, 4.0 * long * wide, box, isolated, outline)
 
 
@@ -309,7 +304,10 @@ def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outco
     assert mirrored == outcomes[::-1]
 
 
-def test_of_several_points_those_that_are_given_count():
+def test_only_given_points_and_isolated_silhouettes_count():
+    assert match_silhouettes(place_array((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [
+        ("not isolated", 0)
+    ]
     points = np.array([[(41, 50), (np.nan, np.nan), (59, 50)]])
     assert match_silhouettes(points, [spot(50, 50), spot(50, 60)], 20.0) == [("used", 0)]
 
@@ -329,7 +327,7 @@ def file_settings(**changes):
 def map_poses(poses, shown=None, size=(200, 150), frames=None, **changes):
     shown = np.arange(poses.frames) if shown is None else np.asarray(shown)
     film_size = FilmSize(int(shown.max()) + 1 if frames is None else frames, *size)
-    return map_poses_to_clip(poses, shown, film_size, file_settings(**changes))[0]
+    return map_poses_to_clip(poses, shown, film_size, file_settings(**changes))
 
 
 class Anything:
@@ -371,25 +369,23 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
     told = map_poses(poses_at(places))
     rows, followed = run(told, [[spot(50, 50), spot(90, 90)]] * 30, least=8)
     assert not rows and longest_run(told) == 6
-    error = no_silhouette_error(told, followed, 8)
+    error = followed.no_track_error()
     assert "for 6 frames at most, and 5 of 30 frames have no place" in error.came
     assert "places: 50 used" in error.came
     assert "8 frames on end" in error.wanted and "fill the gaps" in error.do
 
 
 def test_places_without_gaps_are_not_told_to_fill_them():
-    told = map_poses(poses_at(np.full((30, 1, 2), 50.0)))
-    rows, followed = run(told, [[spot(50, 50, isolated=False)]] * 30)
-    error = no_silhouette_error(told, followed, 3)
+    told = map_poses(poses_at(np.full((30, 1, 2), 50.0)), tracks_px_per_unit=1.5)
+    assert (told.points == 75).all()
+    rows, followed = run(told, [[spot(75, 75, isolated=False)]] * 30)
+    error = followed.no_track_error()
     assert not rows and longest_run(told) == 30
     assert "30 not isolated" in error.came and "extract.tracks_path=null" in error.do
     assert "fill" not in error.do
-
-
-def test_runs_of_two_animals_are_not_added_up():
     places = np.full((12, 2, 2), np.nan)
     places[:6, 0] = places[6:, 1] = 50.0
-    assert longest_run(map_poses(poses_at(places))) == 6
+    assert longest_run(map_poses(poses_at(places))) == 6  # runs of two animals are not added up
 
 
 def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypatch):
@@ -438,20 +434,15 @@ def test_points_of_little_confidence_count_as_not_given(monkeypatch):
         (("a", "b"), (None, None)),
     ],
 )
-def test_common_names_of_head_and_tail_are_known(names, expected):
-    poses = poses_from_arrays(("x",), names, np.arange(3), np.full((3, 1, len(names), 2), 50.0))
-    told = map_poses_to_clip(poses, np.arange(3), FilmSize(3, 100, 100), file_settings())
-    assert told[1:] == expected
-    if expected[0]:
-        assert (told[0].head == 50).all()
-
-
-def test_a_named_keypoint_is_taken_or_missed():
-    poses = poses_from_arrays(("x",), ("a", "b"), np.arange(3), np.full((3, 1, 2, 2), 50.0))
-    assert keypoint(poses.keypoints, "b", (), "tracks_head_keypoint") == "b"
-    assert keypoint(poses.keypoints, "none", ("a",), "tracks_head_keypoint") is None
+def test_keypoints_of_head_and_tail_are_known_or_named(names, expected):
+    places = np.arange(len(names))[:, None] + np.full((3, 1, len(names), 2), 50.0)
+    told = map_poses(poses_from_arrays(("x",), names, np.arange(3), places))
+    for name, place in zip(expected, (told.head, told.tail), strict=True):
+        assert (place == 50 + names.index(name)).all() if name else np.isnan(place).all()
+    assert keypoint(names, names[1], (), "tracks_head_keypoint") == names[1]
+    assert keypoint(names, "none", names, "tracks_head_keypoint") is None
     with pytest.raises(FinloopError, match="no keypoint 'nose'"):
-        keypoint(poses.keypoints, "nose", (), "tracks_head_keypoint")
+        keypoint(names, "nose", (), "tracks_head_keypoint")
 
 
 def test_which_end_is_told_to_be_the_head():
@@ -493,20 +484,21 @@ def map_and_fit(places, film, names=None):
 
 def test_tracks_of_this_film_fit_and_those_of_another_do_not():
     places, film = moving()
-    size = FilmSize(30, 200, 150)
     told, good = map_and_fit(places, film)
     assert good.share == 1.0 > good.least_share > good.chance
-    refuse_other_film(told, good, size)
+    refuse_other_film(told, good)
     told, bad = map_and_fit(moving(seed=5)[0] + 3, film)
     with pytest.raises(FinloopError, match=f"{bad.share:.0%} show an animal"):
-        refuse_other_film(told, bad, size)
+        refuse_other_film(told, bad)
 
 
 def test_animals_that_rest_fit_at_all_moments():
     places = np.tile([[[50.0, 50.0], [120.0, 90.0]]], (20, 1, 1))
     told, good = map_and_fit(places, [[spot(50, 50), spot(120, 90)]] * 20)
     assert good.chance == good.share == 1.0
-    refuse_other_film(told, good, FilmSize(20, 200, 150))
+    needed = [SilhouetteFit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
+    assert needed == [0.5, 0.7, 0.9]  # between chance and all
+    refuse_other_film(told, good)
 
 
 def test_more_animals_than_there_are_is_said():
@@ -514,9 +506,10 @@ def test_more_animals_than_there_are_is_said():
     ghosts = np.stack([np.tile([5.0 + 35 * k, 5.0], (30, 1)) for k in range(5)], axis=1)
     told, bad = map_and_fit(np.concatenate([places, ghosts], axis=1), film, tuple("abcdefgh"))
     assert bad.lost == (3, 4, 5, 6, 7) and bad.seen == 3
-    said = r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
-    with pytest.raises(FinloopError, match=said):
-        refuse_other_film(told, bad, FilmSize(30, 200, 150))
+    with pytest.raises(
+        FinloopError, match=r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
+    ):
+        refuse_other_film(told, bad)
 
 
 @pytest.mark.parametrize(
@@ -543,35 +536,27 @@ def test_a_few_frames_more_or_fewer_are_no_fault():
     assert map_poses(poses_at(places), range(60), frames=60).stop[-1] == 40
 
 
-def test_the_share_needed_lies_between_chance_and_all():
-    needed = [SilhouetteFit(1.0, chance, 9, (), 1).least_share for chance in (0.0, 0.4, 0.9)]
-    assert needed == [0.5, 0.7, 0.9]
-
-
 @pytest.mark.parametrize(
     ("name", "made", "said"),
     [
+        (".", None, "is unknown"),
         ("a.txt", b"1 2 3", "is unknown"),
         ("a.csv", b"p,q\n1,2\n", "is unknown"),
         ("a.csv", b"", "is unknown"),
         ("a.csv", b"\xff\xfe\x00scorer", "cannot be read"),
         ("a.npz", b"no zip", "tracks of TRex"),
         ("a.npy", b"\x93NUMPY", "tracks of idtracker.ai"),
+        ("a.npy", None, "does not say where any animal is"),
         ("a.parquet", b"PAR1", "tracks of idtracker.ai"),
     ],
 )
 def test_a_file_that_is_none_is_said(tmp_path, name, made, said):
-    (tmp_path / name).write_bytes(made)
+    if made is not None:
+        (tmp_path / name).write_bytes(made)
+    elif name == "a.npy":
+        np.save(tmp_path / name, np.full((5, 2, 2), np.nan))
     with pytest.raises(FinloopError, match=said):
         load_poses(tmp_path / name, None, 25.0)
-
-
-def test_an_empty_folder_and_tracks_without_a_place_are_said(tmp_path):
-    with pytest.raises(FinloopError, match="is unknown"):
-        load_poses(tmp_path, None, 25.0)
-    np.save(tmp_path / "a.npy", np.full((5, 2, 2), np.nan))
-    with pytest.raises(FinloopError, match="does not say where any animal is"):
-        load_poses(tmp_path / "a.npy", None, 25.0)
 
 
 def test_the_missing_extra_is_named(tmp_path, monkeypatch, film):

@@ -15,7 +15,13 @@ import stages.identity
 import stages.plots.identity
 from finloop.identity import appearance, motion
 from finloop.identity.film import IDENTITIES
-from finloop.identity.joins import Pairs, best_joins, in_passes, simultaneous_pairs, successor_pairs
+from finloop.identity.joins import (
+    Pairs,
+    best_joins,
+    join_in_passes,
+    simultaneous_pairs,
+    successor_pairs,
+)
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 
@@ -36,16 +42,13 @@ def rng():
 # --- motion
 
 
-def test_who_swims_straight_on_is_foretold():
-    ways = [np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)]
-    drift = motion.drift(table_of(*ways))
-    assert drift.error[:-1] == pytest.approx(0, abs=1e-9)
-    assert drift.share[:-1] == pytest.approx(1)
-
-
-def test_who_wanders_gets_as_far_as_a_random_walk(rng):
-    ways = np.cumsum(rng.normal(0, 1, (40, 400, 2)), axis=1)
-    drift = motion.drift(table_of(*ways))
+def test_drift_is_none_on_a_straight_way_and_that_of_a_random_walk(rng):
+    straight = motion.measure_drift(
+        table_of(*(np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)))
+    )
+    assert straight.error[:-1] == pytest.approx(0, abs=1e-9)
+    assert straight.share[:-1] == pytest.approx(1)
+    drift = motion.measure_drift(table_of(*np.cumsum(rng.normal(0, 1, (40, 400, 2)), axis=1)))
     # Half of the walks of g steps of spread 1 end within sqrt(2 ln 2 g).
     assert drift.error[:-1] == pytest.approx(np.sqrt(2 * np.log(2) * drift.gaps[:-1]), rel=0.1)
     assert np.all(drift.share[:-1] < 0.1)
@@ -57,11 +60,7 @@ def test_the_ratio_of_places_is_that_of_densities(rng):
     place = rng.uniform(-10, 10, (200_000, 2))
     ratio = np.exp(drift.log_ratio(np.ones(len(place)), np.hypot(*place.T)))
     assert ratio.mean() == pytest.approx(1.0, rel=0.04)
-
-
-def test_half_of_the_places_lie_within_the_median_error():
-    drift = motion.Drift(np.array([1.0, 2.0]), np.array([0.7, 0.7]), np.zeros(2), 400.0, 4)
-    apart = np.linspace(0, 0.7, 2001)
+    apart = np.linspace(0, 1.5, 2001)  # half of the places lie within the median error
     ring = 2 * np.pi * apart * np.exp(drift.log_ratio(np.ones(len(apart)), apart)) / drift.tank
     assert np.trapezoid(ring, apart) == pytest.approx(0.5, rel=0.03)
 
@@ -72,9 +71,9 @@ def test_a_track_is_joined_to_one_that_begins_where_it_leads():
     before = [(t[:12], way[:12]) for way in ways]
     after = [(t[16:], way[16:]) for way in ways[::-1]]
     frames, places = zip(*before, *after, strict=True)
-    ends = motion.ends(list(frames), list(places), 4)
+    ends = motion.track_ends(list(frames), list(places), 4)
     pairs = successor_pairs(ends.start, ends.stop, np.zeros(4, int))
-    score = motion.log_ratios(ends, motion.drift(table_of(*ways, *ways)), pairs)
+    score = motion.log_ratios(ends, motion.measure_drift(table_of(*ways, *ways)), pairs)
     joins = best_joins(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
     assert joins.before.tolist() == [-1, -1, 1, 0]
 
@@ -171,18 +170,17 @@ def test_tracks_that_are_joined_tell_more_together(rng):
         return best_joins(count, pairs, log_ratio, 0.01, 0.5, rng)
 
     assert best_names(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
-    assert in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
+    assert join_in_passes(3, scores, 0.9, best_names).before.tolist() == [-1, 0, 1]
 
 
-def test_where_no_join_is_sure_passes_are_one(rng):
+def test_where_no_join_is_sure_passes_are_one():
     pairs = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3]))
-    once = best_joins(4, pairs, np.full(4, 6.0), 1e-6, 0.3, np.random.default_rng(0))
 
     def best_names(count, pairs, log_ratio):
         return best_joins(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
 
-    joins = in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, best_names)
-    np.testing.assert_array_equal(joins, once)
+    joins = join_in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, best_names)
+    np.testing.assert_array_equal(joins, best_names(4, pairs, np.full(4, 6.0)))
 
 
 # --- looks
@@ -232,12 +230,9 @@ def test_one_track_of_two_animals_leaves_the_others_told(rng):
     assert one > 1.0 + np.median(ratio[~same])
 
 
-def test_animals_that_look_the_same_are_not_told(rng):
+def test_looks_say_nothing_of_animals_that_look_the_same_or_of_few_tracks(rng):
     _, tracks = looks_of(rng, np.zeros((6, 5)), 1.0)
     assert np.abs(looked_at(tracks, np.arange(30) // 6)).max() < 1.0
-
-
-def test_few_tracks_say_nothing_about_looks(rng):
     _, tracks = looks_of(rng, rng.normal(0, 1, (2, 5)), 0.1, tracks=4)
     assert not looked_at(tracks, np.zeros(4, int)).any()
 

@@ -19,7 +19,7 @@ def test_an_array_comes_back_and_what_is_written_into_it_stays_in_this_process(t
     back = open_array(path, (None, 4), "int64")
     assert np.array_equal(back, ROWS)
     assert [file.name for file in tmp_path.iterdir()] == ["a.npy"]
-    back[0] = -1
+    back[0] = -1  # what is written into it stays in this process
     assert back[0].tolist() == [-1] * 4
     assert np.array_equal(open_array(path, ROWS.shape, "int64"), ROWS)
 

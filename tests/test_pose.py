@@ -89,9 +89,8 @@ def test_the_film_says_whether_a_tail_is_counted_apart():
         poses = film_poses(*film(swinging(), tails), settings("pose"))
         assert poses.trunk == apart, poses.tail_spread
     for word, apart in (("yes", True), ("no", False)):
-        assert (
-            film_poses(*film(swinging(), seen), settings("pose", separate_tail=word)).trunk == apart
-        )
+        p = settings("pose", separate_tail=word)
+        assert film_poses(*film(swinging(), seen), p).trunk == apart
 
 
 def test_a_posture_is_remembered_for_a_part_of_its_beat():

@@ -15,8 +15,7 @@ from finloop.social import zones as zones_module
 from finloop.social.leader import contradiction, leaders
 from finloop.social.measures import SHOAL, compare_groups, shoal_table, wasserstein_distances
 from finloop.social.neighbours import neighbours, relative_neighbours, vectors
-from finloop.social.rule import Others, Self, Shoaling, shoaling_place
-from finloop.social.steps import SocialSteps, add_pull_to_moves, add_pull_to_turns
+from finloop.social.rule import Others, Self, Shoaling, SocialSteps, shoaling_place
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 
@@ -49,26 +48,18 @@ def pull_of(*others, zones=ZONES):
 
 
 @given(st.integers(0, 10_000), st.floats(-np.pi, np.pi), st.floats(-50, 50))
-def test_zones_turn_and_move_with_the_shoal(seed, angle, far):
+def test_zones_turn_move_and_are_mirrored_with_the_shoal_in_any_order(seed, angle, far):
     place, heading = shoal(seed)
+    plain = neighbour_pull(place, heading)
     turn = np.exp(1j * angle)
     moved_on = neighbour_pull(place * turn + far * (1 - 2j), heading * turn)
-    assert moved_on == pytest.approx(neighbour_pull(place, heading), abs=1e-9)
-
-
-@given(st.integers(0, 10_000))
-def test_zones_of_the_mirror_image_are_mirrored(seed):
-    place, heading = shoal(seed)
-    mirrored = neighbour_pull(place.conj(), heading.conj())
-    assert mirrored == pytest.approx(neighbour_pull(place, heading).conj(), abs=1e-12)
-
-
-@given(st.integers(0, 10_000))
-def test_it_does_not_matter_how_the_others_are_numbered(seed):
-    place, heading = shoal(seed)
+    assert moved_on == pytest.approx(plain, abs=1e-9)
+    assert neighbour_pull(place.conj(), heading.conj()) == pytest.approx(plain.conj(), abs=1e-12)
     order = np.random.default_rng(seed).permutation(len(place))
     again = neighbour_pull(place[order], heading[order])
-    assert again == pytest.approx(neighbour_pull(place, heading)[order], abs=1e-12)
+    assert again == pytest.approx(plain[order], abs=1e-12)
+    means = zone_means(neighbours(place, heading), COUZIN.radii, COUZIN.blind_deg)
+    assert means.shape == (7, 3) and np.abs(means).max() <= 1 + 1e-12
 
 
 def test_repulsion_beats_all():
@@ -82,9 +73,7 @@ def test_each_zone_wishes_what_it_is_called():
     assert pull_of((5j, 17.0)) == pytest.approx(0.4j)  # attracted: towards it, however it heads
     assert pull_of((2 + 0j, 90.0), (5j, 17.0)) == pytest.approx(1.1j)
     assert pull_of((9j, 0.0)) == 0  # beyond all zones
-
-
-def test_a_zone_pulls_no_more_the_more_fish_are_in_it():
+    # A zone pulls no more the more fish are in it.
     assert pull_of((5j, 0.0), (6j, 0.0)) == pytest.approx(pull_of((5j, 0.0)))
     assert pull_of((5j, 0.0), (-5j, 0.0)) == pytest.approx(0)
 
@@ -105,11 +94,6 @@ def test_who_is_alone_is_wished_nothing():
     absent = np.array([3 + 1j, np.nan]), np.array([1j, np.nan])
     assert neighbour_pull(*absent)[0] == 0
     assert pull(neighbours(*shoal(3)), NO_ZONES) == pytest.approx(0)
-
-
-def test_a_pull_of_a_zone_is_no_longer_than_one():
-    means = zone_means(neighbours(*shoal(1)), COUZIN.radii, COUZIN.blind_deg)
-    assert means.shape == (7, 3) and np.abs(means).max() <= 1 + 1e-12
 
 
 class NoBlas(np.ndarray):
@@ -182,18 +166,9 @@ def test_who_would_close_a_circle_is_told():
 def steps(count=40, seed=0):
     """Own steps, most of them ahead."""
     rng = np.random.default_rng(seed)
-
-    def random_vectors(size):
-        return size * (rng.normal(0, 1, count) + 1j * rng.normal(0, 1, count))
-
-    return SocialSteps(
-        random_vectors(0.3),
-        random_vectors(0.5),
-        1 + random_vectors(0.1),
-        np.exp(1j * rng.normal(0, 0.3, count)),
-        1.0,
-        0.5,
-    )
+    wall, last, move = rng.normal(0, 1, (3, count)) + 1j * rng.normal(0, 1, (3, count))
+    turn = np.exp(1j * rng.normal(0, 0.3, count))
+    return SocialSteps(0.3 * wall, 0.5 * last, 1 + 0.1 * move, turn, 1.0, 0.5)
 
 
 def test_steps_that_are_alike_are_drawn():
@@ -205,15 +180,15 @@ def test_steps_that_are_alike_are_drawn():
     assert mirrored == pytest.approx(own.move[[3], None].conj())
     many, _ = own.draw(own.wall[[3]], own.last[[3]], 1000, rng)
     assert many.shape == (1, 80)  # no more than there are, and their mirror images
+    again = SocialSteps.from_table(own.table(), own.forward, own.onward)
+    assert np.array_equal(again.turn, own.turn) and np.array_equal(again.wall, own.wall)
 
 
-def test_a_pull_adds_to_the_own_step():
+def test_a_pull_adds_to_the_own_turn():
     own = steps()
-    assert add_pull_to_moves(np.array([1j]), np.array([2.0]), own) == pytest.approx(2 + 1j)
-    assert add_pull_to_turns(np.array([1 + 0j]), np.array([2j]), own) == pytest.approx(
-        (1 + 1j) / np.sqrt(2)
-    )
-    assert abs(add_pull_to_turns(np.array([0j]), np.array([0j]), own)) == pytest.approx(1)
+    turned = own.add_pull_to_turns(np.array([1 + 0j, 0j]), np.array([2j, 0j]))
+    assert turned[0] == pytest.approx((1 + 1j) / np.sqrt(2))
+    assert abs(turned[1]) == 1
 
 
 def place_of(others, zones=ZONES, x=300.0, y=200.0, walls=OPEN, seed=0):
@@ -231,10 +206,7 @@ def test_a_fish_is_drawn_to_the_company_it_has():
     below = np.array([place_of([((300.0, 310.0), 0.0)], zones, seed=seed) for seed in range(20)])
     assert (above[:, 1] < 200).all() and (below[:, 1] > 200).all()
     assert np.hypot(*(above - (300, 200)).T).mean() == pytest.approx(PX * np.hypot(1, 3), rel=0.2)
-
-
-def test_a_fish_without_company_is_given_no_place():
-    assert place_of([]) is None
+    assert place_of([]) is None  # without company there is no place
     assert place_of([((300.0, 390.0), 0.0)]) is None  # too far away
     assert place_of([((310.0, 200.0), 0.0)], NO_ZONES) is None
 
@@ -262,9 +234,6 @@ def test_measures_of_fish_whose_places_are_known():
     assert made["inter_fish_deg"].tolist() == pytest.approx([0, 90, 90])
     assert made["wall_distance"].tolist() == pytest.approx([101 / PX, 101 / PX, 100 / PX], abs=0.06)
     assert made["polarisation"].tolist() == pytest.approx([np.sqrt(5) / 3] * 3)
-
-
-def test_measures_are_those_of_the_same_frame():
     made = table([(100, 100), (140, 100), (100, 100), (100, 300)], [0, 0, 0, 180], [0, 0, 1, 1])
     assert made["neighbour_distance"].tolist() == pytest.approx([2, 2, 10, 10])
     assert made["polarisation"].tolist() == pytest.approx([1, 1, 0, 0], abs=1e-6)
@@ -327,16 +296,12 @@ def test_shoals_are_as_far_apart_as_they_are():
     assert told.loc["neighbour_distance", ["median", "distance"]].tolist() == pytest.approx([3, 2])
 
 
-def test_vectors_point_up_where_pictures_count_down():
-    place, heading = vectors(np.array([[20.0, 40.0]]), np.array([90.0]), PX)
-    assert place == pytest.approx([1 - 2j]) and heading == pytest.approx([1j])
-
-
 def test_a_wall_is_away_from_where_it_is():
+    place, heading = vectors(np.array([[20.0, 100.0]]), np.array([90.0]), PX)  # y counts down
+    assert place == pytest.approx([1 - 5j]) and heading == pytest.approx([1j])
     walls = Walls(np.ones((200, 400), bool), PX)
-    left, up = np.array([1 - 5j]), np.array([10 - 1j])
-    ahead = np.array([1 + 0j])
-    assert np.angle(walls.near(left, ahead)[0]) == pytest.approx(0, abs=0.01)  # the wall is behind
+    up, ahead = np.array([10 - 1j]), np.array([1 + 0j])
+    assert np.angle(walls.near(place, ahead)[0]) == pytest.approx(0, abs=0.01)  # it is behind
     assert np.angle(walls.near(up, ahead)[0]) == pytest.approx(-np.pi / 2, abs=0.01)
-    assert abs(walls.near(left, ahead)[0]) == pytest.approx(1 / (1 + 21 / PX), rel=0.01)
+    assert abs(walls.near(place, ahead)[0]) == pytest.approx(1 / (1 + 21 / PX), rel=0.01)
     assert walls.inside(np.array([1 - 5j, -1 - 5j, 1 - 50j])).tolist() == [True, False, False]

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from finloop.base.settings import settings
-from finloop.extract.backbone import trace
+from finloop.extract.backbone import trace_backbone
 from finloop.extract.samples import survey
-from finloop.extract.segment import SilhouetteEdge, silhouettes
+from finloop.extract.segment import THIN_EDGE, SilhouetteEdge, silhouettes, with_thin_parts
 from finloop.extract.settings import ExtractSettings
-from finloop.extract.thin import EDGE, with_thin_parts
 
 SIZE, TANK, BODY = (160, 240), 200, 100  # grey levels; the body differs by 100
 WHOLE = np.full(SIZE, 255, np.uint8)
@@ -29,7 +28,7 @@ def animal(tail: float, x: int = 90, gloom: float = 0.0) -> np.ndarray:
 def silhouette(change: np.ndarray) -> np.ndarray:
     """The silhouette that ends at 0.4 of the body's contrast, with its thin parts."""
     above = np.where(change > 0.4 * BODY, 255, 0).astype(np.uint8)
-    return with_thin_parts(above, change, int(EDGE * BODY))
+    return with_thin_parts(above, change, int(THIN_EDGE * BODY))
 
 
 def test_a_pale_tail_belongs_to_the_body():
@@ -38,7 +37,7 @@ def test_a_pale_tail_belongs_to_the_body():
     found = silhouette(change)
     assert set(np.unique(found)) == {0, 255}
     assert found[70, 167] == 255 and found[80, 90] == 255
-    assert ((found > 0) <= (change > EDGE * BODY)).all()
+    assert ((found > 0) <= (change > THIN_EDGE * BODY)).all()
 
 
 def test_what_is_pale_and_wide_or_apart_does_not():
@@ -66,7 +65,7 @@ def test_the_backbone_is_as_long_however_pale_the_tail(tail, monkeypatch):
     for thin in (False, True):
         ends = SilhouetteEdge(how.outline_contrast_ratio, how.shadow, "none", thin)
         (one,) = silhouettes(frame, scene, WHOLE, 60, ends)
-        line = trace(one.mask, one.field, 33, scene.threshold)
+        line = trace_backbone(one.mask, one.field, 33, scene.threshold)
         assert line is not None
         lengths[thin] = line.length_px
     assert lengths[True] == pytest.approx(110, rel=0.06)

@@ -160,19 +160,6 @@ def test_who_was_there_before_has_not_left_anything():
     assert link(film) == [[0, None], [0, None]]
 
 
-def test_a_school_swims_through_with_its_numbers():
-    # Twelve fish on a lattice, each with its own way, a body length and more apart, never mixed up.
-    rng = np.random.default_rng(1)
-    home = 100.0 * np.stack(np.meshgrid(np.arange(4), np.arange(3)), -1).reshape(-1, 2)
-    phase = rng.uniform(0, 2 * np.pi, 12)
-    film = []
-    for k in range(60):
-        sway = 20 * np.stack([np.cos(0.5 * k + phase), np.sin(0.5 * k + phase)], -1)
-        areas = 400 + rng.uniform(-20, 20, 12)
-        film.append([spot(*at, area) for at, area in zip(home + sway, areas, strict=True)])
-    assert link(film) == [list(range(12))] * 60
-
-
 @pytest.mark.parametrize("move", ["shift", "turn", "mirror"])
 def test_place_and_direction_do_not_matter(move):
     rng = np.random.default_rng(2)

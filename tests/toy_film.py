@@ -42,8 +42,7 @@ from finloop.plan.sources import FilmSource
 from finloop.plan.world import Brisk, FilmWorld, learn_brisk
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
-from finloop.social.rule import Shoaling
-from finloop.social.steps import SocialSteps
+from finloop.social.rule import Shoaling, SocialSteps
 from finloop.social.zones import Zones
 
 ORIENTATIONS = 24

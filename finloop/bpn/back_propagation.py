@@ -28,8 +28,8 @@ from finloop.bpn.model import (
 )
 from finloop.bpn.settings import BpnSettings
 
-PART = 4096  # rows whose hidden layer fits the processor's cache: 200,000 at once take 5 × as long
-RUN_AWAY = 1e6  # size of a weight at which its sigmoid is a mere switch
+_PART = 4096  # rows whose hidden layer fits the processor's cache: 200,000 at once take 5 × as long
+_RUN_AWAY = 1e6  # size of a weight at which its sigmoid is a mere switch
 _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
 
 
@@ -115,8 +115,7 @@ def train_network(
 ) -> tuple[MotionModel, pd.DataFrame]:
     """Train the network on some of a film's rows; return model and learning curve (see `train`).
 
-    sides: masks (n,) of rows to learn from, and of held-out rows for the curve; rate_hz: frames per
-    second; advance: called after each epoch.
+    sides: masks (n,) of the rows to learn from, and of held-out rows for the curve.
     """
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
@@ -152,7 +151,14 @@ def train(
     for _ in range(settings.epochs):
         order = rng.permutation(len(x))
         learn_epoch(x[order], t[order], weights, velocity, rule)
-        _check_growth(weights, settings)
+        if not np.abs(weights).max() < _RUN_AWAY:
+            raise FinloopError(
+                f"the weights grew without bound (learning rate {settings.learning_rate:g}, "
+                f"momentum {settings.momentum:g}, at most {settings.batch_size} rows a batch)",
+                "steps that are small enough to lower the error",
+                "a smaller bpn.learning_rate (it counts per row of a batch) or a smaller "
+                "bpn.momentum",
+            )
         model = model_from_weights(weights, low, high, delta_s)
         curve.append(_errors(model, watched))
         advance()
@@ -166,26 +172,16 @@ def model_from_weights(weights: Floats, low: Floats, high: Floats, delta_s: floa
     """
     first, second = (layer.T.copy() for layer in layers(weights))
     return MotionModel(
-        delta_s, low, high, OUTPUT_LOW, OUTPUT_HIGH, MARGIN,
+        delta_s, MARGIN, low, high, OUTPUT_LOW, OUTPUT_HIGH,
         first[:-1], first[-1], second[:-1], second[-1],
     )  # fmt: skip
-
-
-def _check_growth(weights: Floats, settings: BpnSettings) -> None:
-    if not np.abs(weights).max() < RUN_AWAY:
-        raise FinloopError(
-            f"the weights grew without bound (learning rate {settings.learning_rate:g}, momentum "
-            f"{settings.momentum:g}, at most {settings.batch_size} rows a batch)",
-            "steps that are small enough to lower the error",
-            "a smaller bpn.learning_rate (it counts per row of a batch) or a smaller bpn.momentum",
-        )
 
 
 def _errors(model: MotionModel, watched: dict[str, tuple[Floats, Floats]]) -> dict[str, float]:
     """Return a row of the curve: the model's errors on each side, NaN on a side without rows."""
     result: dict[str, float] = {}
     for side, (inputs, outputs) in watched.items():
-        parts = [model.predict(inputs[at : at + PART]) for at in range(0, len(inputs), PART)]
+        parts = [model.predict(inputs[at : at + _PART]) for at in range(0, len(inputs), _PART)]
         found = state_errors(np.concatenate(parts), outputs) if parts else {}
         result |= {f"{side}_{name}": found.get(name, math.nan) for name in COMPARED}
     return result

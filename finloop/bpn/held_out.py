@@ -10,19 +10,13 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Schema, columns
-from finloop.bpn.model import (
-    OUTPUT_HIGH,
-    OUTPUT_LOW,
-    OUTPUTS,
-    MotionModel,
-    Rows,
-    type_class,
-)
+from finloop.bpn.model import OUTPUT_HIGH, OUTPUT_LOW, OUTPUTS, MotionModel, Rows, type_class
 from finloop.features.swimming_type import WORDS
 
-SIDES = ("predicted", "true")
 HELD_OUT = Schema(
-    *columns("float64", "1", *(f"{side}_{name}" for side in SIDES for name in OUTPUTS))
+    *columns(
+        "float64", "1", *(f"{side}_{name}" for side in ("predicted", "true") for name in OUTPUTS)
+    )
 )
 """Predicted and true states Δ later of the held-out rows."""
 
@@ -92,34 +86,25 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
     """
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
     training = rows.inputs[train], rows.outputs[train]
-    learnt = state_errors(model.predict(training[0]), training[1])
-    results = {}
+    results = {"train": state_errors(model.predict(training[0]), training[1])}
+    skills: dict[str, float] = {}
     if held_out.any():
-        results = {
-            "held_out": state_errors(model.predict(inputs), outputs),
-            "persistence": state_errors(inputs[:, :2], outputs),
-            "linear": state_errors(predict_linearly(*training, inputs), outputs),
-        }
-    skills = {
-        f"{name.removesuffix('_pct')}_skill_against_{baseline}": (
-            1 - results["held_out"][name] / results[baseline][name]
-            if results[baseline][name] > 0
-            else float("nan")
-        )
-        for baseline in ("persistence", "linear")
-        if results
-        for name in COMPARED
-    }
-    failures = {"skills_not_above_0": sum(skill <= 0 for skill in skills.values())}
+        own = results["held_out"] = state_errors(model.predict(inputs), outputs)
+        baselines = {"persistence": inputs[:, :2], "linear": predict_linearly(*training, inputs)}
+        for baseline, predicted in baselines.items():
+            errors = results[baseline] = state_errors(predicted, outputs)
+            for name in COMPARED:
+                skill = 1 - own[name] / errors[name] if errors[name] > 0 else float("nan")
+                skills[f"{name.removesuffix('_pct')}_skill_against_{baseline}"] = skill
+        skills["skills_not_above_0"] = sum(skill <= 0 for skill in skills.values())
     return {
         "train_rows": int(train.sum()),
         "held_out_rows": int(held_out.sum()),
         **{
             f"{side}_{name}": value
-            for side, numbers in ({"train": learnt} | results).items()
+            for side, numbers in results.items()
             for name, value in numbers.items()
             if name != "type_error_pct"  # the accuracy already gives it
         },
         **skills,
-        **(failures if results else {}),
     }

@@ -30,8 +30,8 @@ OUTPUTS = {"motion_area_rel": "1", "swimming_type": "1"}
 
 OUTPUT_LOW, OUTPUT_HIGH = np.array([0.0, -1.0]), np.array([1.0, 1.0])
 MARGIN = 0.05  # targets lie in [MARGIN, 1 - MARGIN]: a sigmoid reaches neither 0 nor 1
-TAIL = 0.01  # share of displacements, and of angles, that lie outside the scaled range
-LEAST_TRAIN, LEAST_HELD_OUT = 20, 5  # rows
+_TAIL = 0.01  # share of displacements, and of angles, that lie outside the scaled range
+_LEAST_TRAIN, _LEAST_HELD_OUT = 20, 5  # rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +42,12 @@ class MotionModel:
     """
 
     delta_s: float  # the time Δ in seconds from the state that goes in to the state that comes out
+    margin: float  # output_low is learnt as `margin`, output_high as 1 - `margin`
     # (4,) the inputs that become -1 and 1 before the first layer; others are clipped to them
     input_low: Floats
     input_high: Floats
     output_low: Floats  # (2,) the range of the outputs
     output_high: Floats
-    margin: float  # output_low is learnt as `margin`, output_high as 1 - `margin`
     hidden_weights: Floats  # (4, hidden)
     hidden_bias: Floats  # (hidden,)
     output_weights: Floats  # (hidden, 2)
@@ -55,10 +55,8 @@ class MotionModel:
 
     def record(self) -> dict[str, Any]:
         """Return the model as plain values that JSON can hold; `motion_model` restores it."""
-        return {
-            **_HEADER,
-            **{name: float(getattr(self, name)) for name in _NUMBERS},
-            **{name: getattr(self, name).tolist() for name in (*_RANGES, *_WEIGHTS)},
+        return _HEADER | {
+            name: np.asarray(value, float).tolist() for name, value in vars(self).items()
         }
 
     def predict(self, inputs: Reals) -> Floats:
@@ -75,10 +73,9 @@ class MotionModel:
         return np.clip(self.output_low + share * span, self.output_low, self.output_high)
 
 
-_HEADER = {"format": "finloop motion model 1", "inputs": INPUTS, "outputs": OUTPUTS}
-_NUMBERS = ("delta_s", "margin")
-_RANGES = {"input_low": 4, "input_high": 4, "output_low": 2, "output_high": 2}
-_WEIGHTS = ("hidden_weights", "hidden_bias", "output_weights", "output_bias")
+_HEADER: dict[str, Any] = {
+    "format": "finloop motion model 1", "inputs": INPUTS, "outputs": OUTPUTS,
+}  # fmt: skip
 
 
 def motion_model(**content: Any) -> MotionModel:
@@ -89,20 +86,23 @@ def motion_model(**content: Any) -> MotionModel:
     for name, value in _HEADER.items():
         if content[name] != value:
             raise ValueError(f"no motion model: {name} {value!r} is wanted, got {content[name]!r}")
-    numbers = {name: float(content[name]) for name in _NUMBERS}
-    arrays = {name: np.array(content[name], float) for name in (*_RANGES, *_WEIGHTS)}
-    hidden = arrays["hidden_bias"].size
-    shapes: dict[str, tuple[int, ...]] = {name: (size,) for name, size in _RANGES.items()}
-    shapes |= zip(_WEIGHTS, ((4, hidden), (hidden,), (hidden, 2), (2,)), strict=True)
+    delta_s, margin = float(content["delta_s"]), float(content["margin"])
+    hidden = len(content["hidden_bias"])
+    shapes = {
+        "input_low": (4,), "input_high": (4,), "output_low": (2,), "output_high": (2,),
+        "hidden_weights": (4, hidden), "hidden_bias": (hidden,),
+        "output_weights": (hidden, 2), "output_bias": (2,),
+    }  # fmt: skip
+    arrays = {name: np.array(content[name], float) for name in shapes}
     for name, array in arrays.items():
         if array.shape != shapes[name] or hidden == 0 or not np.isfinite(array).all():
             raise ValueError(f"{name}: {shapes[name]} finite numbers are wanted")
     for side in ("input", "output"):
         if not np.all(arrays[f"{side}_low"] < arrays[f"{side}_high"]):
             raise ValueError(f"{side}_low is not below {side}_high")
-    if not (0 <= numbers["margin"] < 0.5 and 0 < numbers["delta_s"] < np.inf):
+    if not (0 <= margin < 0.5 and 0 < delta_s < np.inf):
         raise ValueError("margin or delta_s is out of range")
-    return MotionModel(**numbers, **arrays)  # type: ignore[arg-type]
+    return MotionModel(delta_s, margin, **arrays)
 
 
 def scale_to_unit(values: Reals, low: Floats, high: Floats) -> Floats:
@@ -119,11 +119,11 @@ def input_range(inputs: Floats) -> tuple[Floats, Floats]:
     """Return the inputs, (4,) each, that the network scales to -1 and to 1.
 
     inputs (n, 4): columns and units INPUTS. Motion area and swimming type have fixed ranges.
-    Displacement and angle take theirs from the rows, without the extreme share TAIL, so that a wild
+    Displacement and angle take theirs from the rows, without the extreme 1 %, so that a wild
     frame does not squeeze the rest. 0° stays in the middle.
     """
-    near, far = np.quantile(inputs[:, 2], [TAIL, 1 - TAIL])
-    wide = np.quantile(np.abs(inputs[:, 3]), 1 - TAIL)
+    near, far = np.quantile(inputs[:, 2], [_TAIL, 1 - _TAIL])
+    wide = np.quantile(np.abs(inputs[:, 3]), 1 - _TAIL)
     low, high = np.array([0.0, -1.0, near, -wide]), np.array([1.0, 1.0, far, wide])
     constant = high - low < 1e-9
     return low - 0.5 * constant, high + 0.5 * constant
@@ -190,7 +190,7 @@ def split_by_blocks(
         )
     sample = _sample_groups(first, held_out, rng)
     begins, ends = np.isin(first, sample), np.isin(last, sample)
-    return _enough(~begins & ~ends, begins & ends)
+    return _require_rows(~begins & ~ends, begins & ends)
 
 
 def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tuple[Mask, Mask]:
@@ -206,7 +206,7 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
             "bpn.held_out_by=blocks, which splits by time",
         )
     test = np.isin(rows.track_id, _sample_groups(rows.track_id, held_out, rng))
-    return _enough(~test, test)
+    return _require_rows(~test, test)
 
 
 def split_rows(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
@@ -219,7 +219,7 @@ def split_rows(rows: Rows, by: str, p: BpnSettings) -> tuple[Mask, Mask]:
     if by == "tracks":
         train, held_out = split_by_tracks(rows, p.held_out_ratio, rng)
     else:
-        least = rows.delta_frames + LEAST_HELD_OUT
+        least = rows.delta_frames + _LEAST_HELD_OUT
         block = block_frames(
             p.held_out_block_deltas, p.held_out_ratio, rows.delta_frames, rows.frame, least
         )
@@ -259,11 +259,12 @@ def _sample_groups(group: Ints, share: float, rng: np.random.Generator) -> list[
     return sample or [int(groups[counts.argmin()])]
 
 
-def _enough(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
-    if train.sum() < LEAST_TRAIN or held_out.sum() < LEAST_HELD_OUT:
+def _require_rows(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
+    """Return both masks; FinloopError if too few rows are on one side."""
+    if train.sum() < _LEAST_TRAIN or held_out.sum() < _LEAST_HELD_OUT:
         raise FinloopError(
             f"{train.sum()} rows to learn from and {held_out.sum()} held out",
-            f"at least {LEAST_TRAIN} and {LEAST_HELD_OUT}: frames t whose fish is still tracked "
+            f"at least {_LEAST_TRAIN} and {_LEAST_HELD_OUT}: frames t whose fish is still tracked "
             "at t + Δ, on the same side of the split",
             "a longer film with longer tracks; another bpn.held_out_ratio; with "
             "bpn.held_out_by=blocks another bpn.held_out_block_deltas, well above features.delta_s",

@@ -11,13 +11,12 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
-from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.bpn.model import INPUTS, OUTPUTS, MotionModel
 
 INPUT_NAME, OUTPUT_NAME = "state_and_control", "next_state"
-OPSET, IR_VERSION = 17, 8  # of 2022: today's runtimes read them
-TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives about a hundredth of it
+_OPSET, _IR_VERSION = 17, 8  # of 2022: today's runtimes read them
+_TOLERANCE = 1e-4  # share of the range of an output; 32-bit rounding gives about a hundredth of it
 
 
 def to_onnx(model: MotionModel) -> onnx.ModelProto:
@@ -59,9 +58,9 @@ def to_onnx(model: MotionModel) -> onnx.ModelProto:
         [numpy_helper.from_array(v.astype(np.float32), name) for name, v in constants.items()],
     )
     proto = helper.make_model(
-        graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="finloop"
+        graph, opset_imports=[helper.make_opsetid("", _OPSET)], producer_name="finloop"
     )
-    proto.ir_version = IR_VERSION
+    proto.ir_version = _IR_VERSION
     facts = {
         "inputs": ", ".join(f"{name} [{unit}]" for name, unit in INPUTS.items()),
         "outputs": ", ".join(f"{name} [{unit}]" for name, unit in OUTPUTS.items()),
@@ -74,15 +73,15 @@ def to_onnx(model: MotionModel) -> onnx.ModelProto:
 def onnx_bytes(model: MotionModel) -> bytes:
     """Convert a model to the bytes of an ONNX file, and check the graph against the model.
 
-    FinloopError if their outputs differ by more than TOLERANCE.
+    FinloopError if their outputs differ by more than 1e-4 of their range.
     """
     proto = to_onnx(model)
     onnx.checker.check_model(proto, full_check=True)
     off = largest_difference(proto, model)
-    if not off <= TOLERANCE:
+    if not off <= _TOLERANCE:
         raise FinloopError(
             f"the ONNX export is off by {off:g} of the range of an output",
-            f"the numbers of the model itself, to {TOLERANCE:g}",
+            f"the numbers of the model itself, to {_TOLERANCE:g}",
             "train with a smaller bpn.learning_rate: 32 bits cannot represent weights this large",
         )
     return proto.SerializeToString(deterministic=True)
@@ -94,14 +93,11 @@ def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
     Both predict from the corners of the input range, from beyond them, and from points spread over
     it.
     """
-    points = _probes(model.input_low, model.input_high)
+    low, high = model.input_low, model.input_high
+    shares = np.random.default_rng(0).uniform(-0.1, 1.1, (1000, len(low)))
+    corners = np.stack(np.meshgrid(*([[-1.0, 0.0, 0.5, 1.0, 2.0]] * len(low))), -1)
+    points = low + np.vstack([shares, corners.reshape(-1, len(low))]) * (high - low)
     inputs = points.astype(np.float32)
     answers: Any = ReferenceEvaluator(proto).run(None, {INPUT_NAME: inputs})
     span = model.output_high - model.output_low
     return float(np.abs((answers[0] - model.predict(points)) / span).max())
-
-
-def _probes(low: Floats, high: Floats) -> Floats:
-    shares = np.random.default_rng(0).uniform(-0.1, 1.1, (1000, len(low)))
-    corners = np.stack(np.meshgrid(*([[-1.0, 0.0, 0.5, 1.0, 2.0]] * len(low))), -1)
-    return low + np.vstack([shares, corners.reshape(-1, len(low))]) * (high - low)

@@ -2,7 +2,7 @@
 
 The zones of `finloop.social` are fitted to the first half of the film: the direction of a fish some
 time later, given the present places of the others (`fit`). Simulated point fish swim by them, each
-step one of the film's own (`points`). Their distance from the second half of the film is reported
+step one of the film's own (`rule`). Their distance from the second half of the film is reported
 beside the distance between the two halves.
 """
 
@@ -10,5 +10,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "film": ["FilmShoal", "film_shoal"], "fit": ["Fitted", "fit_zones"],
-    "points": ["simulate_points"], "rule": ["film_rule", "shortage"],
+    "rule": ["film_rule", "shortage", "simulate_points"],
 })  # fmt: skip

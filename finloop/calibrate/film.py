@@ -9,9 +9,8 @@ import pandas as pd
 from finloop.base.arrays import Complex, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.features.memory import memory_frames
-from finloop.social.measures import by_frame, middle, shoal_table, slots_of
+from finloop.social.measures import frame_slots, middle_frame, shoal_table, spread_to_slots
 from finloop.social.neighbours import Neighbours, relative_neighbours, vectors
-from finloop.social.steps import last_rows
 from finloop.social.walls import Walls
 
 _PART = 4  # the horizon is at most 1 / _PART of the longest track
@@ -22,15 +21,17 @@ LEAST = 50  # rows with other fish that each half must have for a fit
 class FilmShoal:
     """The fish of a film, n rows. Vectors are complex, in BL, as in `finloop.social.neighbours`.
 
-    place, heading, frame (n,): of each row; later (n,): row of the same track `horizon` frames
-    later, or −1; index (n,): the row's frame among the frames with fish; slot (n,): its place in
-    that frame; places, headings (frames, m): NaN for absent fish; table: `shoal_table`.
+    place, heading, frame (n,): of each row; later, earlier (n,): row of the same track `horizon`
+    frames later and earlier, or −1; index (n,): the row's frame among the frames with fish; slot
+    (n,): its place in that frame; places, headings (frames, m): NaN for absent fish; table:
+    `shoal_table`.
     """
 
     place: Complex
     heading: Complex
     frame: Ints
     later: Ints
+    earlier: Ints
     index: Ints
     slot: Ints
     places: Complex
@@ -52,17 +53,17 @@ class FilmShoal:
     @property
     def first_half(self) -> Mask:
         """Which rows (n,) are in the first half of the film, in time."""
-        return self.frame < middle(self.frame)
+        return self.frame < middle_frame(self.frame)
 
     def half(self, first: bool) -> pd.DataFrame:
         """Return the measures (columns of `SHOAL`) of the film's first or second half."""
         return self.table[self.first_half == first]
 
     def fit_rows(self, first: bool, most: int) -> Ints:
-        """Return rows from which zones are fitted, at most `most`, evenly spread over one half.
+        """Return at most `most` rows of the first or second half from which zones are fitted.
 
-        Such a row has other fish in its frame, and a later row `horizon` frames on in the same
-        half. first: the first half.
+        Such a row has other fish in its frame, and a later row in the same half. They are evenly
+        spread.
         """
         half = self.first_half == first
         several = self.visible_counts[self.index] > 1
@@ -73,15 +74,9 @@ class FilmShoal:
 
         They are of the first half, or of the whole film if that has none, evenly spread.
         """
-        whole = (self.later >= 0) & (last_rows(self.later) >= 0)
+        whole = (self.later >= 0) & (self.earlier >= 0)
         first = np.flatnonzero(whole & self.first_half & self.first_half[self.later])
         return _spread(first if len(first) else np.flatnonzero(whole), most)
-
-    @property
-    def suffices_for_fit(self) -> bool:
-        """Whether both halves have LEAST rows for a fit, and the film at least one whole step."""
-        halves = [len(self.fit_rows(first, LEAST)) for first in (True, False)]
-        return min(halves) == LEAST and len(self.whole_steps(1)) > 0
 
     def visible_neighbours(self, rows: Ints) -> Neighbours:
         """Return what the fish of k rows see of the others in their frames, (k, m)."""
@@ -92,12 +87,11 @@ class FilmShoal:
         return relative_neighbours(self.place[rows, None], self.heading[rows, None], others)
 
     def moves(self, rows: Ints) -> Complex:
-        """Return displacements (k,) in BL from k rows to those `horizon` frames later.
+        """Return displacements (k,) in BL from k rows to the later ones, in the frame of the body.
 
-        They are complex, in the frame of the body at the earlier row.
+        They are complex: 1 = a body length ahead, i = one to the left.
         """
-        way = self.place[self.later[rows]] - self.place[rows]
-        return way * self.heading[rows].conj()
+        return (self.place[self.later[rows]] - self.place[rows]) * self.heading[rows].conj()
 
     def directions(self, rows: Ints) -> Complex:
         """Return headings (k,) `horizon` frames after k rows, relative to those at the rows.
@@ -119,23 +113,22 @@ def film_shoal(
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
     where = features[["x_px", "y_px"]].to_numpy(float), features["heading_deg"].to_numpy(float)
     place, heading = vectors(*where, walls.length)
-    by = by_frame(frame)
-    ticks = (
-        horizon_frames(heading, track, delta)
-        if horizon == "auto"
-        else max(1, round(horizon * delta))
-    )
-    later = _later(frame, track, ticks)
-    if horizon != "auto" and not ((later >= 0) & (last_rows(later) >= 0)).any():
-        longest = longest_track(track)
+    slots = frame_slots(frame)
+    if horizon == "auto":
+        ticks = horizon_frames(heading, track, delta)
+    else:
+        ticks = max(1, round(horizon * delta))
+    later, earlier = _link_rows(frame, track, ticks)
+    if horizon != "auto" and not ((later >= 0) & (earlier >= 0)).any():
+        longest = _longest_track(track)
         raise FinloopError(
             f"horizon={horizon:g} is {ticks} frames, and the film's longest track has {longest}",
             f"a horizon of at most {max(0, longest - 1) // 2 / delta:.3g}, half the longest track",
             "take a shorter one, auto, or a film with longer tracks",
         )
     return FilmShoal(
-        place, heading, frame, later, by[0], by[1], slots_of(place, *by), slots_of(heading, *by),
-        ticks, walls, shoal_table(frame, *where, walls),
+        place, heading, frame, later, earlier, slots[0], slots[1], spread_to_slots(place, *slots),
+        spread_to_slots(heading, *slots), ticks, walls, shoal_table(frame, *where, walls),
     )  # fmt: skip
 
 
@@ -146,24 +139,25 @@ def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
     heading (n,): complex; track (n,): its number; delta: Δ in frames.
     """
     memory = memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
-    longest = longest_track(track)
+    longest = _longest_track(track)
     ticks = max(delta, round(min(memory, longest / _PART)))
     return max(1, min(ticks, (longest - 1) // 2))
 
 
-def longest_track(track: Ints) -> int:
-    """Return the number of rows of the longest track; track (n,): the track number of each row."""
+def _longest_track(track: Ints) -> int:
+    """Return the number of rows of the longest track, from the track number (n,) of each row."""
     return int(np.unique(track, return_counts=True)[1].max())
 
 
-def _later(frame: Ints, track: Ints, ticks: int) -> Ints:
-    """Return the row (n,) of the same track so many frames later, −1 where there is none."""
-    later = np.full(len(frame), -1)
-    if ticks < len(frame):
-        same = (track[ticks:] == track[:-ticks]) & (frame[ticks:] == frame[:-ticks] + ticks)
-        later[:-ticks] = np.where(same, np.arange(ticks, len(frame)), -1)
-    return later
+def _link_rows(frame: Ints, track: Ints, ticks: int) -> tuple[Ints, Ints]:
+    """Return the rows (n,) of the same track so many frames later, and earlier; −1 for none."""
+    later, earlier = np.full((2, len(frame)), -1)
+    same = (track[ticks:] == track[:-ticks]) & (frame[ticks:] == frame[:-ticks] + ticks)
+    first = np.flatnonzero(same)
+    later[first], earlier[first + ticks] = first + ticks, first
+    return later, earlier
 
 
 def _spread(rows: Ints, most: int) -> Ints:
+    """Return at most `most` of the rows, evenly spread over them."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int))]

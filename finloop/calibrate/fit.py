@@ -15,7 +15,7 @@ time of the half is predicted with the coefficients of its other part. So zones 
 are seldom taken. A zone whose weight would be negative is left out.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -55,14 +55,14 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
     Parameters that are not "auto" stay fixed; listed radii and blind angles are tried for the
     others.
     """
-    rows, others = (film.fit_rows(first, p.rows) for first in (True, False))
-    seen, wall, after = film.visible_neighbours(rows), wall_pull(film, rows), film.directions(rows)
+    rows, held_out = (film.fit_rows(first, p.rows) for first in (True, False))
+    seen, wall, after = film.visible_neighbours(rows), _wall_pull(film, rows), film.directions(rows)
     weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
     fixed = [None if weight == "auto" else float(weight) for weight in weights]
     parts = film.frame[rows] < np.median(film.frame[rows])
+    choices = _possible_radii(p)
     best: tuple[float, tuple[float, float, float], float, Complex] | None = None
     for blind in sorted(p.blind_angles_deg) if p.blind_angle_deg == "auto" else [p.blind_angle_deg]:
-        choices = list(_radii(p))
         rings = Rings(seen, sorted({one for radii in choices for one in radii}), float(blind))
         for radii in choices:
             pulls = rings.means(radii)
@@ -71,36 +71,41 @@ def fit_zones(film: FilmShoal, p: CalibrateSettings) -> Fitted:
                 best = square, radii, float(blind), pulls
     assert best is not None
     _, radii, blind_deg, pulls = best
-    lot, _ = regression(pulls, wall, after, fixed)
-    own = max(float(lot[0]), _LEAST_OWN)
-    zones = _zones(radii, blind_deg, lot[1:4] / own, fixed)
+    with_zones, _ = regression(pulls, wall, after, fixed)
+    own = max(float(with_zones[0]), _LEAST_OWN)
+    zones = _weighted_zones(radii, blind_deg, with_zones[1:4] / own, fixed)
     alone, _ = regression(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
-    shares = [share_explained(film, half, zones, lot, alone) for half in (rows, others)]
+    shares = []
+    for half in (rows, held_out):
+        pulls = zone_means(film.visible_neighbours(half), zones.radii, zones.blind_deg)
+        wall, after = _wall_pull(film, half), film.directions(half)
+        left, left_alone = (
+            float((np.abs(after - a - weighted_sum(pulls, b) - c * wall) ** 2).sum())
+            for a, *b, c in (with_zones, alone)
+        )
+        shares.append(1 - left / left_alone)
     return Fitted(zones, own, *shares)
 
 
-def wall_pull(film: FilmShoal, rows: Ints) -> Complex:
-    """Return the vectors W (k,) of k rows: away from the wall, in the frame of the body.
-
-    They are complex, and longer nearer to the wall (`Walls.near`).
-    """
+def _wall_pull(film: FilmShoal, rows: Ints) -> Complex:
+    """Return the vectors W (k,) of k rows: away from the wall, complex, in the body's frame."""
     return film.walls.near(film.place[rows], film.heading[rows])
 
 
 class Rings:
     """`zone_means` of n fish for many combinations of listed radii, computed quickly.
 
-    It sums over the neighbours of each ring between two radii, so that a zone is a difference of
-    cumulated sums. seen: the others (n, m); radii: rising, BL.
+    It sums over the neighbours nearer than each radius, so that a zone is a difference of two sums.
+    seen: the others (n, m); radii: rising, BL.
     """
 
     def __init__(self, seen: Neighbours, radii: Sequence[float], blind_deg: float) -> None:
         self._radii = {radius: number for number, radius in enumerate(radii)}
         sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
         within = np.stack([seen.distance < radius for radius in radii], axis=-1)
-        self._near = _sums(seen.bearing, within)
-        self._heading = _sums(seen.heading, within & sees[..., None])
-        self._bearing = _sums(seen.bearing, within & sees[..., None])
+        self._near = _sum_within(seen.bearing, within)
+        self._heading = _sum_within(seen.heading, within & sees[..., None])
+        self._bearing = _sum_within(seen.bearing, within & sees[..., None])
 
     def means(self, radii: tuple[float, float, float]) -> Complex:
         """Return the pulls (n, 3) of three zones without weights, equal to `zone_means`.
@@ -109,34 +114,32 @@ class Rings:
         """
         inner, middle, outer = (self._radii[radius] for radius in radii)
         free = self._near[1][:, inner] == 0
-        return np.stack(
-            [
-                -_ratio(self._near[0][:, inner], self._near[1][:, inner]),
-                free * _ring_mean(self._heading, inner, middle),
-                free * _ring_mean(self._bearing, middle, outer),
-            ],
-            axis=-1,
-        )
+        pulls = [
+            -_ring_mean(self._near, None, inner),
+            free * _ring_mean(self._heading, inner, middle),
+            free * _ring_mean(self._bearing, middle, outer),
+        ]
+        return np.stack(pulls, axis=-1)
 
 
-def _sums(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
+def _sum_within(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
+    """Return the sums of vectors (n, m) of the selected neighbours (n, m, k), and their counts."""
     return (vectors[..., None] * within).sum(axis=1), within.sum(axis=1)
 
 
-def _ring_mean(sums: tuple[Complex, Ints], inner: int, outer: int) -> Complex:
-    total, count = sums
-    return _ratio(total[:, outer] - total[:, inner], count[:, outer] - count[:, inner])
-
-
-def _ratio(total: Complex, count: Ints) -> Complex:
+def _ring_mean(sums: tuple[Complex, Ints], inner: int | None, outer: int) -> Complex:
+    """Return the mean vectors (n,) between two listed radii; 0 where there is no neighbour."""
+    total, count = (part[:, outer] for part in sums)
+    if inner is not None:
+        total, count = total - sums[0][:, inner], count - sums[1][:, inner]
     return np.where(count > 0, total / np.maximum(count, 1), 0)
 
 
-class Sums(NamedTuple):
-    """Sums over n rows for a regression of directions on five columns.
+class _Sums(NamedTuple):
+    """Sums over n rows for a regression of directions on the five columns of `_columns`.
 
-    The columns are the own direction, the pulls of three zones, and W. gram (5, 5): products of the
-    columns with each other; right (5,): with the directions; square: sum of the squared directions.
+    gram (5, 5): products of the columns with each other; right (5,): with the directions; square:
+    sum of the squared directions.
     """
 
     gram: Floats
@@ -148,19 +151,15 @@ class Sums(NamedTuple):
         return self.square + float(solution @ (self.gram @ solution - 2 * self.right))
 
 
-def sum_rows(columns: Complex, after: Complex) -> Sums:
-    """Sum over n rows what a regression needs.
-
-    columns (n, 5): own direction, pulls of three zones, W; after (n,): directions to predict. All
-    are complex.
-    """
+def _sum_rows(columns: Complex, after: Complex) -> _Sums:
+    """Sum over n rows what a regression of directions (n,) on columns (n, 5) needs."""
     # Not `@`: its threads cost more time than these few numbers.
     gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
     right = np.einsum("ni,n->i", columns.conj(), after).real
-    return Sums(gram, right, float((np.abs(after) ** 2).sum()))
+    return _Sums(gram, right, float((np.abs(after) ** 2).sum()))
 
 
-def solve(sums: Sums, weights: Sequence[float | None]) -> Floats:
+def _solve(sums: _Sums, weights: Sequence[float | None]) -> Floats:
     """Return the coefficients (5,) of the regression; those of the three zones are 0 or more.
 
     weights (3,): None for a zone that is fitted. A zone with a fixed weight has coefficient 0,
@@ -180,12 +179,12 @@ def solve(sums: Sums, weights: Sequence[float | None]) -> Floats:
 
 
 def _columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
-    """Columns (n, 5): the own direction with the zones of fixed weight, the zones, W."""
-    held = _weight_vector(weights)
-    return np.column_stack([1.0 + weighted_sum(pulls, held), pulls, wall])
+    """Return columns (n, 5): own direction with the zones of fixed weight, the zones, W."""
+    return np.column_stack([1.0 + weighted_sum(pulls, _or_zero(weights)), pulls, wall])
 
 
-def _weight_vector(weights: Sequence[float | None]) -> Floats:
+def _or_zero(weights: Sequence[float | None]) -> Floats:
+    """Return the weights as an array, with 0 for those that are fitted."""
     return np.array([weight or 0.0 for weight in weights])
 
 
@@ -197,11 +196,11 @@ def regression(
     pulls (n, 3): of the zones; wall (n,): W; after (n,): directions; weights (3,): None for a zone
     that is fitted, else its fixed weight, with b_z = weight × a.
     """
-    sums = sum_rows(_columns(pulls, wall, weights), after)
-    solution = solve(sums, weights)
-    lot = solution.copy()
-    lot[1:4] += _weight_vector(weights) * lot[0]
-    return lot, sums.residual(solution)
+    sums = _sum_rows(_columns(pulls, wall, weights), after)
+    solution = _solve(sums, weights)
+    coefficients = solution.copy()
+    coefficients[1:4] += _or_zero(weights) * solution[0]
+    return coefficients, sums.residual(solution)
 
 
 def cross_validate(
@@ -209,47 +208,29 @@ def cross_validate(
 ) -> float:
     """Return the sum, over both parts, of the squares left by the other part's coefficients.
 
-    pulls (n, 3), wall (n,), after (n,), weights (3,): as for `regression`; parts (n,): True for one
-    part, False for the other.
+    parts (n,): True for one part, False for the other; the rest as for `regression`.
     """
     columns = _columns(pulls, wall, weights)
-    one, other = (sum_rows(columns[part], after[part]) for part in (parts, ~parts))
-    return one.residual(solve(other, weights)) + other.residual(solve(one, weights))
+    one, other = (_sum_rows(columns[part], after[part]) for part in (parts, ~parts))
+    return one.residual(_solve(other, weights)) + other.residual(_solve(one, weights))
 
 
-def _residual(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> float:
-    return float(
-        (np.abs(after - lot[0] - weighted_sum(pulls, lot[1:4]) - lot[4] * wall) ** 2).sum()
-    )
-
-
-def share_explained(
-    film: FilmShoal, rows: Ints, zones: Zones, with_zones: Floats, alone: Floats
-) -> float:
-    """Return the share (at most 1) of the squares left without zones that the zones explain.
-
-    rows: of the film; with_zones, alone (5,): coefficients of `regression` with zones and without.
-    """
-    after, wall = film.directions(rows), wall_pull(film, rows)
-    pulls = zone_means(film.visible_neighbours(rows), zones.radii, zones.blind_deg)
-    left = [_residual(pulls, wall, after, lot) for lot in (with_zones, alone)]
-    return 1 - left[0] / left[1]
-
-
-def _radii(p: CalibrateSettings) -> Iterator[tuple[float, float, float]]:
-    """Yield radii of three zones, the smallest first; numbers of the parameters stay fixed.
+def _possible_radii(p: CalibrateSettings) -> list[tuple[float, float, float]]:
+    """Return the radii of three zones to try, the smallest first; given radii stay fixed.
 
     Where a fixed radius leaves none of the list for another zone, both have the same radius.
     """
     numbers = [float(value) for value in p.zone_radii if value != "auto"]
     every = sorted({*p.radii, *numbers})
     choices = [every if value == "auto" else [float(value)] for value in p.zone_radii]
-    for inner, middle, outer in product(*choices):
-        if inner <= middle <= outer:
-            yield inner, middle, outer
+    return [
+        (inner, middle, outer)
+        for inner, middle, outer in product(*choices)
+        if inner <= middle <= outer
+    ]
 
 
-def _zones(
+def _weighted_zones(
     radii: tuple[float, float, float], blind: float, weights: Reals, fixed: Sequence[float | None]
 ) -> Zones:
     """Return zones with weights, without the outermost fitted zones that have no weight."""
@@ -265,10 +246,7 @@ def _zones(
 
 
 def default_zones(p: CalibrateSettings) -> Zones:
-    """Return the zones for a film that shows too few fish together for a fit.
-
-    They have the values of the parameters, and the paper's (COUZIN) where a parameter is "auto".
-    """
+    """Return the zones of a film with too few fish for a fit: the given ones, else COUZIN."""
     weights = p.repulsion_weight, p.alignment_weight, p.attraction_weight
     names = [one.name for one in fields(Zones)]
     given = zip(names, (*p.zone_radii, p.blind_angle_deg, *weights), strict=True)

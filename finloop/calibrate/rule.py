@@ -1,19 +1,30 @@
-"""The rule of a film's fish: zones, fitted where the film shows fish together, and own steps."""
+"""The rule of a film's fish: zones and own steps; and simulated point fish that swim by it.
 
+Speeds, turns and chance come from the film, and so does the behaviour near a wall. The zones add
+the response to other fish. A step that leaves the tank is not taken.
+"""
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Complex, Ints
 from finloop.calibrate.film import LEAST, FilmShoal
 from finloop.calibrate.fit import Fitted, default_zones, fit_zones
-from finloop.calibrate.points import own_steps
 from finloop.calibrate.settings import CalibrateSettings
-from finloop.social.rule import Shoaling
+from finloop.social.measures import shoal_table
+from finloop.social.neighbours import neighbours
+from finloop.social.rule import Shoaling, SocialSteps
+from finloop.social.zones import Zones, pull
+
+_BURN_IN = 0.1  # share of the steps until the first places are forgotten
 
 
 def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted | None]:
     """Return the rule of a film's fish, and the fit of its zones.
 
-    The fit is None where the film shows too few fish together; then the zones are
-    `default_zones`.
+    Where the film shows too few fish together the fit is None, and the zones are `default_zones`.
     """
-    fit = fit_zones(film, p) if film.suffices_for_fit else None
+    fit = None if shortage(film) else fit_zones(film, p)
     zones = fit.zones if fit else default_zones(p)
     steps = own_steps(film, film.whole_steps(p.rows), zones)
     return Shoaling(zones, steps, film.horizon, p.alike), fit
@@ -21,14 +32,70 @@ def film_rule(film: FilmShoal, p: CalibrateSettings) -> tuple[Shoaling, Fitted |
 
 def shortage(film: FilmShoal) -> str:
     """Return in a sentence what a film lacks for a fit of zones; "" where it lacks nothing."""
-    if film.suffices_for_fit:
-        return ""
     first, second = (len(film.fit_rows(half, len(film.frame))) for half in (True, False))
+    has_steps = len(film.whole_steps(1)) > 0
+    if min(first, second) >= LEAST and has_steps:
+        return ""
     lack = (
         f"the halves of the film show a fish with others, and again {film.horizon} frames later, "
         f"{first} and {second} times; a fit takes {LEAST} each, so the zones are those of Couzin "
         "et al. (2002), or of the parameters"
     )
-    if len(film.whole_steps(1)):
+    if has_steps:
         return lack
     return f"{lack}; no track has three consecutive frames, so no fish can swim by them"
+
+
+def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> SocialSteps:
+    """Return the steps of k rows of a film without the pull of the other fish.
+
+    rows (k,): each has a row before and one after (`whole_steps`). A least-squares fit gives how
+    much a pull of 1 moves and turns a fish: as much as its own direction does.
+    """
+    pulls, own = pull(film.visible_neighbours(rows), zones), film.heading[rows]
+    move, turn = film.moves(rows), film.directions(rows)
+    before = (film.place[rows] - film.place[film.earlier[rows]]) * own.conj()
+    forward, onward = (_fit_own_part(vector, 1 + pulls) for vector in (move, turn))
+    return SocialSteps(
+        film.walls.near(film.place[rows], own), before, move - forward * pulls,
+        turn - onward * pulls, forward, onward,
+    )  # fmt: skip
+
+
+def _fit_own_part(vectors: Complex, by: Complex) -> float:
+    """Return the number a ≥ 0 with vectors (n,) ≈ a · by (n,), by least squares; 0 for n = 0."""
+    squares = float((np.abs(by) ** 2).sum())
+    return max(0.0, float((vectors * by.conj()).real.sum()) / squares) if squares > 0 else 0.0
+
+
+def simulate_points(
+    film: FilmShoal,
+    steps: SocialSteps,
+    zones: Zones,
+    p: CalibrateSettings,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Simulate point fish that swim by steps and zones; return their measures (columns of `SHOAL`).
+
+    There are as many as the film shows in a frame. The table has `p.steps` frames, after a time in
+    which they forget their random start.
+    """
+    fish, count, walls = film.fish, p.steps, film.walls
+    place = film.place[rng.choice(len(film.place), fish, replace=len(film.place) < fish)]
+    heading, last = np.exp(2j * np.pi * rng.random(fish)), np.zeros(fish, complex)
+    first, every_fish = round(_BURN_IN * count), np.arange(fish)
+    places, headings = np.empty((2, count, fish), complex)
+    for number in range(first + count):
+        pulls = pull(neighbours(place, heading), zones)
+        moves, turns = steps.draw(walls.near(place, heading), last * heading.conj(), p.alike, rng)
+        ways = heading * (moves.T + steps.forward * pulls)
+        inside = walls.inside(place + ways)
+        which = inside.argmax(axis=0)  # the first move inside the tank; without one a fish stays
+        to = np.where(inside.any(axis=0), place + ways[which, every_fish], place)
+        heading = heading * steps.add_pull_to_turns(turns[every_fish, which], pulls)
+        last, place = to - place, to
+        if number >= first:
+            places[number - first], headings[number - first] = place, heading
+    at = np.stack([places.real, -places.imag], axis=-1).reshape(-1, 2) * walls.length
+    frame = np.repeat(np.arange(count), fish)
+    return shoal_table(frame, at, np.degrees(np.angle(headings)).ravel(), walls)

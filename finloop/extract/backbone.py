@@ -1,7 +1,7 @@
 """The backbone of a fish from its silhouette (fish paper §2.2 and §2.2.1, Figs. 2-4).
 
-Thinning leaves a one-pixel skeleton with side branches (open fins); `extract.skeleton` picks its
-main path. That path stops short of head and tail and lies on whole pixels, so measured lengths are
+Thinning leaves a one-pixel skeleton with side branches (open fins), of which the longest path is
+kept. That path stops short of head and tail and lies on whole pixels, so measured lengths are
 2.5-3.7 % too small. Therefore it is extended to the outline at both ends, centred between the two
 flanks at sub-pixel precision, smoothed and resampled at equal arc lengths.
 
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
-from finloop.extract.skeleton import longest_geodesic, trim_forks
 
 _STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # half widths from an end to where its direction is measured
 _NOTCH = 0.5  # radius of the disc that closes notches, as a share of the largest half width
-_SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoother()
+_FORK = 3.0  # half widths from a path's tip within which it is cut off
+_SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoothing_matrix()
 
 
 class Backbone(NamedTuple):
@@ -43,7 +43,7 @@ class Backbone(NamedTuple):
     length_px: float
 
 
-def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
+def trace_backbone(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
     """Trace the backbone of the silhouette `mask` (h, w) with `points` points; None if too short.
 
     field (h, w): the difference image, from which flanks and tips are read at sub-pixel precision;
@@ -52,8 +52,10 @@ def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | N
     whole, filled = without_notches(mask, field)
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
-    line = _line(skeleton, half_width, (field, filled), smoother(points), floor)
-    return Backbone(*line) if np.isfinite(line[-1]) else None
+    path = trim_forks(longest_geodesic(skeleton, half_width), half_width)
+    if len(path) < 4:
+        return None
+    return Backbone(*_refine((field, filled), path, smoothing_matrix(points), floor))
 
 
 def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
@@ -67,14 +69,15 @@ def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
     reach = int(_NOTCH * widest + 0.5)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    closed = _closing(picture, disc)
-    if _has_holes(closed):
+    closed = _close(picture, disc)
+    kinds = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
+    if kinds is not None and (kinds[0, :, 3] >= 0).any():  # a hole
         return mask, field
     inside = np.where(closed, field, 0)  # beside it there may be another fish
-    return closed.view(bool), np.maximum(_closing(inside, disc) * closed, field)
+    return closed.view(bool), np.maximum(_close(inside, disc) * closed, field)
 
 
-def _closing(picture: Picture, disc: Picture) -> Picture:
+def _close(picture: Picture, disc: Picture) -> Picture:
     """Return the closing (h, w) of a picture in which nothing lies beyond the border."""
     (h, w), rim = picture.shape, len(disc) // 2
     closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, disc)
@@ -89,13 +92,120 @@ def pad_picture(picture: Picture, rim: int) -> Picture:
     return np.asarray(cv2.copyMakeBorder(picture, rim, rim, rim, rim, cv2.BORDER_CONSTANT))
 
 
-def _has_holes(mask: Picture) -> bool:
-    kinds = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
-    return kinds is not None and bool((kinds[0, :, 3] >= 0).any())
+@kernel
+def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
+    """Return the longest shortest path (m, 2) x, y through a skeleton (§2.2.1, Fig. 4: A to D).
+
+    skeleton: (h, w), True on it. The length of a step is multiplied by the mean `weight` (h, w) of
+    its two pixels. A weight of 1 is the paper's rule. Then an open fin can be longer than the head,
+    before which the skeleton ends. With the distance to the outline as weight a path counts by the
+    area that it passes through, and thin fins are not chosen.
+
+    Two sweeps: the pixel farthest from any pixel is one end, and the pixel farthest from that end
+    is the other. This is exact on a tree, and the skeleton of a silhouette without holes is one. Of
+    several separate pieces the one with the most pixels is used.
+    """
+    height, width = skeleton.shape
+    number = np.full((height, width), -1, np.int64)
+    count = 0
+    for y in range(height):
+        for x in range(width):
+            if skeleton[y, x]:
+                number[y, x] = count
+                count += 1
+    xs, ys = np.empty(count, np.int64), np.empty(count, np.int64)
+    for y in range(height):
+        for x in range(width):
+            if number[y, x] >= 0:
+                xs[number[y, x]], ys[number[y, x]] = x, y
+    visited = np.zeros(count, np.bool_)
+    best_start, best_size = xs.size, 0  # none yet; a literal -1 would compile `_geodesic` again
+    for start in range(count):
+        if not visited[start]:
+            distance, size = _geodesic(number, xs, ys, weight, start)[0], 0
+            for node in range(count):
+                if np.isfinite(distance[node]):
+                    visited[node] = True
+                    size += 1
+            if size > best_size:
+                best_start, best_size = start, size
+    if best_size == 0:
+        return np.empty((0, 2))
+    one_end = _farthest(_geodesic(number, xs, ys, weight, best_start)[0])
+    distance, previous = _geodesic(number, xs, ys, weight, one_end)
+    node = _farthest(distance)
+    path = np.empty((count, 2))
+    length = 0
+    while node >= 0:
+        path[length, 0], path[length, 1] = xs[node], ys[node]
+        node = previous[node]
+        length += 1
+    return path[:length].copy()
+
+
+@kernel
+def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
+    """Return the path (k, 2) x, y of a skeleton's path (m, 2) without its forked ends.
+
+    half_width: (h, w), px from each pixel to the outline. Near a blunt end the skeleton forks into
+    the corners of the outline, so the path is cut off within `_FORK` half widths of its ends.
+    """
+    width = np.empty(len(path))
+    for i in range(len(path)):
+        width[i] = half_width[int(path[i, 1]), int(path[i, 0])]
+    first, last = 0, len(path) - 1
+    while first < len(path) and width[first] > _FORK * first:
+        first += 1
+    while last >= 0 and width[last] > _FORK * (len(path) - 1 - last):
+        last -= 1
+    return path[first : max(last + 1, first)].copy()
+
+
+@kernel
+def _farthest(distance: Floats) -> int:
+    """Return the number of the pixel at the largest finite distance."""
+    best = -1
+    for i in range(distance.size):
+        if np.isfinite(distance[i]) and (best < 0 or distance[i] > distance[best]):
+            best = i
+    return best
+
+
+@kernel
+def _geodesic(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
+    """Return distances from `start` over the 8-connected skeleton, and each pixel's predecessor."""
+    height, width = number.shape
+    distance = np.full(xs.size, np.inf)
+    previous = np.full(xs.size, -1, np.int64)
+    waiting = np.zeros(xs.size, np.bool_)
+    queue = np.empty(xs.size + 1, np.int64)  # circular: a pixel waits at most once
+    head, tail = 0, 1
+    queue[0] = start
+    distance[start] = 0.0
+    while head != tail:
+        node = queue[head]
+        head = (head + 1) % queue.size
+        waiting[node] = False
+        for dy in range(-1, 2):
+            for dx in range(-1, 2):
+                y, x = ys[node] + dy, xs[node] + dx
+                if 0 <= y < height and 0 <= x < width and number[y, x] >= 0:
+                    there = number[y, x]
+                    step = np.sqrt(2.0) if dx and dy else 1.0
+                    here = weight[ys[node], xs[node]]
+                    reach = distance[node] + step * 0.5 * (here + weight[y, x])
+                    if there != node and reach < distance[there] - 1e-9:
+                        distance[there] = reach
+                        previous[there] = node
+                        if not waiting[there]:
+                            waiting[there] = True
+                            queue[tail] = there
+                            tail = (tail + 1) % queue.size
+    return distance, previous
 
 
 @lru_cache
-def smoother(points: int) -> Floats:
+def smoothing_matrix(points: int) -> Floats:
     """Return a Whittaker smoother with a third-difference penalty, a (points, points) matrix.
 
     Multiplied by a line's points (points, 2), it gives the smoothed line. Straight lines and
@@ -107,6 +217,7 @@ def smoother(points: int) -> Floats:
 
 @kernel
 def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
+    """Return the field between four pixels, bilinear; 0 outside of the picture."""
     height, width = field.shape
     x0, y0 = int(np.floor(x)), int(np.floor(y))
     if x0 < 0 or y0 < 0 or x0 >= width - 1 or y0 >= height - 1:
@@ -192,7 +303,7 @@ def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
+def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
     """Return the outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
 
     `chain` (m, 2) are the pixels just inside it, in order, closed. They are resampled evenly, moved
@@ -224,33 +335,27 @@ def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
     return resample(line, points + 1)[:-1].copy()
 
 
-@kernel
 def upper_level(patch: Picture, threshold: float, share: float) -> float:
     """Return the quantile `share` of the grey levels above `threshold` in a patch (h, w) uint8.
 
     It is a whole level; the one above the threshold if no pixel exceeds that.
     """
-    count = np.zeros(256, np.int64)
-    for y in range(patch.shape[0]):
-        for x in range(patch.shape[1]):
-            count[patch[y, x]] += 1
-    start = int(np.floor(threshold)) + 1
-    limit, total = share * count[start:].sum(), 0
-    for level in range(start, 256):
-        total += count[level]
-        if total > limit:
-            return float(level)
-    return float(start)
+    start = int(threshold) + 1
+    total = np.cumsum(np.bincount(patch.ravel(), minlength=256)[start:])
+    above = int(np.searchsorted(total, share * total[-1], side="right"))
+    return float(start + above if above < len(total) else start)
 
 
 @kernel
 def _median(values, i):  # type: ignore[no-untyped-def]
+    """Return the median of the value i and its two neighbours."""
     a, b = values[i - 1], values[i]
     return max(min(a, b), min(max(a, b), values[i + 1]))
 
 
 @kernel
 def _median3(values):  # type: ignore[no-untyped-def]
+    """Return the medians of three neighbours each; both ends stay unchanged."""
     out = values.copy()
     for i in range(1, values.size - 1):
         out[i] = _median(values, i)
@@ -259,6 +364,7 @@ def _median3(values):  # type: ignore[no-untyped-def]
 
 @kernel
 def _quantile(values, share):  # type: ignore[no-untyped-def]
+    """Return a quantile of few values, linear between them."""
     rising = values.copy()
     for i in range(1, values.size):
         k = i
@@ -272,26 +378,13 @@ def _quantile(values, share):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _line(skeleton, half_width, fields, smooth, floor):  # type: ignore[no-untyped-def]
-    """Return points, half widths and length of a skeleton's backbone; NaN where it is too short."""
-    points = len(smooth)
-    path = trim_forks(longest_geodesic(skeleton, half_width), half_width)
-    if len(path) < 4:
-        return np.zeros((points, 2)), np.zeros(points), np.nan
-    xy, width = _refine(fields, path, smooth, points, floor)
-    length = 0.0
-    for i in range(1, points):
-        length += np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
-    return xy, width, length
+def _refine(fields, path, smooth, floor):  # type: ignore[no-untyped-def]
+    """Extend a path to the outline, centre it between the flanks, smooth and resample it.
 
-
-@kernel
-def _refine(fields, path, smooth, points, floor):  # type: ignore[no-untyped-def]
-    """Extend the path to the outline, centre it between the flanks, smooth and resample it.
-
-    fields: unchanged, for the flanks, and without notches, for the tips.
+    fields: unchanged, for the flanks, and without notches, for the tips. Returns what `Backbone`
+    holds.
     """
-    field, filled = fields
+    (field, filled), points = fields, len(smooth)
     xy = smooth @ resample(path, points)
     width = np.zeros(points)
     for _ in range(3):
@@ -331,4 +424,7 @@ def _refine(fields, path, smooth, points, floor):  # type: ignore[no-untyped-def
             xy[i, 0] += shift[i] * normal[i, 0]
             xy[i, 1] += shift[i] * normal[i, 1]
         xy = resample(smooth @ xy, points)
-    return xy, _median3(width)
+    length = 0.0
+    for i in range(1, points):
+        length += np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
+    return xy, _median3(width), length

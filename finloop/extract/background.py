@@ -8,14 +8,14 @@ of the smoothed difference image where no fish is; the threshold is a multiple o
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import cv2
 import numpy as np
 import skimage
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Mask, Picture
+from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.parallel import ALONE, Threads, ordered_map
@@ -29,9 +29,7 @@ _NOISE_FRAMES = 8  # frames from which the noise is measured, some million pixel
 _SMALL = 120  # px, smaller side of the reduced picture in which all films are alike
 _AROUND = 41  # px of the reduced picture: the window's side, a third of the smaller side
 _AWAY = 0.1  # least share of a ghost that is floor in some frame; a stone never is
-_MEMORY = 2**29  # most bytes of the frames of a median
 _ONE_SIDED = 0.9  # least share of changed pixels on one side of a one-sided polarity
-
 
 Polarity = Literal["dark", "bright", "both", "auto"]
 """Whether fish are darker than the tank, brighter, or both (patterned skin)."""
@@ -51,33 +49,50 @@ class Scene:
     threshold: float
 
     @cached_property
-    def tank(self) -> "LitPixels":
-        """Return the pixels of the background that measure the light of a frame."""
-        return lit_pixels(self.background)
+    def light_meter(self) -> "_LightMeter":
+        """The meter of the light of frames relative to the background."""
+        return _LightMeter(self.background)
 
 
-class LitPixels(NamedTuple):
-    """Pixels of a background that are bright enough to measure the light.
+class _LightMeter:
+    """Measures the light of frames relative to a background, by a grid of its bright pixels."""
 
-    lit: (rows, columns[, 3]) bool for every `_GRID`th pixel; levels: of the lit pixels; level:
-    their median.
+    def __init__(self, background: Picture) -> None:
+        grid = background[::_GRID, ::_GRID].astype(np.float32)
+        self._lit = grid > 16
+        self._levels = grid[self._lit]
+        self._middle = float(np.median(self._levels)) if self._lit.any() else 0.0
+
+    def measure(self, frame: Picture) -> float:
+        """Return the median ratio of a frame's pixels to the background's, as `light` does."""
+        if not len(self._levels):
+            return 1.0
+        # the median; np.median takes twice as long
+        ratio = np.sort(frame[::_GRID, ::_GRID][self._lit] / self._levels)
+        gain = float(ratio[(len(ratio) - 1) // 2] + ratio[len(ratio) // 2]) / 2
+        return 1.0 if abs(gain - 1.0) * self._middle < 0.5 or gain <= 0 else gain
+
+
+def light(frame: Picture, background: Picture) -> float:
+    """Return the brightness of `frame` relative to `background`: the median ratio of their pixels.
+
+    It is exactly 1.0 if they differ by less than half a grey level: then nothing has to be
+    converted.
     """
-
-    lit: Mask
-    levels: NDArray[np.float32]
-    level: float
+    return _LightMeter(background).measure(frame)
 
 
-_SIGNS = {"dark": (1, 0), "bright": (0, 1), "both": (1, 1)}  # whether darker, brighter counts
+def in_light_of(scene: Scene, frame: Picture) -> Scene:
+    """Return the scene with its background brought to the light of `frame`."""
+    gain = scene.light_meter.measure(frame)
+    if gain == 1.0:
+        return scene
+    return replace(scene, background=scale_brightness(scene.background, gain))
 
 
-def sample_size(samples: int, frames: int, shape: tuple[int, ...]) -> int:
-    """Return how many sample frames to take: `samples`, but odd, and limited by frames and memory.
-
-    frames: number of frames of the clip; shape: of a frame, (h, w[, channels]).
-    """
-    most = max(1, min(samples, frames, _MEMORY // int(np.prod(shape))))
-    return most - (most + 1) % 2
+def scale_brightness(picture: Picture, gain: float) -> Picture:
+    """Return the picture in a light `gain` times as strong; itself if the gain is 1."""
+    return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
 def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Picture:
@@ -126,9 +141,7 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
         )
     above = grey > skimage.filters.threshold_otsu(grey)
     tank = above if above.mean() >= 0.5 else ~above
-    tone = np.median(sample[tank], axis=0)
-    shape = frames[0].shape
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(tone, np.uint8), shape))
+    return np.full(frames[0].shape, np.median(sample[tank], axis=0), np.uint8)
 
 
 def patched_background(frames: Sequence[Picture], middle: Picture, least: float) -> Picture:
@@ -139,80 +152,33 @@ def patched_background(frames: Sequence[Picture], middle: Picture, least: float)
     fish was away, and the floor is visible. The ghost takes the level of its surroundings. A part
     of the tank, such as a stone, is there in every frame, and stays.
     """
-    around = _surroundings(middle)
-    differs = _strong(cv2.absdiff(middle, around)) > least
-    seen = np.zeros_like(differs)
+    height, width = middle.shape[:2]
+    reduction = max(1.0, min(height, width) / _SMALL)
+    size = round(width / reduction), round(height / reduction)
+    small = cv2.resize(middle, size, interpolation=cv2.INTER_AREA)
+    # the median of each pixel's surroundings, in which a narrow fish is a minority
+    floor = cv2.medianBlur(small, _AROUND)
+    floor = np.asarray(cv2.resize(floor, (width, height), interpolation=cv2.INTER_LINEAR))
+    differs = _smooth_difference(middle, floor) > least
+    shown = np.zeros_like(differs)
     for frame in frames:
-        here = scale_brightness(frame, 1 / light(frame, middle))
-        seen |= _strong(cv2.absdiff(here, around)) <= least / 2
+        lit = scale_brightness(frame, 1 / light(frame, middle))
+        shown |= _smooth_difference(lit, floor) <= least / 2
     count, label = cv2.connectedComponents(differs.astype(np.uint8))
-    away = np.bincount(label[seen], minlength=count) / np.bincount(label.ravel(), minlength=count)
+    away = np.bincount(label[shown], minlength=count) / np.bincount(label.ravel(), minlength=count)
     away[0] = 0.0  # the part that does not differ
-    edge = 2 * round(_reduction(middle)) + 1  # soft: a pixel of the reduced picture to each side
+    edge = 2 * round(reduction) + 1  # soft: a pixel of the reduced picture to each side
     ghost = cv2.dilate((away > _AWAY)[label].astype(np.uint8), np.ones((edge, edge), np.uint8)) > 0
     patched = middle.copy()
-    patched[ghost] = around[ghost]
+    patched[ghost] = floor[ghost]
     return patched
 
 
-def _reduction(picture: Picture) -> float:
-    """Return how many times smaller the picture is in which surroundings are measured."""
-    return max(1.0, min(picture.shape[:2]) / _SMALL)
-
-
-def _surroundings(picture: Picture) -> Picture:
-    """Return each pixel's median of its surroundings, in which a narrow fish is a minority."""
-    height, width = picture.shape[:2]
-    less = _reduction(picture)
-    size = round(width / less), round(height / less)
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    around = cv2.medianBlur(small, _AROUND)
-    return np.asarray(cv2.resize(around, (width, height), interpolation=cv2.INTER_LINEAR))
-
-
-def _strong(change: Picture) -> Picture:
+def _smooth_difference(picture: Picture, floor: Picture) -> Picture:
+    """Return the smoothed difference (h, w) of two pictures, of RGB the strongest channel."""
+    change = cv2.absdiff(picture, floor)
     grey = change if change.ndim == 2 else change.max(axis=-1)
     return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))
-
-
-def light(frame: Picture, background: Picture) -> float:
-    """Return the brightness of `frame` relative to `background`: the median ratio of their pixels.
-
-    It is exactly 1.0 if they differ by less than half a grey level: then nothing has to be
-    converted.
-    """
-    return _light(frame, lit_pixels(background))
-
-
-def lit_pixels(background: Picture) -> LitPixels:
-    """Return the pixels of a background that measure the light: a grid without dark ones."""
-    grid = background[::_GRID, ::_GRID].astype(np.float32)
-    lit = grid > 16
-    return LitPixels(lit, grid[lit], float(np.median(grid[lit])) if lit.any() else 0.0)
-
-
-def _light(frame: Picture, tank: LitPixels) -> float:
-    if not len(tank.levels):
-        return 1.0
-    # the median; np.median takes twice as long
-    ratio = np.sort(frame[::_GRID, ::_GRID][tank.lit] / tank.levels)
-    gain = float(ratio[(len(ratio) - 1) // 2] + ratio[len(ratio) // 2]) / 2
-    return 1.0 if abs(gain - 1.0) * tank.level < 0.5 or gain <= 0 else gain
-
-
-def scale_brightness(picture: Picture, gain: float) -> Picture:
-    """Return the picture in a light `gain` times as strong."""
-    return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
-
-
-def in_light_of(scene: Scene, frame: Picture) -> Scene:
-    """Return the scene with its background brought to the light of `frame`."""
-    gain = _light(frame, scene.tank)
-    return (
-        scene
-        if gain == 1.0
-        else replace(scene, background=scale_brightness(scene.background, gain))
-    )
 
 
 def difference(frame: Picture, scene: Scene) -> Picture:
@@ -221,20 +187,21 @@ def difference(frame: Picture, scene: Scene) -> Picture:
     It is in grey levels, smoothed over 3×3 px, of RGB the strongest channel. Only changes in the
     direction of the scene's polarity count.
     """
+    tank, polarity = scene.background, scene.polarity
     if frame.ndim == 2:
-        return _difference(frame, scene.background, *_SIGNS[scene.polarity])
-    if scene.polarity == "dark":
-        change = cv2.subtract(scene.background, frame)
-    elif scene.polarity == "bright":
-        change = cv2.subtract(frame, scene.background)
+        return _grey_difference(frame, tank, int(polarity != "bright"), int(polarity != "dark"))
+    if polarity == "dark":
+        change = cv2.subtract(tank, frame)
+    elif polarity == "bright":
+        change = cv2.subtract(frame, tank)
     else:
-        change = cv2.absdiff(frame, scene.background)
+        change = cv2.absdiff(frame, tank)
     red, green, blue = cv2.split(change)
     return cv2.GaussianBlur(cv2.max(cv2.max(red, green), blue), _SMOOTH, 0.85)
 
 
 @kernel
-def _difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-def]
+def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-def]
     """Return how much grey pictures are `darker` and `brighter` than the tank, in one pass.
 
     Weights 1, 2, 1 in both directions are the Gaussian of 0.85 px, mirrored at the edges. Numbers
@@ -281,29 +248,23 @@ def survey_noise(
     noise = float(np.quantile(np.abs(residue), 0.6827))
     threshold = max(sigmas * noise, least)
     if polarity == "auto":
-        polarity = _polarity(residue, threshold)
+        dark, bright = int((residue < -threshold).sum()), int((residue > threshold).sum())
+        polarity = "both"
+        if dark >= _ONE_SIDED * (dark + bright):
+            polarity = "dark"
+        elif bright >= _ONE_SIDED * (dark + bright):
+            polarity = "bright"
     return Scene(background, polarity, noise, threshold)
 
 
 def _residue(background: Picture, frame: Picture) -> NDArray[np.float32]:
-    """Return the signed, smoothed difference between a frame and the tank at every second pixel."""
-    gain = light(frame, background)
-    change = frame.astype(np.float32) - gain * background.astype(np.float32)
-    change = cv2.GaussianBlur(change, _SMOOTH, 0.85)[::2, ::2]
-    return np.asarray(change) if change.ndim == 2 else _strongest(change)
+    """Return the signed, smoothed difference of a frame from the tank at every second pixel.
 
-
-def _strongest(change: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return, of three channels (h, w, 3), the one that changed most, with its sign."""
-    channel = np.abs(change).argmax(axis=-1, keepdims=True)
-    return np.take_along_axis(change, channel, axis=-1)[..., 0]
-
-
-def _polarity(residue: NDArray[np.float32], threshold: float) -> Polarity:
-    dark = int((residue < -threshold).sum())
-    bright = int((residue > threshold).sum())
-    if dark >= _ONE_SIDED * (dark + bright):
-        return "dark"
-    if bright >= _ONE_SIDED * (dark + bright):
-        return "bright"
-    return "both"
+    Of three channels it is the one that changed most.
+    """
+    change = frame.astype(np.float32) - light(frame, background) * background.astype(np.float32)
+    change = np.asarray(cv2.GaussianBlur(change, _SMOOTH, 0.85)[::2, ::2])
+    if change.ndim == 2:
+        return change
+    strongest = np.abs(change).argmax(axis=-1, keepdims=True)
+    return np.take_along_axis(change, strongest, axis=-1)[..., 0]

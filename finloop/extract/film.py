@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -20,24 +20,22 @@ from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError, UndecodableError
 from finloop.base.parallel import Workers, ordered_map
-from finloop.extract.background import (
-    Scene,
-    in_light_of,
-    sample_size,
-)
+from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, Verdict, judge
 from finloop.extract.segment import (
     SegmentedFish,
     Silhouette,
     SilhouetteEdge,
-    contour,
+    edge_pixels,
     measure_fish,
     silhouettes,
 )
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.tracks import Linker, SilhouettePlace
 
-T = TypeVar("T")
+_STRETCH = 240  # most frames that a worker takes at a time
+_SPECK = 0.125  # share of a typical fish's area; smaller patches are ignored
+_SAMPLE_BYTES = 2**29  # most bytes of the sample frames
 
 
 class TrackedFish(NamedTuple):
@@ -48,17 +46,14 @@ class TrackedFish(NamedTuple):
     fish: SegmentedFish
 
 
-_STRETCH = 240  # most frames that a worker takes at a time
-_SPECK = 0.125  # share of a typical fish's area; smaller patches are ignored
-
-
 def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int) -> list[int]:
-    """Return the numbers of sample frames spread evenly over a clip, ascending.
+    """Return an odd number of sample frames spread evenly over a clip, ascending.
 
-    samples: how many are wanted; frames: of the clip; shape: of a frame, (h, w[, channels]). The
+    They are at most `samples`, fewer of a short clip or large frames (h, w[, channels]). The
     numbers are multiples of `stride`, the distance of key frames, where the clip is long enough.
     """
-    count = sample_size(samples, frames, shape)
+    most = max(1, min(samples, frames, _SAMPLE_BYTES // int(np.prod(shape))))
+    count = most - (most + 1) % 2
     numbers = np.linspace(0, frames - 1, count).round().astype(int)
     if frames >= count * stride:
         numbers = numbers // stride * stride
@@ -69,9 +64,8 @@ def learn_background(
     frames: Iterable[Picture], scene: Scene, rate_hz: float
 ) -> Iterator[tuple[Picture, Scene]]:
     """Yield each frame with a scene whose background OpenCV's MOG2 learns, renewed every second."""
-    model = cv2.createBackgroundSubtractorMOG2(
-        history=max(2, round(20 * rate_hz)), detectShadows=False
-    )
+    history = max(2, round(20 * rate_hz))
+    model = cv2.createBackgroundSubtractorMOG2(history=history, detectShadows=False)
     model.apply(scene.background, learningRate=1.0)
     for number, frame in enumerate(frames):
         model.apply(frame)
@@ -90,6 +84,10 @@ class Detections(NamedTuple):
     verdicts: list[Verdict]
     spots: list[SilhouettePlace]
     fish: list[SegmentedFish | None]
+
+
+Stretch = list[Detections | None]
+"""The detections of successive frames; None for a frame that cannot be decoded."""
 
 
 @dataclass(frozen=True)
@@ -121,36 +119,23 @@ class Detector:
             for s, verdict in zip(patches, verdicts, strict=True)
         ]
         outlined = bool(settings.tracks_path)
-        spots = [_spot(s, f, outlined) for s, f in zip(patches, fish, strict=True)]
+        spots = [_silhouette_place(s, f, outlined) for s, f in zip(patches, fish, strict=True)]
         return Detections(verdicts, spots, fish)
-
-
-class Reader(Protocol):
-    """Streams the frames start … stop − 1 of a clip, in any thread; a cluster pickles it."""
-
-    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]:
-        """Yield these frames, (h, w) or (h, w, 3) uint8."""
-
-
-class Keeper(Protocol):
-    """Stores the results of pieces, in any thread; a cluster pickles it."""
-
-    def load_or_make(self, name: str, make: Callable[[], T]) -> T:
-        """Load the piece stored under a name, or store and return the result of `make()`."""
-        ...
 
 
 class ClipStream(NamedTuple):
     """A clip to read: its length, its frames per second, and the distance of its key frames.
 
-    keeper: stores the detections of its stretches; None stores nothing.
+    read: yields the frames start … stop − 1, (h, w) or (h, w, 3) uint8. load_or_make: returns the
+    detections of a stretch that are stored under a name, or makes and stores them; None stores
+    nothing. A cluster pickles both.
     """
 
-    read: Reader
+    read: Callable[..., Iterator[Picture]]
     frames: int
     rate_hz: float
     stride: int = 1
-    keeper: Keeper | None = None
+    load_or_make: Callable[[str, Callable[[], "Stretch"]], "Stretch"] | None = None
 
 
 def detections(
@@ -169,26 +154,26 @@ def detections(
     length = max(1, length // film.stride) * film.stride
     starts = range(0, film.frames, length)
     spans = [(start, min(start + length, film.frames)) for start in starts]
-    work = partial(_stretch, film, scene, detector)
+    work = partial(_load_or_detect, film, scene, detector)
     return (frame for stretch in ordered_map(work, spans, workers) for frame in stretch)
 
 
-def _stretch(
+def _load_or_detect(
     film: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
-) -> list[Detections | None]:
+) -> Stretch:
     """Return the detections in the frames of a span, stored or computed."""
     compute = partial(_detect_span, film, scene, detector, span)
-    if film.keeper is None:
+    if film.load_or_make is None:
         return compute()
-    return film.keeper.load_or_make("{:09d}-{:09d}".format(*span), compute)
+    return film.load_or_make("{:09d}-{:09d}".format(*span), compute)
 
 
 def _detect_span(
     film: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
-) -> list[Detections | None]:
+) -> Stretch:
     """Detect animals in the frames of a span; after a damaged one resume at the next key frame."""
     start, stop = span
-    seen: list[Detections | None] = []
+    seen: Stretch = []
     while (at := start + len(seen)) < stop:
         try:
             for frame in film.read(start=at, stop=stop):
@@ -241,11 +226,14 @@ def link_tracks(
         yield Counter(verdicts), ready
 
 
-def _spot(silhouette: Silhouette, fish: SegmentedFish | None, outlined: bool) -> SilhouettePlace:
+def _silhouette_place(
+    silhouette: Silhouette, fish: SegmentedFish | None, outlined: bool
+) -> SilhouettePlace:
+    """Return the place of a silhouette: a fish's mass centre, else the middle of its box."""
     h, w = silhouette.mask.shape
     x0, y0 = silhouette.x0, silhouette.y0
     box = (x0, y0, x0 + w, y0 + h)
-    outline = contour(silhouette) if outlined else None
+    outline = edge_pixels(silhouette) if outlined else None
     if fish is None:
         return SilhouettePlace(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False, outline)
     return SilhouettePlace(fish.x_px, fish.y_px, silhouette.area_px, box, True, outline)
@@ -289,10 +277,10 @@ def track_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
         {
             "track_id": [f.track_id for f in fish],
             "frame": [f.frame for f in fish],
-            "x_px": [f.fish.x_px for f in fish],
-            "y_px": [f.fish.y_px for f in fish],
-            "area_px": [f.fish.area_px for f in fish],
-            "contrast": [f.fish.contrast for f in fish],
+            **{
+                name: [getattr(f.fish, name) for f in fish]
+                for name in ("x_px", "y_px", "area_px", "contrast")
+            },
             "length_px": [f.fish.backbone.length_px for f in fish],
             "backbone_x_px": [f.fish.backbone.points_px[:, 0] for f in fish],
             "backbone_y_px": [f.fish.backbone.points_px[:, 1] for f in fish],

@@ -11,13 +11,10 @@ from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
-from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone
 
-_REACH = 0.3  # share of the diagonal of a silhouette's box; pixels farther from it are no fin
 _ALIKE = 1.2  # largest ratio of two means that count as equal: all fish may head the same way
 # Least share of the way round an animal that is gloom; measured: fins 0.00-0.04, a mouse's 0.28.
 _AROUND = 0.15
@@ -27,7 +24,6 @@ _RIM = 2  # px of tank that a cut-out keeps about its fins
 
 Fins = Literal["all", "darker", "brighter", "none"]
 """Which pale pixels count as fins: those darker or brighter than the tank, both, or none."""
-
 
 Kind = Literal["fins", "shadow", "gloom"]
 """The nature of the pale pixels about the fish of a film."""
@@ -46,33 +42,6 @@ class Pale(NamedTuple):
     field: Picture
 
 
-def nearest(bodies: Picture) -> NDArray[np.int32]:
-    """Return the number (h, w), from 1, of the silhouette that is nearest to each pixel.
-
-    bodies: (h, w) uint8, 1 inside a silhouette, 0 elsewhere.
-    """
-    numbers = cv2.distanceTransformWithLabels(
-        1 - bodies, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
-    )[1]
-    return np.asarray(numbers)
-
-
-def pale_of(corner: tuple[int, int], body: Mask, mask: Mask, field: Picture) -> Pale:
-    """Return the pale pixels of a patch that lie near one silhouette, `body` (h, w).
-
-    corner: x, y of the body's first pixel in the patch. mask (H, W): pixels of the patch that are
-    pale or of the body; field (H, W): the patch's difference image. x0, y0 of the result are px of
-    the patch, too.
-    """
-    (x, y), (h, w) = corner, body.shape
-    reach = int(_REACH * np.hypot(h, w))
-    left, top = max(x - reach, 0), max(y - reach, 0)
-    window = np.s_[top : y + h + reach, left : x + w + reach]
-    own = mask[window].copy()
-    own[y - top : y - top + h, x - left : x - left + w] &= ~body
-    return Pale(left, top, own, field[window].copy())
-
-
 def with_fins(
     alpha: Picture, corner: tuple[int, int], fins: Pale, levels: tuple[float, float]
 ) -> tuple[Picture, tuple[int, int]]:
@@ -83,45 +52,25 @@ def with_fins(
     alpha: of the silhouette alone; corner: x, y of its first pixel. levels: the fish's contrast,
     and the threshold, grey levels.
     """
-    at = corner[0] - fins.x0, corner[1] - fins.y0
-    shown, x, y = _add_fins(alpha, at, fins.mask, fins.field, levels)
-    return shown, (x + fins.x0, y + fins.y0)
-
-
-@kernel
-def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
-    """Return alpha with fins and its first pixel x, y; at: first pixel of `alpha` in the mask."""
-    (left, top), (contrast, threshold) = at, levels
-    (h, w), (height, width) = alpha.shape, mask.shape
-    x, y, right, bottom = left, top, left + w, top + h
-    for v in range(height):
-        for u in range(width):
-            if mask[v, u]:
-                x, right = min(x, max(u - _RIM, 0)), max(right, min(u + 1 + _RIM, width))
-                y, bottom = min(y, max(v - _RIM, 0)), max(bottom, min(v + 1 + _RIM, height))
-    share = np.empty(256, np.uint8)
-    for level in range(256):
-        fading = min(max(level / threshold - 1, 0.0), 1.0)
-        share[level] = int(min(level * fading * (255 / contrast) + 0.5, 255.0))
-    shown = np.zeros((bottom - y, right - x), np.uint8)
-    for v in range(bottom - y):
-        for u in range(right - x):
-            if mask[y + v, x + u]:
-                shown[v, u] = share[field[y + v, x + u]]
-    for v in range(h):
-        for u in range(w):
-            if alpha[v, u]:
-                shown[top - y + v, left - x + u] = alpha[v, u]
-    return shown, x, y
-
-
-def is_darker(film: Picture, tank: Picture) -> Mask:
-    """Return the mask (h, w) of where a frame is darker than the tank, summed over channels.
-
-    film, tank: (h, w[, 3]) uint8, of one size.
-    """
-    change = film.astype(np.int16) - tank
-    return np.asarray((change if change.ndim == 2 else change.sum(axis=2)) < 0)
+    contrast, threshold = levels
+    level = np.arange(256)
+    fading = np.clip(level / threshold - 1, 0, 1)
+    opacity = np.minimum(level * fading * (255 / contrast) + 0.5, 255).astype(np.uint8)
+    bounds = []  # of the result, in px of the mask: top, bottom, left, right
+    for axis, size in enumerate(fins.mask.shape):
+        first = corner[1 - axis] - (fins.y0, fins.x0)[axis]
+        fin = np.flatnonzero(fins.mask.any(axis=1 - axis))
+        low, high = (fin[0], fin[-1] + 1) if len(fin) else (size, 0)
+        bounds += [min(first, max(low - _RIM, 0))]
+        bounds += [max(first + alpha.shape[axis], min(high + _RIM, size))]
+    top, bottom, left, right = map(int, bounds)
+    window = np.s_[top:bottom, left:right]
+    shown = np.where(fins.mask[window], opacity[fins.field[window]], np.uint8(0))
+    x, y = left + fins.x0, top + fins.y0
+    h, w = alpha.shape
+    own = shown[corner[1] - y : corner[1] - y + h, corner[0] - x : corner[0] - x + w]
+    np.copyto(own, alpha, where=alpha > 0)
+    return shown, (x, y)
 
 
 class Side(NamedTuple):

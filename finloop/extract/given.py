@@ -1,4 +1,4 @@
-"""Match places of animals from another program with the silhouettes of the film.
+"""Tracks of another program: check that they belong to the film, and match them with silhouettes.
 
 The program defines who is where; silhouette, backbone and cut-out are those found here. A place is
 an animal's given points; its distance from a silhouette is the mean distance of these points from
@@ -7,23 +7,31 @@ points at the tips of head and tail are; it takes the nearest. Every other place
 silhouette that no place is within, up to a body length away.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple, get_args
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Mask
+from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses
 from finloop.extract.film import Detections, FollowedNoneError, TrackedFish
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.tracks import SilhouettePlace
 
+HEADS = ("nosetip", "nose", "snout", "rostrum", "mouth", "headtip", "head")
+TAILS = ("tailtip", "tailend", "tailfin", "caudalfin", "caudal", "tail", "tailbase", "peduncle")
+"""Common names of keypoints, without case and signs; the first one that exists counts."""
+_MOST_NORMAL = 1.5  # px; if all places are nearer to the corner, they are shares of the picture
+_AT_THE_END = 12  # frames by which two decoders may disagree about the end of a film
+_MOST_NEEDED = 0.9  # share of places, see `SilhouetteFit.least_share`
 _WITHIN = 0.1  # body lengths; a place farther from a silhouette is not within it
-
 _TIE = 1e-6  # of a distance from a centre; it decides where other distances are equal
 
 Outcome = Literal["used", "no silhouette", "shared", "not isolated"]
@@ -43,7 +51,7 @@ class Given:
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
     where a point is missing; head, tail: (rows, 2) px, NaN where missing; start, stop: (frames of
-    the clip,) the rows start … stop − 1 are those of a frame.
+    the clip,) the rows start … stop − 1 are those of a frame; film: that was tracked.
     """
 
     names: tuple[str, ...]
@@ -53,6 +61,7 @@ class Given:
     tail: Floats
     start: NDArray[np.int64]
     stop: NDArray[np.int64]
+    film: "FilmSize"
 
     def rows(self, frame: int) -> slice:
         """Return the rows that belong to one frame of the clip, as a slice."""
@@ -68,11 +77,118 @@ class Given:
         return row
 
 
-def distances(points: Floats, spots: Sequence[SilhouettePlace], most_px: float) -> Floats:
-    """Return the distances (animals, silhouettes) px of places (animals, k, 2) px from silhouettes.
+class FilmSize(NamedTuple):
+    """The size of the film that was tracked: its frames, and its picture."""
 
-    Infinite where the box of a silhouette is farther than `most_px`.
+    frames: int
+    width_px: int
+    height_px: int
+
+
+def map_poses_to_clip(
+    poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
+) -> Given:
+    """Return another program's poses by frames of the clip.
+
+    clip_frames: (frames of the clip,) the film's frame that each shows. FinloopError if a named
+    keypoint is missing, the file has places beyond the film's end or none in the clip, or the
+    places are not in px of the picture.
     """
+    head = keypoint(poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint")
+    tail = keypoint(poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint")
+    sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
+    points = np.where(sure[..., None], poses.places * p.tracks_px_per_unit, np.nan)
+    there: Mask = np.all(np.isfinite(points), axis=2)
+    rows = np.any(there, axis=1)
+    points, frame = points[rows], poses.frame[rows]
+    if not len(frame):
+        raise FinloopError(
+            f"no point of the tracks has a confidence of {p.tracks_least_confidence:g} or more",
+            "points of high confidence",
+            "take tracks of a better trained model, or export them without confidences",
+        )
+    _refuse_other_length(frame, clip_frames, film)
+    _refuse_other_units(points, film)
+    none = np.full((len(points), 2), np.nan)
+    return Given(
+        poses.individuals,
+        poses.individual[rows],
+        points,
+        none if head is None else points[:, poses.keypoints.index(head)],
+        none if tail is None else points[:, poses.keypoints.index(tail)],
+        np.searchsorted(frame, clip_frames, side="left"),
+        np.searchsorted(frame, clip_frames, side="right"),
+        film,
+    )
+
+
+def keypoint(
+    keypoints: Sequence[str], name: str, common: Sequence[str], parameter: str
+) -> str | None:
+    """Return the keypoint called `name`; for `auto` the first one that has a common name.
+
+    It is None for `none`, and where `auto` finds nothing. common: names, the best first.
+    FinloopError, which mentions `parameter`, if a named keypoint does not exist.
+    """
+    if name == "auto":
+        plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(keypoints)}
+        return next((plain[one] for one in common if one in plain), None)
+    if name == "none" or name in keypoints:
+        return None if name == "none" else name
+    raise FinloopError(
+        f"the tracks have no keypoint {name!r}",
+        f"one of {', '.join(keypoints)}; or auto, or none",
+        f"correct {parameter}",
+    )
+
+
+def _refuse_other_length(
+    frame: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
+) -> None:
+    """Raise FinloopError if places lie beyond the film's end, or in less than half of the clip."""
+    if frame[-1] >= film.frames + _AT_THE_END:
+        raise FinloopError(
+            f"the tracks continue to frame {frame[-1]}, and the film has {film.frames} frames",
+            "tracks of this film, whose frames are counted from 0",
+            "use the film that was tracked, or this film's own tracks",
+        )
+    common = np.isin(clip_frames, frame)
+    reached = float((clip_frames <= frame[-1]).mean())
+    if not common.any() or reached < 0.5:
+        raise FinloopError(
+            f"the tracks have frames {frame[0]} … {frame[-1]} of the film, and the clip shows "
+            f"its frames {clip_frames.min()} … {clip_frames.max()}",
+            "tracks of at least half of the clip",
+            "set clip.start_s and clip.end_s to the range that was tracked; frames count from the "
+            "beginning of the film, not from clip.start_s",
+        )
+
+
+def _refuse_other_units(points: Floats, film: FilmSize) -> None:
+    """Raise FinloopError if most places lie outside the picture, or all in its first pixels."""
+    place = np.nanmean(points, axis=1)
+    (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
+    if max(-x0, -y0, x1, y1) <= _MOST_NORMAL:
+        raise FinloopError(
+            f"all places lie at x {x0:.3g} … {x1:.3g}, y {y0:.3g} … {y1:.3g}: shares of the "
+            "picture, not px",
+            f"places in px of a picture of {film.width_px}×{film.height_px}",
+            "export them in px; extract.tracks_px_per_unit multiplies x and y by one number",
+        )
+    outside = ((place < -0.5) | (place > np.array([film.width_px, film.height_px]) - 0.5)).any(1)
+    if outside.mean() > 0.5:
+        raise FinloopError(
+            f"{outside.mean():.0%} of the places lie outside the picture: they are at x {x0:.4g} … "
+            f"{x1:.4g}, y {y0:.4g} … {y1:.4g}",
+            f"places in px of a picture of {film.width_px}×{film.height_px}, from its upper left",
+            "correct extract.tracks_px_per_unit, or use this film's tracks",
+        )
+
+
+def _silhouette_distances(
+    points: Floats, spots: Sequence[SilhouettePlace], most_px: float
+) -> Floats:
+    """Return the distances (animals, silhouettes) px of places (animals, k, 2); inf if too far."""
     result = np.full((len(points), len(spots)), np.inf)
     for j, spot in enumerate(spots):
         low, high = np.array(spot.box[:2]), np.array(spot.box[2:])
@@ -96,7 +212,7 @@ def match_silhouettes(
     """
     if not len(points) or not spots:
         return [("no silhouette", None)] * len(points)
-    apart = distances(points, spots, length_px)
+    apart = _silhouette_distances(points, spots, length_px)
     centres = np.array([(spot.x_px, spot.y_px) for spot in spots])
     off = np.hypot(*(np.nanmean(points, axis=1)[:, None] - centres).transpose(2, 0, 1))
     apart += _TIE * off  # of overlapping silhouettes the one with the nearest centre
@@ -107,15 +223,15 @@ def match_silhouettes(
     some = within | (apart.min(axis=1) <= length_px)
     claims = Counter(own[some].tolist())
 
-    def outcome(j: int) -> Outcome:
-        if claims[j] > 1:
-            return "shared"
-        return "used" if spots[j].isolated else "not isolated"
-
-    return [
-        (outcome(int(j)), int(j)) if has else ("no silhouette", None)
-        for j, has in zip(own, some, strict=True)
-    ]
+    result: list[tuple[Outcome, int | None]] = []
+    for j, has in zip(own.tolist(), some, strict=True):
+        if not has:
+            result.append(("no silhouette", None))
+        elif claims[j] > 1:
+            result.append(("shared", j))
+        else:
+            result.append(("used" if spots[j].isolated else "not isolated", j))
+    return result
 
 
 class GivenTrackLinker:
@@ -132,7 +248,14 @@ class GivenTrackLinker:
     def __init__(self, given: Given, length_px: float, least_frames: int) -> None:
         self._given, self._length, self._least = given, length_px, least_frames
         self.outcomes: Counter[tuple[int, Outcome]] = Counter()
-        self.short = 0  # places in runs that are too short for a track
+        self.short = 0
+
+    def outcome_counts(self) -> Counter[Outcome]:
+        """Return how many places have each outcome, of all animals together."""
+        counts = Counter[Outcome]()
+        for (_, outcome), count in self.outcomes.items():
+            counts[outcome] += count
+        return counts
 
     def tracks(
         self, detections: Iterable[Detections], cuts: Sequence[int] = ()
@@ -169,40 +292,49 @@ class GivenTrackLinker:
             yield Counter(verdicts), ready
         self._end(set(), waiting, running)
 
+    def no_track_error(self) -> FollowedNoneError:
+        """Return the error to raise where no animal has silhouettes long enough for a track."""
+        given, least = self._given, self._least
+        longest, without = longest_run(given), int((given.stop == given.start).sum())
+        became = ", ".join(f"{count} {outcome}" for outcome, count in self.outcome_counts().items())
+        do = SHOWN_ALONE
+        if longest < least:
+            do = (
+                f"fill the gaps (a place that is NaN, infinite or of a confidence below "
+                f"{ExtractSettings.tracks_least_confidence:g} is none) and export the tracks again"
+            )
+        return FollowedNoneError(
+            f"no animal of the file of tracks has a silhouette for {least} frames on end "
+            f"(places: {became}); the places of an animal in the file of tracks continue for "
+            f"{longest} frames at most, and {without} of {len(given.start)} frames have no place",
+            f"an animal with a place in {least} frames on end, and its own silhouette there",
+            f"{do}; or allow shorter tracks (extract.min_track_frames)",
+        )
+
+    def metrics(self, agreement: "SilhouetteFit") -> dict[str, float]:
+        """Return counts and shares (0 … 1) of the places' outcomes by name, for metrics.json."""
+        given, counts = self._given, self.outcome_counts()
+        return {
+            "places": counts.total(),
+            **{f"places_{what.replace(' ', '_')}": counts[what] for what in get_args(Outcome)},
+            "places_in_short_runs": self.short,
+            "places_used_share": (counts["used"] - self.short) / max(1, counts.total()),
+            "places_near_a_silhouette_share": agreement.share,
+            "places_near_by_chance_share": agreement.chance,
+            "animals": len({animal for animal, _ in self.outcomes}),
+            "animals_used": len({animal for animal, what in self.outcomes if what == "used"}),
+            "frames_without_place": int((given.stop == given.start).sum()),
+            "places_with_head_share": float(np.isfinite(given.head).all(axis=1).mean()),
+        }
+
     def _end(
         self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
     ) -> None:
+        """End the runs of all animals that are not among those seen; count the short ones."""
         for animal in [animal for animal in waiting if animal not in seen]:
             self.short += len(waiting.pop(animal))
         for animal in [animal for animal in running if animal not in seen]:
             del running[animal]
-
-
-def no_silhouette_error(
-    given: Given, followed: GivenTrackLinker, least_frames: int
-) -> FollowedNoneError:
-    """Return the error to raise where no animal has silhouettes long enough for a track."""
-    counts = Counter[Outcome]()
-    for (_, outcome), count in followed.outcomes.items():
-        counts[outcome] += count
-    longest, without = longest_run(given), int((given.stop == given.start).sum())
-    became = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
-    of_file = (
-        f"the places of an animal in the file of tracks continue for {longest} frames at most, and "
-        f"{without} of {len(given.start)} frames have no place"
-    )
-    do = SHOWN_ALONE
-    if longest < least_frames:
-        do = (
-            f"fill the gaps (a place that is NaN, infinite or of a confidence below "
-            f"{ExtractSettings.tracks_least_confidence:g} is none) and export the tracks again"
-        )
-    return FollowedNoneError(
-        f"no animal of the file of tracks has a silhouette for {least_frames} frames on end "
-        f"(places: {became}); {of_file}",
-        f"an animal with a place in {least_frames} frames on end, and its own silhouette there",
-        f"{do}; or allow shorter tracks (extract.min_track_frames)",
-    )
 
 
 def longest_run(given: Given) -> int:
@@ -214,3 +346,83 @@ def longest_run(given: Given) -> int:
     new = (np.diff(frame[order]) != 1) | (np.diff(animal[order]) != 0)
     edges = np.flatnonzero(np.concatenate([[True], new, [True]]))
     return int(np.diff(edges).max())
+
+
+class SilhouetteFit(NamedTuple):
+    """How well given places agree with silhouettes in sample frames.
+
+    share: of the places, those with a silhouette of any kind within a body length, 0 … 1; chance:
+    the same share with silhouettes of other moments; places: their number; lost: numbers of the
+    animals that have three places or more, and never a silhouette; seen: most silhouettes in a
+    frame.
+    """
+
+    share: float
+    chance: float
+    places: int
+    lost: tuple[int, ...]
+    seen: int
+
+    @property
+    def least_share(self) -> float:
+        """Return the `share` that tracks of this film need: midway from `chance` to 1, at most 0.9.
+
+        Tracks of another film agree by chance alone. So do this film's tracks where animals rest,
+        which then must agree nearly always.
+        """
+        return min(_MOST_NEEDED, (1 + self.chance) / 2)
+
+
+def fit_to_silhouettes(
+    tracks: Given,
+    frames: Sequence[int],
+    spots: Sequence[Sequence[SilhouettePlace]],
+    length_px: float,
+) -> SilhouetteFit:
+    """Return how well given places agree with the silhouettes of sample frames.
+
+    frames: numbers of the sample frames; spots: the silhouettes of each; length_px: a body length.
+    """
+    shift = len(frames) // 2
+    own, other = [], []
+    for number, frame in enumerate(frames):
+        points = tracks.points[tracks.rows(frame)]
+        own.append(_near(points, spots[number], length_px))
+        if shift:
+            other.append(_near(points, spots[(number + shift) % len(frames)], length_px))
+    near = np.concatenate(own)
+    animals = np.concatenate([tracks.individual[tracks.rows(frame)] for frame in frames])
+    lost = tuple(
+        int(animal)
+        for animal in np.unique(animals)
+        if (animals == animal).sum() > 2 and not near[animals == animal].any()
+    )
+    chance = float(np.concatenate(other).mean()) if other else 0.0
+    return SilhouetteFit(float(near.mean()), chance, len(near), lost, max(map(len, spots)))
+
+
+def _near(points: Floats, spots: Sequence[SilhouettePlace], length_px: float) -> Mask:
+    """Return which places (animals, k, 2) px have a silhouette within a body length, (animals,)."""
+    if not spots or not len(points):
+        return np.zeros(len(points), bool)
+    return _silhouette_distances(points, spots, length_px).min(axis=1) <= length_px
+
+
+def refuse_other_film(tracks: Given, agreement: SilhouetteFit) -> None:
+    """Raise FinloopError if fewer given places have a silhouette than tracks of this film need."""
+    if agreement.share >= agreement.least_share:
+        return
+    film = tracks.film
+    place = np.nanmean(tracks.points, axis=1)
+    (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
+    lost = ", ".join(tracks.names[animal] for animal in agreement.lost[:8])
+    raise FinloopError(
+        f"of {agreement.places} places of {len(tracks.names)} animals in sample frames "
+        f"{agreement.share:.0%} show an animal; at other moments of the film it is "
+        f"{agreement.chance:.0%}. At most {agreement.seen} silhouettes are seen in a frame; "
+        f"places lie at x {x0:.4g} … {x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of "
+        f"{film.width_px}×{film.height_px}" + (f"; never at an animal: {lost}" if lost else ""),
+        f"tracks of this film: at least {agreement.least_share:.0%}, midway between chance and all",
+        "use this film's tracks, in px (extract.tracks_px_per_unit), without animals that are not "
+        f"there; where they are this film's, {SHOWN_ALONE}",
+    )

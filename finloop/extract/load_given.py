@@ -3,44 +3,28 @@
 It connects `extract.given` to files; `extract.write` uses it where tracks are from a file.
 """
 
-from collections import Counter
-from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 
 from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.fit import (
+from finloop.extract.given import (
     FilmSize,
+    Given,
     SilhouetteFit,
     fit_to_silhouettes,
     map_poses_to_clip,
     refuse_other_film,
 )
-from finloop.extract.given import Given, GivenTrackLinker, Outcome
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.io.cutouts import TRACKS_NAME
 from finloop.io.poses import load_poses
 from finloop.io.table import load_table, save_table
 from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_spread
-
-
-@dataclass(frozen=True)
-class GivenTracks:
-    """Another program's tracks of a clip: its places, and the keypoints that are head and tail.
-
-    head, tail: their names, None where it has none; film: the size of the film that was tracked.
-    """
-
-    given: Given
-    head: str | None
-    tail: str | None
-    film: FilmSize
 
 
 def tracks_of(film: Path, pattern: str) -> str:
@@ -68,7 +52,7 @@ def tracks_of(film: Path, pattern: str) -> str:
     return str(paths[0])
 
 
-def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> GivenTracks:
+def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> Given:
     """Load another program's tracks, which `p.tracks_path` names, by frames of the clip.
 
     clip: the folder of the clip; facts: about it. FinloopError if the tracks cannot be read, or do
@@ -78,23 +62,23 @@ def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> GivenTracks
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
     source_frames = load_table(clip / FRAMES_NAME, FRAMES)["source_frame"].to_numpy(np.int64)
     size = FilmSize(facts.source_frames, facts.width_px, facts.height_px)
-    return GivenTracks(*map_poses_to_clip(poses, source_frames, size, p), size)
+    return map_poses_to_clip(poses, source_frames, size, p)
 
 
 def check_given(
-    tracks: GivenTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
+    given: Given, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
     """Return how well given places agree with silhouettes in sample frames of the clip.
 
     clip: its folder. FinloopError if so few agree that the tracks are of another film.
     """
-    there = np.flatnonzero(tracks.given.stop > tracks.given.start)
+    there = np.flatnonzero(given.stop > given.start)
     spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
     sample = there[np.unique(spread.round().astype(int))].tolist()
     frames = read_spread(clip / CLIP_NAME, sample, colour=facts.colour)
     spots = [detector(frame, scene).spots for frame in frames]
-    agreement = fit_to_silhouettes(tracks.given, sample, spots, detector.typical.length_px)
-    refuse_other_film(tracks.given, agreement, tracks.film)
+    agreement = fit_to_silhouettes(given, sample, spots, detector.typical.length_px)
+    refuse_other_film(given, agreement)
     return agreement
 
 
@@ -111,25 +95,3 @@ def save_given(folder: Path, given: Given, points: int) -> None:
     for name, place in (("head", given.head), ("tail", given.tail)):
         rows[f"{name}_x_px"], rows[f"{name}_y_px"] = place[at].T
     save_table(folder / GIVEN_NAME, rows, GIVEN)
-
-
-def place_metrics(
-    tracks: GivenTracks, followed: GivenTrackLinker, agreement: SilhouetteFit
-) -> dict[str, float]:
-    """Return counts and shares (0 … 1) of the places' outcomes by name, for metrics.json."""
-    total = Counter[Outcome]()
-    for (_, outcome), count in followed.outcomes.items():
-        total[outcome] += count
-    given = tracks.given
-    return {
-        "places": total.total(),
-        **{f"places_{what.replace(' ', '_')}": total[what] for what in get_args(Outcome)},
-        "places_in_short_runs": followed.short,
-        "places_used_share": (total["used"] - followed.short) / max(1, total.total()),
-        "places_near_a_silhouette_share": agreement.share,
-        "places_near_by_chance_share": agreement.chance,
-        "animals": len({animal for animal, _ in followed.outcomes}),
-        "animals_used": len({animal for animal, what in followed.outcomes if what == "used"}),
-        "frames_without_place": int((given.stop == given.start).sum()),
-        "places_with_head_share": float(np.isfinite(given.head).all(axis=1).mean()),
-    }

@@ -7,7 +7,7 @@ the median, or nothing is found, two other backgrounds are tried: the median wit
 even tone. The one whose fish are most alike in size is taken, if it is clearly better.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from operator import attrgetter
@@ -18,7 +18,7 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import ALONE, Threads, ordered_map
-from finloop.extract.backbone import trace
+from finloop.extract.backbone import trace_backbone
 from finloop.extract.background import (
     Scene,
     flat_background,
@@ -71,11 +71,11 @@ def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -
     return "fish"
 
 
-class BackgroundSurvey(NamedTuple):
+class _BackgroundSurvey(NamedTuple):
     """The measurements with one background: scene, typical fish, and how much fish differ in area.
 
-    spread: half the width of the middle 68 % of their areas, relative to the median (for Gaussian
-    areas the standard deviation); infinite for fewer than one fish in two frames.
+    spread: half the width of the middle 68 % of their areas, relative to the median; infinite for
+    fewer than one fish in two frames.
     """
 
     scene: Scene
@@ -91,83 +91,72 @@ def survey(
     sample: frames (h, w[, 3]); arena: (h, w) uint8, 255 inside. FinloopError if nothing stands out
     from the background, or no silhouette can be an isolated fish.
     """
+    measure = partial(_survey_background, sample, arena, settings, workers)
     if settings.background == "threshold":
-        return _survey(sample, flat_background(sample), arena, settings, workers)[:2]
+        return measure(flat_background(sample))[:2]
     median, spread = median_background(sample, workers), attrgetter("spread")
-    if settings.background != "auto":
-        return _survey(sample, median, arena, settings, workers)[
-            :2
-        ]  # `mog2` starts from the median
+    if settings.background != "auto":  # `mog2` starts from the median
+        return measure(median)[:2]
+
+    def without_ghosts() -> Iterator[_BackgroundSurvey]:
+        with suppress(FinloopError):
+            ghost = max(settings.least_contrast, _GHOST)
+            yield measure(patched_background(sample, median, ghost))
+        with suppress(FinloopError):
+            yield measure(flat_background(sample))
+
     try:
-        usual = _survey(sample, median, arena, settings, workers)
+        usual = measure(median)
     except FinloopError:
-        others = _without_ghosts(sample, median, arena, settings, workers)
-        if not others:
-            raise
-        return min(others, key=spread)[:2]
+        if best := min(without_ghosts(), key=spread, default=None):
+            return best[:2]
+        raise
     if usual.scene.polarity != "both":
         return usual[:2]
-    others = _without_ghosts(sample, median, arena, settings, workers)
-    best = min(others, key=spread, default=usual)
+    best = min(without_ghosts(), key=spread, default=usual)
     return (best if best.spread < _BETTER * usual.spread else usual)[:2]
 
 
-def _without_ghosts(
+def _survey_background(
     sample: Sequence[Picture],
-    median: Picture,
     arena: Picture,
     settings: ExtractSettings,
     workers: Threads,
-) -> list[BackgroundSurvey]:
-    """Measure with the patched median and with an even tone, if there is a fish."""
-    least = max(settings.least_contrast, _GHOST)
-    patched = partial(patched_background, sample, median, least)
-    surveys = []
-    for background in (patched, partial(flat_background, sample)):
-        with suppress(FinloopError):
-            surveys.append(_survey(sample, background(), arena, settings, workers))
-    return surveys
-
-
-def _survey(
-    sample: Sequence[Picture],
     background: Picture,
-    arena: Picture,
-    settings: ExtractSettings,
-    workers: Threads,
-) -> BackgroundSurvey:
-    """Measure with a background; FinloopError as in `survey`."""
-    scene = survey_noise(
-        sample,
-        background,
-        settings.polarity,
-        settings.noise_sigmas,
-        settings.least_contrast,
-        workers,
-    )
+) -> _BackgroundSurvey:
+    """Measure scene and fish with a background; FinloopError as in `survey`."""
+    sigmas, least = settings.noise_sigmas, settings.least_contrast
+    scene = survey_noise(sample, background, settings.polarity, sigmas, least, workers)
     fins: Fins = "darker" if settings.fins == "auto" and scene.polarity != "bright" else "none"
     ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, fins)
 
-    def of_frame(ends: SilhouetteEdge, frame: Picture) -> list[Silhouette]:
+    def find_in_frame(ends: SilhouetteEdge, frame: Picture) -> list[Silhouette]:
         lit = in_light_of(scene, frame)
         return list(silhouettes(frame, lit, arena, settings.least_area_px, ends))
 
     def find_silhouettes(thin: bool) -> tuple[list[Silhouette], Typical, float]:
-        look = partial(of_frame, ends._replace(thin=thin))
-        some = [s for one in ordered_map(look, sample, workers) for s in one]
-        typical, unsteady = typical_fish(some, scene, settings)
-        return some, typical._replace(thin=thin), unsteady
+        find = partial(find_in_frame, ends._replace(thin=thin))
+        found = [s for one in ordered_map(find, sample, workers) for s in one]
+        typical, unsteady = typical_fish(found, scene, settings)
+        return found, typical._replace(thin=thin), unsteady
 
     candidates, typical, unsteady = find_silhouettes(settings.thin == "keep")
     if settings.thin == "auto" and unsteady > _UNSTEADY:
-        other = find_silhouettes(thin=True)
-        if other[-1] < _BETTER * unsteady:
-            candidates, typical, _ = other
+        with_thin = find_silhouettes(thin=True)
+        if with_thin[-1] < _BETTER * unsteady:
+            candidates, typical, _ = with_thin
     areas = [s.area_px for s in candidates if judge(s, typical, settings) == "fish"]
-    if 2 * len(areas) < len(sample):
-        return BackgroundSurvey(scene, typical, np.inf)
-    low, middle, high = np.quantile(areas, (0.16, 0.5, 0.84))
-    return BackgroundSurvey(scene, typical, float((high - low) / 2 / middle))
+    spread = _relative_spread(areas)[1] if 2 * len(areas) >= len(sample) else np.inf
+    return _BackgroundSurvey(scene, typical, spread)
+
+
+def _relative_spread(values: Sequence[float]) -> tuple[float, float]:
+    """Return the median, and half the width of the middle 68 % of the values relative to it.
+
+    Of Gaussian values it is the standard deviation over the mean.
+    """
+    low, middle, high = np.quantile(values, (0.16, 0.5, 0.84))
+    return float(middle), float((high - low) / 2 / middle)
 
 
 def typical_fish(
@@ -177,36 +166,39 @@ def typical_fish(
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt,
     bubbles and figures of a clock count little; length and contrast are the medians of the
-    silhouettes of about that area. The spread is half the width of the middle 68 % of lengths,
-    relative to the median. FinloopError if no silhouette can be an isolated fish.
+    silhouettes of about that area. FinloopError if no silhouette can be an isolated fish.
     """
-    free = [s for s in candidates if not s.at_border]
+    free = sorted((s for s in candidates if not s.at_border), key=attrgetter("area_px"))
     if not free:
-        raise _no_fish(candidates, scene, settings)
-    free.sort(key=attrgetter("area_px"))
+        raise _no_fish_error(candidates, scene, settings)
     weight = np.cumsum([s.area_px * s.contrast for s in free])
     area = free[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
     alike = [s for s in free if 0.7 * area <= s.area_px <= 1.4 * area][:200]
-    lines = [trace(s.mask, s.field, settings.points, scene.threshold) for s in alike]
-    lengths = [line.length_px for line in lines if line is not None]
-    if not lengths:
-        raise _no_fish(candidates, scene, settings)
+    traced = [
+        (s, line)
+        for s in alike
+        if (line := trace_backbone(s.mask, s.field, settings.points, scene.threshold)) is not None
+    ]
+    if not traced:
+        raise _no_fish_error(candidates, scene, settings)
     sides = (
-        pale_side(s.mask, (s.x0, s.y0), line, s.fins)
-        for s, line in zip(alike, lines, strict=True)
-        if line is not None and s.fins is not None
+        pale_side(s.mask, (s.x0, s.y0), line, s.fins) for s, line in traced if s.fins is not None
     )
     pale = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or classify_pale(sides)
-    both: Fins = "brighter" if scene.polarity == "both" else "none"
-    fins: Fins = "all" if pale == "fins" else both if pale == "shadow" else "none"
+    fins: Fins = "none"
+    if pale == "fins":
+        fins = "all"
+    elif pale == "shadow" and scene.polarity == "both":
+        fins = "brighter"
     contrast = float(np.median([s.contrast for s in alike]))
-    low, middle, high = np.quantile(lengths, (0.16, 0.5, 0.84))
-    return Typical(area, float(middle), contrast, fins), float((high - low) / 2 / middle)
+    length, spread = _relative_spread([line.length_px for _, line in traced])
+    return Typical(area, length, contrast, fins), spread
 
 
-def _no_fish(
+def _no_fish_error(
     candidates: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> FinloopError:
+    """Return the error for sample frames without an isolated fish, with the reason."""
     if not candidates:
         why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
     elif all(s.at_border for s in candidates):

@@ -4,6 +4,10 @@ Two thresholds: pixels above the noise form *candidate* patches; within a patch,
 the pixels above a share of that fish's own contrast. The first threshold finds pale fish, the
 second keeps soft shadows, wakes and reflections out of the silhouette. If a fish is both brighter
 and darker than the tank, its pixels darker than a shadow belong to the silhouette, too.
+
+A part a few pixels wide, such as a mouse's tail, is blurred, so its own contrast is lower: it would
+be in the silhouette of some frames only, and the backbone long in one frame and short in the next.
+Where that is so, thin parts get a lower threshold.
 """
 
 from collections.abc import Iterator
@@ -15,16 +19,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
-from finloop.base.kernel import kernel
-from finloop.extract.backbone import Backbone, ring, trace, upper_level
+from finloop.extract.backbone import (
+    Backbone,
+    pad_picture,
+    refine_outline,
+    trace_backbone,
+    upper_level,
+)
 from finloop.extract.background import Scene, difference
-from finloop.extract.fins import Fins, Pale, is_darker, nearest, pale_of, with_fins
+from finloop.extract.fins import Fins, Pale, with_fins
 from finloop.extract.table import OUTLINE_POINTS
-from finloop.extract.thin import EDGE, with_thin_parts
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
 Edge = NDArray[np.int32]  # (n, 1, 2) x, y, px
 _CONTRAST = 0.8  # quantile of the difference inside a candidate that stands for its contrast
+THIN_EDGE = 0.2  # share of the animal's contrast at which a thin part ends
+_THIN = 0.4  # share of a body's largest half width; narrower parts are thin
+_REACH = 0.3  # share of the diagonal of a silhouette's box; pixels farther from it are no fin
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,7 @@ class SilhouetteEdge(NamedTuple):
 
     share: of a fish's own contrast, at which its edge lies; shadow: most of the tank's light that a
     shadow takes; fins: which pale pixels beyond a silhouette belong to it; thin: whether its pale
-    thin parts belong to it (`finloop.extract.thin`).
+    thin parts belong to it (`with_thin_parts`).
     """
 
     share: float
@@ -89,7 +100,6 @@ def silhouettes(
     scene: in the light of the frame (`in_light_of`); arena: (h, w) uint8, 255 inside; ends: where a
     silhouette ends.
     """
-    fins = ends.fins
     change = difference(frame, scene)
     height, width = change.shape
     for candidate in _candidates(change, arena, int(scene.threshold)):
@@ -103,11 +113,11 @@ def silhouettes(
         level = max(int(scene.threshold), int(ends.share * contrast))
         above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
         if ends.thin:
-            above = with_thin_parts(above, patch, max(int(scene.threshold), int(EDGE * contrast)))
+            edge_level = max(int(scene.threshold), int(THIN_EDGE * contrast))
+            above = with_thin_parts(above, patch, edge_level)
+        film, tank = (picture[top:bottom, left:right] for picture in (frame, scene.background))
         if scene.polarity == "both":
-            window = np.s_[top:bottom, left:right]
-            dark = _darker_than_shadows(frame[window], scene.background[window], ends.shadow)
-            above = _with_dark_skin(above, dark & (patch > scene.threshold))
+            above = _with_dark_skin(above, patch > scene.threshold, film, tank, ends.shadow)
         parts = []
         for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
             pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
@@ -115,28 +125,49 @@ def silhouettes(
                 part = _silhouette(edge, patch, (left, top), contrast, arena)
                 if part.area_px >= least_area:
                     parts.append((part, edge))
-        if fins == "none" or not parts:
+        if ends.fins == "none" or not parts:
             yield from (part for part, _ in parts)
         else:
-            seen = patch > scene.threshold
-            if fins != "all":
-                window = np.s_[top:bottom, left:right]
-                darker = is_darker(frame[window], scene.background[window])
-                seen &= darker if fins == "darker" else ~darker
-            yield from _with_fins(parts, candidate, patch, (left, top), seen)
+            pale = patch > scene.threshold
+            if ends.fins != "all":
+                gain = film.astype(np.int16) - tank
+                darker = (gain if gain.ndim == 2 else gain.sum(axis=2)) < 0
+                pale &= darker if ends.fins == "darker" else ~darker
+            yield from _with_pale_pixels(parts, candidate, patch, (left, top), pale)
 
 
-def _darker_than_shadows(film: Picture, tank: Picture, shadow: float) -> Mask:
-    """Return the pixels (h, w) that lack more than a share of the tank's light in all channels."""
-    dark = cv2.subtract(tank, film) > shadow * tank
-    return dark if dark.ndim == 2 else dark.all(axis=-1)
+def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
+    """Return silhouettes (h, w), 0 or 255, together with the pale thin parts that touch them.
 
-
-def _with_dark_skin(above: Picture, dark: Mask) -> Picture:
-    """Return the mask `above` (0 or 255) of a fish, with its `dark` patches.
-
-    Where bright skin becomes dark skin, a pixel is as bright as the tank: such gaps are closed.
+    above: the silhouettes, 0 or 255; change: the difference image; level: grey levels that a thin
+    part exceeds. A pale and wide part, such as a shadow or the gloom around an animal, is not thin.
     """
+    body = np.minimum(above, 1)
+    pale = cv2.threshold(change, level, 1, cv2.THRESH_BINARY)[1] | body
+    half_width = float(cv2.distanceTransform(pad_picture(body, 1), cv2.DIST_L2, 3).max())
+    reach = max(1, int(_THIN * half_width + 0.5))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    rim = 2 * reach + 2
+    wide = cv2.morphologyEx(pad_picture(pale, rim), cv2.MORPH_OPEN, disc)[rim:-rim, rim:-rim]
+    both = body | (pale & (1 - wide))
+    _, number = cv2.connectedComponents(both)
+    touch = np.isin(number, number[body.view(bool)])
+    _, part, sizes, _ = cv2.connectedComponentsWithStats(both * touch & (1 - body))
+    long = sizes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= reach
+    long[0] = False  # the rest of the picture
+    return np.where(long[part], np.uint8(255), above)
+
+
+def _with_dark_skin(
+    above: Picture, changed: Mask, film: Picture, tank: Picture, shadow: float
+) -> Picture:
+    """Return the mask `above` (0 or 255) of a fish with its patches darker than a shadow.
+
+    These lack more than the share `shadow` of the tank's light in all channels. Where bright skin
+    becomes dark skin, a pixel is as bright as the tank: such gaps are closed.
+    """
+    dark = cv2.subtract(tank, film) > shadow * tank
+    dark = changed & (dark if dark.ndim == 2 else dark.all(axis=-1))
     if not (dark & (above == 0)).any():
         return above
     both = np.where(dark, np.uint8(255), above)
@@ -176,39 +207,41 @@ def _silhouette(
     mask = np.zeros(field.shape, np.uint8)
     cv2.drawContours(mask, [edge], -1, 1, cv2.FILLED, offset=(-x, -y))
     x0, y0, area = x + corner[0], y + corner[1], cv2.countNonZero(mask)
-    at_border = at_edge or _near_border(mask, arena[y0:, x0:])
+    height, width = field.shape
+    inside = arena[y0 : y0 + height, x0 : x0 + width]
+    near = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
+    at_border = at_edge or bool((near & (inside == 0)).any())
     return Silhouette(x0, y0, mask.view(bool), field, contrast, area, at_border)
 
 
-def _with_fins(
+def _with_pale_pixels(
     parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
-    seen: Mask,
+    pale: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
-    """Yield the silhouettes of a candidate, each with the nearest of the pixels `seen`."""
+    """Yield the silhouettes of a candidate, each with those pale pixels to which it is nearest."""
     left, top = corner
     inside = np.zeros(patch.shape, np.uint8)
     cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-left, -top))
-    seen = seen & inside.view(bool)
+    pale = pale & inside.view(bool)
     if len(parts) > 1:
-        bodies = np.zeros(patch.shape, np.uint8)
-        cv2.drawContours(bodies, [edge for _, edge in parts], -1, 1, cv2.FILLED)
-        numbers = nearest(bodies)
+        outside = np.ones(patch.shape, np.uint8)
+        cv2.drawContours(outside, [edge for _, edge in parts], -1, 0, cv2.FILLED)
+        nearest = cv2.distanceTransformWithLabels(
+            outside, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
+        )[1]
     for part, edge in parts:
-        x, y = edge[0, 0]
-        own = seen if len(parts) == 1 else seen & (numbers == numbers[y, x])
-        found = pale_of((part.x0 - left, part.y0 - top), part.mask, own, patch)
-        yield replace(part, fins=found._replace(x0=found.x0 + left, y0=found.y0 + top))
+        column, row = edge[0, 0]
+        own = pale if len(parts) == 1 else pale & (nearest == nearest[row, column])
+        x, y, (h, w) = part.x0 - left, part.y0 - top, part.mask.shape
+        reach = int(_REACH * np.hypot(h, w))
+        x0, y0 = max(x - reach, 0), max(y - reach, 0)
+        window = np.s_[y0 : y + h + reach, x0 : x + w + reach]
+        mask = own[window].copy()
+        mask[y - y0 : y - y0 + h, x - x0 : x - x0 + w] &= ~part.mask
+        yield replace(part, fins=Pale(x0 + left, y0 + top, mask, patch[window].copy()))
 
 
-def _near_border(mask: Picture, arena: Picture) -> bool:
-    """Return whether a silhouette comes close to the outside of the arena."""
-    inside = arena[: mask.shape[0], : mask.shape[1]]
-    if inside.all():
-        return False
-    return bool(((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & (inside == 0)).any())
-
-
-def contour(silhouette: Silhouette) -> Edge:
+def edge_pixels(silhouette: Silhouette) -> Edge:
     """Return the pixels (n, 1, 2) int32 of a silhouette's edge, x and y in px of the picture."""
     chains, _ = cv2.findContours(
         silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE,
@@ -225,10 +258,10 @@ def measure_fish(
     frame, scene: those in which it was found; points: of the backbone. Only the cut-out shows the
     fins, too.
     """
-    backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
+    backbone = trace_backbone(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
         return None
-    alpha = matte(silhouette.mask, silhouette.field, round(scene.threshold))
+    alpha = soft_alpha(silhouette.mask, silhouette.field, round(scene.threshold))
     moments = cv2.moments(alpha)
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
@@ -244,51 +277,36 @@ def measure_fish(
         area_px=moments["m00"] / 255,
         contrast=silhouette.contrast,
         backbone=backbone._replace(points_px=backbone.points_px + corner),
-        outline_px=outline(alpha) + corner,
+        outline_px=_outline(alpha) + corner,
         x0=left,
         y0=top,
         cutout=premultiply(frame[window], scene.background[window], shown),
     )
 
 
-@kernel
-def matte(mask: Mask, field: Picture, floor: int) -> Picture:
+def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     """Return the soft alpha (h, w) uint8, 0 … 255, of a silhouette `mask` (h, w).
 
     Near the outline a pixel is a blend of fish and tank, so alpha is its difference (`field`)
     divided by the largest difference within two pixels inside the fish, `floor` at least. Deep
     inside, where patterned skin may resemble the tank, alpha is 255; beyond the next pixel it is 0.
     """
-    height, width = mask.shape
-    alpha = np.zeros((height, width), np.uint8)
-    fish = np.zeros((height, width + 2), np.uint8)  # pixels of it in rows y - 1 ... y + 1
-    for y in range(height):
-        for v in range(max(y - 1, 0), min(y + 2, height)):
-            for x in range(width):
-                fish[y, x + 1] += mask[v, x]
-        rows = min(y + 2, height) - max(y - 1, 0)
-        for x in range(width):
-            count = fish[y, x] + fish[y, x + 1] + fish[y, x + 2]
-            if count == rows * (min(x + 2, width) - max(x - 1, 0)):
-                alpha[y, x] = 255
-            elif count:
-                most = floor
-                for v in range(max(y - 2, 0), min(y + 3, height)):
-                    for u in range(max(x - 2, 0), min(x + 3, width)):
-                        if mask[v, u]:
-                            most = max(most, field[v, u])
-                alpha[y, x] = min(round(255 * field[y, x] / max(most, 1)), 255)
-    return alpha
+    fish, ring = mask.view(np.uint8), np.ones((3, 3), np.uint8)
+    most = cv2.dilate(fish * field, np.ones((5, 5), np.uint8))
+    alpha = np.rint(np.minimum(255.0 * field / np.maximum(most, max(floor, 1)), 255))
+    alpha[cv2.erode(fish, ring) > 0] = 255
+    alpha[cv2.dilate(fish, ring) == 0] = 0
+    return alpha.astype(np.uint8)
 
 
-def outline(alpha: Picture) -> Floats:
+def _outline(alpha: Picture) -> Floats:
     """Return the outline (OUTLINE_POINTS, 2) x, y at equal arc lengths, where alpha is one half.
 
     alpha: (h, w) uint8; x and y are px of it.
     """
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    return ring(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
+    return refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
 
 
 def premultiply(film: Picture, tank: Picture, alpha: Picture) -> Picture:
@@ -298,19 +316,7 @@ def premultiply(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     other picture it has no fringe of tank colour. `film` and `tank` are (h, w) or (h, w, 3),
     `alpha` (h, w).
     """
-    deep = (*alpha.shape, film.size // alpha.size)
-    return _premultiply(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
-
-
-@kernel
-def _premultiply(film, tank, alpha):  # type: ignore[no-untyped-def]
-    height, width, channels = film.shape
-    out = np.empty((height, width, channels + 1), np.uint8)
-    for y in range(height):
-        for x in range(width):
-            opaque = int(alpha[y, x])
-            for k in range(channels):
-                through = (tank[y, x, k] * (255 - opaque) + 127) // 255
-                out[y, x, k] = min(max(film[y, x, k] - through, 0), opaque)
-            out[y, x, channels] = opaque
-    return out
+    film, tank = (picture.reshape(*alpha.shape, -1) for picture in (film, tank))
+    through = ((255 - alpha[..., None].astype(np.uint16)) * tank + 127) // 255
+    colour = np.clip(film - through.astype(np.int16), 0, alpha[..., None])
+    return np.dstack([colour.astype(np.uint8), alpha])

@@ -8,6 +8,7 @@ A track is *swallowed* if no silhouette is assigned to it and its expected place
 of a silhouette that is assigned to another track.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,6 +48,7 @@ class _Track:
 
     @property
     def next_place(self) -> tuple[float, float]:
+        """The place x, y where the fish is expected in the next frame."""
         return self.spot.x_px + self.vx, self.spot.y_px + self.vy
 
 
@@ -143,10 +145,12 @@ def _others(cost: Floats) -> Floats:
 
 
 def _distances(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> Floats:
+    """Return the distances (n, m) of n places from m others."""
     difference = np.asarray(a)[:, None] - np.asarray(b)[None]
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
-def _holds_any(box: Box, places) -> bool:  # type: ignore[no-untyped-def]
+def _holds_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:
+    """Return whether any of the places x, y lies in a box."""
     x0, y0, x1, y1 = box
     return any(x0 <= x < x1 and y0 <= y < y1 for x, y in places)

@@ -18,8 +18,8 @@ from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
 from finloop.extract.background import Scene
-from finloop.extract.given import GivenTrackLinker, no_silhouette_error
-from finloop.extract.load_given import check_given, load_given, place_metrics, save_given
+from finloop.extract.given import GivenTrackLinker
+from finloop.extract.load_given import check_given, load_given, save_given
 from finloop.extract.samples import Typical, Verdict, survey
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -50,7 +50,7 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 class Extraction(NamedTuple):
     """The results of a clip: facts, counts of silhouettes by verdict, counts of frames by track.
 
-    given: outcomes of the places in a file of tracks, see `place_metrics`; empty without one. lost:
+    given: outcomes of the places in a file of tracks; empty without one. lost:
     numbers of the frames that could not be decoded.
     """
 
@@ -59,16 +59,6 @@ class Extraction(NamedTuple):
     lengths: Counter[int]
     given: dict[str, float]
     lost: list[int]
-
-
-def scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
-    """Return the facts about the tank and its fish for later stages, to be saved as `SCENE_NAME`.
-
-    points: the number of points of a backbone.
-    """
-    area, length, contrast, fins, thin = typical
-    levels = scene.polarity, scene.noise, scene.threshold
-    return SceneFacts(*levels, area, length, contrast, fins, points, thin)
 
 
 def extract(
@@ -87,23 +77,24 @@ def extract(
     has too little space, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
-    tracks = load_given(clip, facts, p) if p.tracks_path else None
+    given = load_given(clip, facts, p) if p.tracks_path else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
-    frames = sample_of(clip / CLIP_NAME, facts, p.samples)
+    frames = load_sample_frames(clip / CLIP_NAME, facts, p.samples)
     scene, typical = survey(frames, arena, p, Threads(THREADS))
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
-    whole = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
+    store = pieces.load_or_make if pieces else None
+    whole = film.ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, store)
     detector = film.Detector(arena, typical, p)
-    sample = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
-    _refuse_small_disk(folder, facts.frames, list(sample), pieces)
+    sample = [detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)]]
+    _refuse_small_disk(folder, facts.frames, sample, pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
-    agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
-    linker = (
-        GivenTrackLinker(tracks.given, typical.length_px, p.min_track_frames) if tracks else None
-    )
+    linker, agreement = None, None
+    if given:
+        agreement = check_given(given, clip, facts, scene, detector)
+        linker = GivenTrackLinker(given, typical.length_px, p.min_track_frames)
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
         found = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
@@ -118,17 +109,22 @@ def extract(
         for fish in film.batches(track_frames()):
             write(film.track_rows(fish), film.cutouts(fish))
     if not lengths:
-        if tracks and linker:
-            raise no_silhouette_error(tracks.given, linker, p.min_track_frames)
-        raise film.no_track_error(p, verdicts)
-    tank = scene_facts(scene, typical, p.points)
+        raise linker.no_track_error() if linker else film.no_track_error(p, verdicts)
+    tank = _scene_facts(scene, typical, p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
     numbers = {}
-    if tracks and linker and agreement:
-        save_given(folder, tracks.given, p.points)
-        numbers = place_metrics(tracks, linker, agreement)
+    if given and linker and agreement:
+        save_given(folder, given, p.points)
+        numbers = linker.metrics(agreement)
     return Extraction(tank, verdicts, lengths, numbers, lost)
+
+
+def _scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
+    """Return the facts about the tank and its fish that later stages need."""
+    area, length, contrast, fins, thin = typical
+    levels = scene.polarity, scene.noise, scene.threshold
+    return SceneFacts(*levels, area, length, contrast, fins, points, thin)
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
@@ -138,7 +134,7 @@ def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
 
 
-def sample_of(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
+def load_sample_frames(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
     """Return up to `samples` frames (h, w[, 3]) spread over a clip, but no damaged ones.
 
     path: of the clip's film; facts: about it. UndecodableError if none can be decoded.

@@ -22,7 +22,7 @@ _MOST_STRIDE = 0.7  # body lengths in a tail beat (Bainbridge 1958)
 _MEMORIES = 6.0  # memories in a beat: a sine is forgotten after a sixth of its period
 
 
-def measured_current(
+def measure_current(
     places: Reals, heading_deg: Reals, tail: Reals, bent: Reals, tracks: Sequence[slice],
     rate_hz: float,
 ) -> float:  # fmt: skip

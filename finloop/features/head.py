@@ -36,10 +36,10 @@ def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
 
 
 def match_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
-    """Return which end of each backbone is the head by another program: 1, −1 or 0, (rows,) int8.
+    """Return which end of each backbone (rows, n, 2) px is the head by another program, (rows,).
 
-    1 is the first point, −1 the last, 0 unknown. backbone: (rows, n, 2) px; head, tail: the
-    program's points, (rows, 2) px, NaN where unknown.
+    1 is the first point, −1 the last, 0 unknown. head, tail: the program's points, (rows, 2) px,
+    NaN where unknown.
     """
     ends = backbone[:, [0, -1]].astype(float)
     same, swapped = (
@@ -77,7 +77,7 @@ def head_first(
         track, or the other program.
     """
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
-    evidence = _blunt(half_width) + _forward(backbone, length)
+    evidence = _width_evidence(half_width) + _travel_evidence(backbone, length)
     evidence /= max(1.0, _MEMORY_S * rate_hz)
     stay = _stay_odds(backbone, length).tolist()
     total = evidence if given_head is None else evidence + 2 * _CERTAIN * given_head
@@ -86,14 +86,14 @@ def head_first(
     return first, np.where(first, probability, 1 - probability)
 
 
-def _blunt(half_width: Reals) -> Floats:
+def _width_evidence(half_width: Reals) -> Floats:
     """Return log odds (frames,) that the first point is the head, from the widths of both ends."""
     part = half_width.shape[1] * 3 // 8
     first, last = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
     return np.clip((first - last) / np.maximum(first + last, 1e-9) / _BLUNT, -_MOST, _MOST)
 
 
-def _forward(backbone: Reals, length: float) -> Floats:
+def _travel_evidence(backbone: Reals, length: float) -> Floats:
     """Return log odds (frames,) that the first point is the head, from the travel."""
     if len(backbone) < 2:
         return np.zeros(len(backbone))

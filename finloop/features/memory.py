@@ -11,9 +11,7 @@ import numpy as np
 
 from finloop.base.arrays import Ints, Reals
 
-DELTA_S = 0.2
-"""The paper's Δ."""
-
+_PAPER_DELTA_S = 0.2
 _HALF = 0.5  # share of the mean square between any two postures at which a posture is forgotten
 _MEMORIES = 3.0  # memories in Δ: half a beat, as a sine is forgotten after a sixth of its period
 _PARTS = 4  # least Δ in the longest track: the last one has no motion, and blocks need some
@@ -48,7 +46,7 @@ def block_frames(block: float, held_out: float, delta: int, frame: Ints, least: 
     return min(max(1, round(block * delta)), max(least, int(held_out * film)))
 
 
-def measured_delta(bends: Sequence[Reals], rate_hz: float) -> float:
+def measure_delta(bends: Sequence[Reals], rate_hz: float) -> float:
     """Return Δ [s] for `features.delta_s=auto`, from the bend of each track (n,).
 
     It is the paper's Δ, but at most three memories, half a tail beat, so that a quick animal's
@@ -58,4 +56,4 @@ def measured_delta(bends: Sequence[Reals], rate_hz: float) -> float:
     longest = max(len(bend) for bend in bends)
     track = np.repeat(np.arange(len(bends)), [len(bend) for bend in bends])
     memory = memory_frames(np.concatenate(bends)[:, None], track)
-    return min(DELTA_S, min(_MEMORIES * memory, longest / _PARTS) / rate_hz)
+    return min(_PAPER_DELTA_S, min(_MEMORIES * memory, longest / _PARTS) / rate_hz)

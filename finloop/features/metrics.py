@@ -12,7 +12,7 @@ from finloop.features.table import (
     orient_backbones,
     orientations_of,
     wrap_deg,
-)
+)  # fmt: skip
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
@@ -118,25 +118,24 @@ def against_truth(
     distance of its points from the true points at the same shares of the length, so errors along
     the body count too.
     """
-    pairs = _nearest(features, truth)
-    fish, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
+    found, nearest = _pair_with_truth(features, truth)
+    fish, true = features.iloc[found], truth.iloc[nearest]
     length = true["body_length_px"].to_numpy(float)
     lines = lists_to_points(true, "backbone")
     lines = interpolate_lines(lines, np.linspace(0, lines.shape[1] - 1, backbones.shape[1]))
-    mine = backbones[pairs[:, 0]]
-    swapped = _apart(mine, lines) > _apart(mine[:, ::-1], lines)
-    apart = _apart(np.where(swapped[:, None, None], mine[:, ::-1], mine), lines) / length
-    centre = np.hypot(
-        fish["x_px"].to_numpy() - true["x_px"].to_numpy(),
-        fish["y_px"].to_numpy() - true["y_px"].to_numpy(),
-    )
-    off = np.abs(wrap_deg(fish["heading_deg"].to_numpy() - true["heading_deg"].to_numpy()))
+    own = backbones[found]
+    as_it_is, exchanged = _mean_distance(own, lines), _mean_distance(own[:, ::-1], lines)
+    swapped, apart = as_it_is > exchanged, np.minimum(as_it_is, exchanged) / length
+    fish, true = fish.reset_index(drop=True), true.reset_index(drop=True)
+    centre = np.hypot(fish["x_px"] - true["x_px"], fish["y_px"] - true["y_px"])
+    off = np.abs(wrap_deg(fish["heading_deg"] - true["heading_deg"]))
     fish_length = fish["body_length_px"].to_numpy(float)
-    area = fish["motion_area"].to_numpy()
-    agree = fish["swimming_type"].to_numpy() == true["swimming_type"].to_numpy()
+    agree = fish["swimming_type"] == true["swimming_type"]
+    same_track = np.diff(fish["track_id"]) == 0
+    area = fish["motion_area"].rank()
     return {
         "truth_fish_frames": len(truth),
-        "truth_found_pct": float(100 * len(pairs) / len(truth)),
+        "truth_found_pct": float(100 * len(found) / len(truth)),
         "truth_centre_error_median_px": float(np.median(centre)),
         "truth_centre_error_p95_px": float(np.quantile(centre, 0.95)),
         "truth_backbone_error_mean_pct": float(100 * apart.mean()),
@@ -145,15 +144,19 @@ def against_truth(
         "truth_heading_error_median_deg": float(np.median(off)),
         "truth_heading_error_p95_deg": float(np.quantile(off, 0.95)),
         "truth_head_tail_swaps": int(swapped.sum()),
-        "truth_identity_changes": _identity_changes(fish["track_id"], true["fish_id"]),
+        "truth_identity_changes": int((same_track & (np.diff(true["fish_id"]) != 0)).sum()),
         "truth_swimming_type_agreement_pct": float(100 * agree.mean()),
         **{
             f"truth_{word}_recall_pct": float(100 * agree[true["swimming_type"] == kind].mean())
             for word, kind in (("straight", STRAIGHT), ("left", LEFT), ("right", RIGHT))
             if (true["swimming_type"] == kind).any()
         },
-        "truth_motion_area_bend_rank_correlation": _rank(area, true["bend"].abs()),
-        "truth_motion_area_curvature_rank_correlation": _rank(area, true["curvature_deg"].abs()),
+        **{
+            f"truth_motion_area_{word}_rank_correlation": float(
+                np.corrcoef(area, true[column].abs().rank())[0, 1]
+            )
+            for word, column in (("bend", "bend"), ("curvature", "curvature_deg"))
+        },
     }
 
 
@@ -184,25 +187,16 @@ def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> 
     }
 
 
-def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _mean_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the mean distance (rows,) of corresponding points of lines (rows, n, 2)."""
     return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
 
 
-def _identity_changes(track: pd.Series, fish: pd.Series) -> int:
-    same_track = np.diff(track.to_numpy()) == 0
-    return int((same_track & (np.diff(fish.to_numpy()) != 0)).sum())
-
-
-def _rank(a: np.ndarray, b: pd.Series) -> float:
-    return float(np.corrcoef(pd.Series(a).rank(), b.rank())[0, 1])
-
-
-def _nearest(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Return pairs (k, 2) of row numbers: each fish of a track, and the true fish nearest to it."""
+def _pair_with_truth(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
+    """Return row numbers (2, k): those of the fish, and of the true fish nearest to each."""
     fish = features[["frame", "x_px", "y_px"]].assign(fish=np.arange(len(features)))
     true = truth[["frame", "x_px", "y_px"]].assign(true=np.arange(len(truth)))
     both = fish.merge(true, on="frame", suffixes=("", "_true"))
     both["apart"] = np.hypot(both["x_px"] - both["x_px_true"], both["y_px"] - both["y_px_true"])
     best = both.loc[both.groupby("fish")["apart"].idxmin()]
-    return best[["fish", "true"]].to_numpy()
+    return best[["fish", "true"]].to_numpy().T

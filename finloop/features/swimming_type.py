@@ -83,10 +83,7 @@ def heading_change(heading_deg: Reals, span: int) -> Floats:
 
 
 def swimming_type(
-    turn_deg: Reals,
-    bend: Reals,
-    limits: Thresholds,
-    release: float,
+    turn_deg: Reals, bend: Reals, limits: Thresholds, release: float
 ) -> NDArray[np.int8]:
     """Return the swimming types (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
 

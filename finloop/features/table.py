@@ -16,15 +16,14 @@ from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import bend, interpolate_lines
-from finloop.features.current import measured_current, through_water
+from finloop.features.current import measure_current, through_water
 from finloop.features.head import head_first, match_head_end
-from finloop.features.memory import measured_delta
+from finloop.features.memory import measure_delta
 from finloop.features.settings import FeaturesSettings
 from finloop.features.swimming_type import Thresholds, heading_change, swimming_type, thresholds
 
 _STEPS = 5  # natural steps in Δ, as in the paper's film
-HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
-
+_HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
 
 USED = (
     "track_id", "frame", "x_px", "y_px", "length_px",
@@ -103,7 +102,7 @@ def heading(backbone: Reals) -> Floats:
     It is the direction of the chord from one third of the body to the head end: that part does not
     bend.
     """
-    third = interpolate_lines(backbone, np.array([HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
+    third = interpolate_lines(backbone, np.array([_HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
     dx, dy = (backbone[:, 0] - third).T
     return wrap_deg(np.degrees(np.arctan2(-dy, dx)))
 
@@ -131,7 +130,7 @@ def measure_features(
     bent, direction = bend(backbone, length), heading(backbone)
     delta_s = settings.delta_s
     if delta_s == "auto":
-        delta_s = measured_delta([bent[one] for one in every], rate_hz)
+        delta_s = measure_delta([bent[one] for one in every], rate_hz)
     delta = delta_frames(delta_s, rate_hz)
     limits = turn_thresholds(direction, bent, every, delta, settings)
     types = [
@@ -142,16 +141,15 @@ def measure_features(
     ]
     current = settings.water_current_bl_s
     if current == "auto":
-        tail = _tail(backbone, direction, length)
-        current = measured_current(place / length[:, None], direction, tail, bent, every, rate_hz)
+        tail = _tail_offset(backbone, direction, length)
+        current = measure_current(place / length[:, None], direction, tail, bent, every, rate_hz)
     area = np.abs(bent)
+    ends = {"": place, "head_": backbone[:, 0], "tail_": backbone[:, -1]}
     values = {
         "track_id": tracks["track_id"].to_numpy(),
         "frame": tracks["frame"].to_numpy(),
         "time_s": tracks["frame"].to_numpy() / rate_hz,
-        **dict(zip(("x_px", "y_px"), place.T, strict=True)),
-        **dict(zip(("head_x_px", "head_y_px"), backbone[:, 0].T, strict=True)),
-        **dict(zip(("tail_x_px", "tail_y_px"), backbone[:, -1].T, strict=True)),
+        **{f"{end}{axis}_px": at[:, k] for end, at in ends.items() for k, axis in enumerate("xy")},
         "heading_deg": direction,
         "orientation": orientation(direction, settings.orientations),
         "orientations": settings.orientations,
@@ -171,11 +169,8 @@ def measure_features(
 
 def _over_delta(table: pd.DataFrame, tracks: Sequence[slice], delta: int) -> tuple[Floats, Floats]:
     """Return displacement [body lengths] and included angle [°] (n,) of the rows of tracks."""
-    way, direction, length = (
-        through_water(table),
-        table["heading_deg"].to_numpy(float),
-        table["body_length_px"].to_numpy(float),
-    )
+    way = through_water(table)
+    direction, length = (table[name].to_numpy(float) for name in ("heading_deg", "body_length_px"))
     moved, turned = np.full((2, len(table)), np.nan)
     for one in tracks:
         last = max(one.stop - delta, one.start)
@@ -185,7 +180,7 @@ def _over_delta(table: pd.DataFrame, tracks: Sequence[slice], delta: int) -> tup
     return moved, turned
 
 
-def _tail(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
+def _tail_offset(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
     """Return the offset (rows,) of the tail's tip from the head's axis [body lengths], + = left."""
     dx, dy = (backbone[:, -1] - backbone[:, 0]).T
     back = np.radians(heading_deg)

@@ -45,17 +45,18 @@ def descriptors(
     some = pictures(spread_rows(rows, _PICTURES)).astype(float)
     count = min(components, *(side - 1 for side in some.shape))
     if count < 1:
-        return _spread(measures)
+        return _standardise(measures)
     from sklearn.decomposition import PCA
 
     few = PCA(count, svd_solver="arpack", random_state=0).fit(some)
     del some
     blocks = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
     codes = np.concatenate([few.transform(pictures(block).astype(float)) for block in blocks])
-    return np.hstack([_spread(measures), codes / max(float(codes.std()), 1e-12)])
+    return np.hstack([_standardise(measures), codes / max(float(codes.std()), 1e-12)])
 
 
-def _spread(values: Floats) -> Floats:
+def _standardise(values: Floats) -> Floats:
+    """Return values (n, m) shifted and scaled to a mean of 0 and a standard deviation of 1."""
     return (values - values.mean(0)) / np.maximum(values.std(0), 1e-9)
 
 
@@ -72,10 +73,10 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     for fold in range(_FOLDS):
         test = np.zeros(len(tracks), bool)
         test[long[fold::_FOLDS]] = True
-        first, last = _ends(tracks, _tells(tracks, long[~test[long]]))
-        one_animal.append(_apart(first[test], last[test]))
+        first, last = _ends(tracks, _discriminant(tracks, long[~test[long]]))
+        one_animal.append(_distance(first[test], last[test]))
         a, b = (track[test[at_once.a] & test[at_once.b]] for track in at_once)
-        two.append(_apart(first[a], last[b]))
+        two.append(_distance(first[a], last[b]))
     distances = [np.concatenate(apart) for apart in (one_animal, two)]
     counts = [len(apart) for apart in distances]
     if min(counts) < _LEAST:
@@ -90,13 +91,13 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     slope, offset = float(learnt.coef_[0, 0]), float(learnt.intercept_[0])
     if slope >= 0:  # farther apart would mean more alike: nothing was learnt
         return np.zeros(len(pairs.a))
-    first, last = _ends(tracks, _tells(tracks, long))
+    first, last = _ends(tracks, _discriminant(tracks, long))
     most = float(np.log(min(counts)))
-    apart = np.minimum(_apart(last[pairs.a], first[pairs.b]), farthest)
+    apart = np.minimum(_distance(last[pairs.a], first[pairs.b]), farthest)
     return np.clip(slope * apart + offset, -most, most)
 
 
-def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnalysis | None":
+def _discriminant(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnalysis | None":
     """Return the directions that distinguish these tracks; None for fewer than two tracks."""
     if len(learnt) < 2:
         return None
@@ -104,20 +105,23 @@ def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnaly
 
     learnt = spread_rows(learnt, _TRACKS)
     label = np.repeat(learnt, [len(tracks[i]) for i in learnt])
-    tells = LinearDiscriminantAnalysis(solver="eigen", shrinkage=_SHRUNK)
-    return tells.fit(np.concatenate([tracks[i] for i in learnt]), label)
+    directions = LinearDiscriminantAnalysis(solver="eigen", shrinkage=_SHRUNK)
+    return directions.fit(np.concatenate([tracks[i] for i in learnt]), label)
 
 
 def _ends(
-    tracks: Sequence[Floats], tells: "LinearDiscriminantAnalysis | None"
+    tracks: Sequence[Floats], directions: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
     """Return the means (n, c) of each track's first and last part, in discriminant directions."""
     part = [max(1, len(track) // _PARTS) for track in tracks]
     first = np.array([track[:k].mean(0) for track, k in zip(tracks, part, strict=True)])
     last = np.array([track[-k:].mean(0) for track, k in zip(tracks, part, strict=True)])
+    if directions is None:
+        return first, last
     # The directions are linear: the mean of codes is the code of the mean.
-    return (first, last) if tells is None else (tells.transform(first), tells.transform(last))
+    return directions.transform(first), directions.transform(last)
 
 
-def _apart(a: Floats, b: Floats) -> Floats:
+def _distance(a: Floats, b: Floats) -> Floats:
+    """Return the distances (n,) of descriptors (n, c)."""
     return np.linalg.norm(a - b, axis=1)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,13 +14,14 @@ from finloop.base.stretches import spread_rows
 from finloop.distance.picture import BODY
 from finloop.distance.reel import Reel
 from finloop.features.head import tail_first
+from finloop.features.table import spans
 from finloop.identity import appearance, motion
 from finloop.identity.joins import (
     Chains,
     Pairs,
     TrackJoins,
     best_joins,
-    in_passes,
+    join_in_passes,
     simultaneous_pairs,
     successor_pairs,
 )
@@ -38,13 +38,6 @@ _EVERY = 4  # a backbone's points from one measured width to the next
 USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px", "contrast"]
 
 
-class Spans(NamedTuple):
-    """The rows of each track: start … stop − 1; both are (tracks,)."""
-
-    start: NDArray[np.intp]
-    stop: NDArray[np.intp]
-
-
 @dataclass(frozen=True)
 class Evidence:
     """The evidence for the identities in a film.
@@ -59,7 +52,7 @@ class Evidence:
     settings: IdentitySettings
 
 
-def evidence(
+def collect_evidence(
     reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: IdentitySettings
 ) -> Evidence:
     """Collect the evidence for the identities in a film: body measures and parts of the film.
@@ -68,21 +61,26 @@ def evidence(
     film's further segments.
     """
     segment = np.searchsorted(np.array(cuts, int), reel.features["frame"], side="right")
-    return Evidence(reel, body_measures(tracks, reel.features), segment, p)
+    widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
+    back = tail_first(lists_to_points(tracks, "backbone"), reel.features)
+    widths = np.where(back[:, None], widths[:, ::-1], widths)  # from head to tail
+    body = tracks[["length_px", "area_px", "contrast"]].to_numpy(float)
+    return Evidence(reel, np.hstack([body, widths]), segment, p)
 
 
 def identities(film: Evidence) -> pd.DataFrame:
     """Return the animal of each track (schema IDENTITIES); animal 0 has the most frames."""
     features = film.reel.features
-    parts = [np.arange(a, b) for a, b in zip(*spans(features), strict=True)]
-    joins = joins_of(film, parts)
+    rows = np.arange(len(features))
+    parts = [rows[span] for span in spans(features)]
+    joins = _join_tracks(film, parts)
     frame, track = features["frame"].to_numpy(), features["track_id"].to_numpy()
     first, last = (np.array([rows[k] for rows in parts]) for k in (0, -1))
     has = joins.before >= 0
     return pd.DataFrame(
         {
             "track_id": track[first],
-            "identity": _numbers(joins, [len(rows) for rows in parts]),
+            "identity": _number_animals(joins, [len(rows) for rows in parts]),
             "after_track": np.where(has, track[last[joins.before]], -1),
             "gap_frames": np.where(has, frame[first] - frame[last[joins.before]], 0),
             "probability": joins.probability,
@@ -90,7 +88,7 @@ def identities(film: Evidence) -> pd.DataFrame:
     ).astype(IDENTITIES.kinds)
 
 
-def from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
+def identities_from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
     """Return the animal of each track (schema IDENTITIES) from another program's names of animals.
 
     animals (rows,): the name of the animal in each row of the feature table. Animal 0 has the most
@@ -120,7 +118,8 @@ def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator)
     """
     parts, halves = list[NDArray[np.intp]](), list[int]()
     frame = film.reel.features["frame"].to_numpy()
-    for a, b in zip(*spans(film.reel.features), strict=True):
+    for span in spans(film.reel.features):
+        a, b = span.start, span.stop
         gap = int(rng.choice(gaps)) if len(gaps) else 1
         middle = int(np.searchsorted(frame[a:b], (frame[a] + frame[b - 1] - gap) // 2)) + a
         after = int(np.searchsorted(frame[a:b], frame[middle - 1] + gap)) + a
@@ -129,7 +128,7 @@ def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator)
             parts += [np.arange(a, middle), np.arange(after, b)]
         else:
             parts.append(np.arange(a, b))
-    before = joins_of(film, parts).before
+    before = _join_tracks(film, parts).before
     before_half = before[np.array(halves, int) + 1]
     if not len(before_half):
         return np.full(2, np.nan)
@@ -137,37 +136,15 @@ def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator)
     return np.array([right.mean(), (~right & (before_half >= 0)).mean()])
 
 
-def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
-    """Return length, area, contrast and half widths of every row (n, d), the widths head to tail.
-
-    tracks: the columns `USED`, in px, px² and grey levels; features: the same rows of the feature
-    table, which say where the head is.
-    """
-    widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
-    back = tail_first(lists_to_points(tracks, "backbone"), features)
-    widths = np.where(back[:, None], widths[:, ::-1], widths)
-    return np.hstack([tracks[["length_px", "area_px", "contrast"]].to_numpy(float), widths])
-
-
-def spans(features: pd.DataFrame) -> Spans:
-    """Return the rows of each track of a feature table that is sorted by tracks."""
-    edges = np.flatnonzero(np.diff(features["track_id"].to_numpy())) + 1
-    return Spans(np.append(0, edges), np.append(edges, len(features)))
-
-
-def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
-    """Return which tracks, or parts of tracks, are joined as one animal, and how probable that is.
-
-    parts: the rows of each, in the order of frames. The score of a join combines motion and
-    appearance; the appearance of joined tracks is that of all their pictures.
-    """
+def _join_tracks(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
+    """Return which tracks, given by their rows, are one animal, by motion and appearance."""
     reel, p = film.reel, film.settings
     features = reel.features
     frame = features["frame"].to_numpy()
     place = features[["x_px", "y_px"]].to_numpy(float) / reel.length_px
     whole = features[["track_id", "frame"]].assign(x=place[:, 0], y=place[:, 1])
-    drift = motion.drift(whole)
-    ends = motion.ends(
+    drift = motion.measure_drift(whole)
+    ends = motion.track_ends(
         [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
     )
     segment = np.array([film.segment[rows[0]] for rows in parts])
@@ -181,7 +158,7 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
     by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])
 
     def scores(chains: Chains) -> tuple[Pairs, Floats]:
-        between = motion.ends_of(ends, chains)
+        between = motion.chain_ends(ends, chains)
         pairs = successor_pairs(
             between.start, between.stop, segment[[chain[0] for chain in chains]]
         )
@@ -191,25 +168,18 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> TrackJoins:
         )
         return pairs, motion.log_ratios(between, drift, pairs) + look_ratio
 
-    rng = np.random.default_rng(p.seed)
-    return in_passes(
-        len(parts),
-        scores,
-        p.sure,
-        partial(
-            best_joins, strangers=p.new_animal_probability, least=p.min_join_probability, rng=rng
-        ),
-    )
+    best = partial(
+        best_joins, strangers=p.new_animal_probability, least=p.min_join_probability,
+        rng=np.random.default_rng(p.seed),
+    )  # fmt: skip
+    return join_in_passes(len(parts), scores, p.sure, best)
 
 
-def _numbers(joins: TrackJoins, lengths: list[int]) -> NDArray[np.intp]:
+def _number_animals(joins: TrackJoins, lengths: list[int]) -> NDArray[np.intp]:
     """Return the number of each track's animal, 0 for the one with the most rows."""
     root = np.arange(len(lengths))
-    for track in range(len(lengths)):
-        head = track
-        while joins.before[head] >= 0:
-            head = joins.before[head]
-        root[track] = head
+    while (has_before := joins.before[root] >= 0).any():
+        root = np.where(has_before, joins.before[root], root)
     rows = np.bincount(root, weights=lengths, minlength=len(lengths))
     order = np.argsort(-rows, kind="stable")
     number = np.empty(len(lengths), np.intp)

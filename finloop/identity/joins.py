@@ -45,9 +45,8 @@ def successor_pairs(start: Reals, stop: Reals, segment: Tracks, most: int = _SOO
     """
     order = np.argsort(start, kind="stable")
     low = np.searchsorted(start[order], stop, side="right")
-    return _ranges(
-        order, low, np.minimum(np.searchsorted(segment[order], segment, "right"), low + most)
-    )
+    high = np.minimum(np.searchsorted(segment[order], segment, "right"), low + most)
+    return _pair_with_ranges(order, low, high)
 
 
 def simultaneous_pairs(start: Reals, stop: Reals) -> Pairs:
@@ -58,11 +57,11 @@ def simultaneous_pairs(start: Reals, stop: Reals) -> Pairs:
     order = np.argsort(start, kind="stable")
     low = np.empty(len(order), np.intp)
     low[order] = np.arange(len(order)) + 1
-    a, b = _ranges(order, low, np.searchsorted(start[order], stop, side="right"))
+    a, b = _pair_with_ranges(order, low, np.searchsorted(start[order], stop, side="right"))
     return Pairs(np.minimum(a, b), np.maximum(a, b))
 
 
-def _ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
+def _pair_with_ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
     """Pair every track k with the tracks order[low[k]:high[k]]."""
     count = np.maximum(high - low, 0)
     offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -83,7 +82,7 @@ def best_joins(
     (perturb and maximise: Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). The
     noise of a join is the mean of two Gumbel variables, one for each of its tracks.
     """
-    sets = _Sets(pairs, tracks)
+    sets = _JoinSets(pairs, tracks)
     alone = np.full((2, tracks), np.log(strangers))
     before = sets.best(log_ratio, alone)
     times = np.zeros(tracks)
@@ -95,7 +94,7 @@ def best_joins(
     return TrackJoins(np.where(sure, before, -1), np.where(sure, probability, 1.0))
 
 
-def in_passes(
+def join_in_passes(
     tracks: int,
     scores: Callable[[Chains], tuple[Pairs, Floats]],
     sure: float,
@@ -146,8 +145,8 @@ class _Component(NamedTuple):
     start: Tracks
 
 
-class _Sets:
-    """Sets of joins by assignment, component by component, which is faster than all at once."""
+class _JoinSets:
+    """Finds sets of joins by assignment, component by component: faster than all at once."""
 
     def __init__(self, pairs: Pairs, tracks: int) -> None:
         self._starts, self._tracks = pairs.b, tracks

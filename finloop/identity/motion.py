@@ -37,24 +37,24 @@ class TrackEnds:
     leaving: Floats
 
 
-def ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
+def track_ends(frames: list[Reals], places: list[Floats], before: int) -> TrackEnds:
     """Return where each track begins and ends, and its velocities there.
 
     frames, places: of each track, (k,) frame numbers and (k, 2) body lengths; before: steps between
     rows over which a velocity is measured, if the track has as many.
     """
-    back = [min(before, len(track) - 1) for track in frames]
+    tracks = [(f, p, min(before, len(f) - 1)) for f, p in zip(frames, places, strict=True)]
     return TrackEnds(
         np.array([track[0] for track in frames]),
         np.array([track[-1] for track in frames]),
         np.array([track[0] for track in places]),
         np.array([track[-1] for track in places]),
-        np.array([_pace(f, p, 0, n) for f, p, n in zip(frames, places, back, strict=True)]),
-        np.array([_pace(f, p, -1 - n, -1) for f, p, n in zip(frames, places, back, strict=True)]),
+        np.array([_velocity(f, p, 0, n) for f, p, n in tracks]),
+        np.array([_velocity(f, p, -1 - n, -1) for f, p, n in tracks]),
     )
 
 
-def ends_of(tracks: TrackEnds, chains: Chains) -> TrackEnds:
+def chain_ends(tracks: TrackEnds, chains: Chains) -> TrackEnds:
     """Return where chains of tracks begin and end: the start of the first, the end of the last."""
     first, last = ([chain[k] for chain in chains] for k in (0, -1))
     return TrackEnds(
@@ -63,7 +63,8 @@ def ends_of(tracks: TrackEnds, chains: Chains) -> TrackEnds:
     )  # fmt: skip
 
 
-def _pace(frames: Reals, places: Floats, a: int, b: int) -> Floats:
+def _velocity(frames: Reals, places: Floats, a: int, b: int) -> Floats:
+    """Return the mean velocity (2,) between rows a and b; 0 for a track of one row."""
     if len(frames) < 2:
         return np.zeros(2)
     return (places[b] - places[a]) / max(frames[b] - frames[a], 1)
@@ -96,12 +97,8 @@ class Drift:
         near = error**2 / (np.pi * (error**2 + apart**2) ** 2)
         return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
 
-    def shares(self, gap: Floats) -> Floats:
-        """Return the share (e,) of the velocity before gaps (e,) [frames] that lasts over them."""
-        return np.interp(gap, self.gaps, self.share)
 
-
-def drift(tracks: pd.DataFrame) -> Drift:
+def measure_drift(tracks: pd.DataFrame) -> Drift:
     """Return the drift of a film's animals, measured by trial gaps in whole tracks.
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
@@ -112,7 +109,7 @@ def drift(tracks: pd.DataFrame) -> Drift:
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
     anywhere = float(np.sqrt(tank / np.pi))
-    trials = [(before, *_errors(tracks, before)) for before in _BEFORE]
+    trials = [(before, *_measure_errors(tracks, before)) for before in _BEFORE]
     common = min(len(error) for _, error, _ in trials if error) if trials[0][1] else 0
     if not common:
         return Drift(np.ones(1), np.full(1, anywhere), np.zeros(1), tank, _BEFORE[0])
@@ -128,13 +125,17 @@ def drift(tracks: pd.DataFrame) -> Drift:
     )
 
 
-def _errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]]:
+def _measure_errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]]:
     """Return, for gaps of 1, 2, 4 … frames, median error and share of the velocity that lasts."""
-    place = tracks[["x", "y"]].to_numpy(float)
+    place, key = tracks[["x", "y"]].to_numpy(float), tracks[["track_id", "frame"]].to_numpy()
     error, shares = list[float](), list[float]()
     gap = 1
-    while (same := _together(tracks, 2 * before + gap)).sum() >= _LEAST:
-        first, end = np.flatnonzero(same), np.flatnonzero(same) + before
+    while True:
+        ahead = 2 * before + gap  # rows and frames in the same track
+        first = np.flatnonzero((key[ahead:] - key[:-ahead] == (0, ahead)).all(1))
+        if len(first) < _LEAST:
+            return error, shares
+        end = first + before
         leaving = (place[end] - place[first]) / before
         arriving = (place[end + gap + before] - place[end + gap]) / before
         went = place[end + gap] - place[end]
@@ -143,16 +144,6 @@ def _errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]
         apart = went - 0.5 * share * gap * (leaving + arriving)
         error.append(float(np.median(np.hypot(*apart.T))))
         gap *= 2
-    return error, shares
-
-
-def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
-    """Return whether the row `ahead` rows later is as many frames later in the same track."""
-    key = tracks[["track_id", "frame"]].to_numpy()
-    same = np.zeros(len(key), bool)
-    if ahead < len(key):
-        same[:-ahead] = (key[ahead:] - key[:-ahead] == (0, ahead)).all(1)
-    return same
 
 
 def log_ratios(ends: TrackEnds, drift: Drift, pairs: Pairs) -> Floats:
@@ -163,7 +154,7 @@ def log_ratios(ends: TrackEnds, drift: Drift, pairs: Pairs) -> Floats:
     """
     a, b = pairs
     gap = (ends.start[b] - ends.stop[a]).astype(float)
-    half = (0.5 * drift.shares(gap) * gap)[:, None]
+    half = (0.5 * np.interp(gap, drift.gaps, drift.share) * gap)[:, None]
     ahead = ends.last[a] + half * ends.leaving[a]
     back = ends.first[b] - half * ends.arriving[b]
     return drift.log_ratio(gap, np.hypot(*(back - ahead).T))

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from finloop.base.arrays import Floats, Ints, Mask, Picture
-from finloop.extract.backbone import trace, without_notches
+from finloop.extract.backbone import longest_geodesic, trace_backbone, without_notches
 from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, judge
 from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
-from finloop.extract.skeleton import longest_geodesic
 
 _MARGIN = 6  # px of tank around a fish
 _NEAR = np.ones((3, 3), np.uint8)
@@ -180,7 +179,7 @@ def _thin(
     whole = seen[window]
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
-    backbone = trace(silhouette.mask, silhouette.field, points, floor)
+    backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor)
     alone, _ = without_notches(silhouette.mask, silhouette.field)
     corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
     y = np.clip(np.arange(whole.shape[0]) + top, 0, frame.shape[0] - 1)

@@ -101,7 +101,7 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: PoseSettings) ->
     shapes = PoseShapes.fit(pose.posture, p.explained_variance_ratio, p.max_film_distance_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
     memory = memory_frames(codes, features["track_id"].to_numpy())
-    return _poses(features, codes, shapes, (apart, spread, memory))
+    return _build_poses(features, codes, shapes, (apart, spread, memory))
 
 
 def restore_poses(
@@ -114,31 +114,23 @@ def restore_poses(
     them. ValueError if codes, features and facts differ in size.
     """
     values, shape = codes.astype(float), ShapeFacts(**facts)
-    mean, shapes = np.array(shape.mean), np.array(shape.shapes)
+    mean, shapes, weights, variance = (
+        np.array(numbers) for numbers in (shape.mean, shape.shapes, shape.weights, shape.variance)
+    )
     if len(values) != len(features) or values.shape[1:] != shapes.shape[:1]:
         raise ValueError(f"{values.shape} codes, {len(features)} rows, {len(shapes)} shapes")
-    bare = PoseShapes(
-        mean, shapes, np.array(shape.weights), np.array(shape.variance), shape.total_variance,
-        np.zeros((0, len(shapes))), shape.gap,
-    )  # fmt: skip
-    return _poses(
-        features,
-        values,
-        bare,
-        (shape.trunk, shape.tail_spread, shape.memory_frames),
-        posture,
-    )
+    total = shape.total_variance
+    bare = PoseShapes(mean, shapes, weights, variance, total, values[:0], shape.gap)
+    numbers = shape.trunk, shape.tail_spread, shape.memory_frames
+    return _build_poses(features, values, bare, numbers, posture)
 
 
-def _poses(
+def _build_poses(
     features: pd.DataFrame, codes: Floats, shapes: PoseShapes, facts: tuple[bool, float, float],
     posture: Floats | None = None,
 ) -> FilmPoses:  # fmt: skip
-    both = np.concatenate([codes, codes @ shapes.mirror])
-    whole = PoseShapes(
-        shapes.mean, shapes.shapes, shapes.weights, shapes.variance, shapes.total_variance, both,
-        shapes.gap,
-    )  # fmt: skip
+    """Return the poses with codes (n, c); posture: those of the codes, None to compute them."""
+    whole = replace(shapes, codes=np.concatenate([codes, codes @ shapes.mirror]))
     pose = Pose(
         features["x_px"].to_numpy(float), features["y_px"].to_numpy(float),
         np.radians(features["heading_deg"].to_numpy(float)),

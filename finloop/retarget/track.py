@@ -10,7 +10,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.extract.backbone import resample
-from finloop.extract.fit import HEADS, TAILS, keypoint
+from finloop.extract.given import HEADS, TAILS, keypoint
 from finloop.features.area import interpolate_lines
 from finloop.retarget.settings import RetargetSettings
 

@@ -10,10 +10,10 @@ from finloop.base.errors import FinloopError
 
 
 def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
-    """Return follower → leader from pairs [follower, leader]; fish are numbered from 1.
+    """Return follower → leader from pairs [follower, leader] of `fish` fish, numbered from 1.
 
-    fish: how many there are. FinloopError if a pair has not two members or names a missing fish, a
-    fish has two leaders, or fish follow each other in a circle.
+    FinloopError if a pair has not two members or names a missing fish, a fish has two leaders, or
+    fish follow each other in a circle.
     """
     problems: list[str] = []
     leader_of: dict[int, int] = {}
@@ -29,7 +29,7 @@ def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
         else:
             leader_of[follower] = leader
     if not problems:
-        problems = [_round(leader_of, one) for one in leader_of if _circle(leader_of, one)]
+        problems = [circle for one in leader_of if (circle := _find_circle(leader_of, one))]
     if problems:
         raise FinloopError(
             f"the pairs of followers and leaders contradict each other: {problems[0]}"
@@ -46,21 +46,17 @@ def contradiction(leader_of: Mapping[int, int], follower: int, leader: int) -> s
 
     leader_of: follower → leader of the other fish. The only obstacle is a circle of followers.
     """
-    after = {**leader_of, follower: leader}
-    return _round(after, follower) if _circle(after, follower) else None
+    return _find_circle({**leader_of, follower: leader}, follower)
 
 
-def _circle(leader_of: Mapping[int, int], first: int) -> list[int]:
-    """Return the fish from one back to itself, by their leaders; empty where there is no circle."""
-    circle, one = [first], leader_of.get(first)
-    while one is not None and one not in circle:
-        circle.append(one)
-        one = leader_of.get(one)
-    return circle if one == first else []
-
-
-def _round(leader_of: Mapping[int, int], first: int) -> str:
-    circle = _circle(leader_of, first)
+def _find_circle(leader_of: Mapping[int, int], first: int) -> str | None:
+    """Return in words the circle of followers from a fish back to itself; None if there is none."""
+    circle, leader = [first], leader_of.get(first)
+    while leader is not None and leader not in circle:
+        circle.append(leader)
+        leader = leader_of.get(leader)
+    if leader != first:
+        return None
     if len(circle) == 1:
         return f"fish {first} follows itself"
     return f"fish {' follows fish '.join(map(str, [*circle, first]))}"

@@ -25,14 +25,7 @@ SHOAL = Schema(
     Column("polarisation", "float32", "1", nullable=True),
 )
 """A row per fish per frame. Columns that need a second fish are null where there is none."""
-MEASURES = (
-    "neighbour_distance",
-    "alignment_deg",
-    "inter_fish_deg",
-    "wall_distance",
-    "polarisation",
-)
-
+MEASURES = tuple(SHOAL.names[2:])
 
 _PAIRS = 1 << 18  # of fish at a time, about 90 bytes each
 
@@ -43,10 +36,10 @@ def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -
     frame (n,): of each fish; places (n, 2): px, y down; headings_deg (n,): anticlockwise. Rows keep
     their order; the fish of a frame are numbered in that order.
     """
-    index, fish, slots = by_frame(frame)
+    index, fish, shape = frame_slots(frame)
     own = vectors(places, headings_deg, walls.length)
-    place, heading = (slots_of(one, index, fish, slots) for one in own)
-    far, aligned, bearing = nearest(place, heading)
+    place, heading = (spread_to_slots(one, index, fish, shape) for one in own)
+    far, aligned, bearing = _measure_nearest(place, heading)
     there = np.isfinite(heading)
     polarised = np.abs(np.where(there, heading, 0).sum(axis=1)) / there.sum(axis=1)
     polarised[there.sum(axis=1) < 2] = np.nan
@@ -61,12 +54,10 @@ def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -
     }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
 
 
-def nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
-    """Return distance, alignment angle and inter-fish angle of nearest neighbours (frames, m).
+def _measure_nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
+    """Return distance [BL], alignment and inter-fish angle [°] of nearest neighbours (frames, m).
 
-    Distance is in BL, angles are 0 … 180°. place, heading (frames, m): complex, NaN for absent
-    fish, as for `neighbours`. NaN where a frame shows no other fish. Memory is that of `_PAIRS`
-    pairs and of the result.
+    place, heading (frames, m): complex, NaN for absent fish. NaN where a frame shows no other fish.
     """
     far, aligned, bearing = np.full((3, *place.shape), np.nan)
     most = max(1, _PAIRS // max(1, place.shape[1] ** 2))
@@ -82,7 +73,7 @@ def nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
     return far, aligned, bearing
 
 
-def by_frame(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
+def frame_slots(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
     """Return where each row goes in an array (frames, m): its frame's index, its slot, that shape.
 
     frame (n,): frame number of each row. The index counts only frames with fish; slots count the
@@ -93,13 +84,10 @@ def by_frame(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
     return index, fish, (len(frames), int(fish.max()) + 1 if len(fish) else 0)
 
 
-def slots_of(values: Complex, index: Ints, fish: Ints, shape: tuple[int, int]) -> Complex:
-    """Spread values (n,) over an array (frames, m); NaN where a fish is absent.
-
-    index, fish, shape: from `by_frame`.
-    """
+def spread_to_slots(values: Complex, index: Ints, slot: Ints, shape: tuple[int, int]) -> Complex:
+    """Spread values (n,) over an array (frames, m) by `frame_slots`; NaN where a fish is absent."""
     slots = np.full(shape, np.nan, complex)
-    slots[index, fish] = values
+    slots[index, slot] = values
     return slots
 
 
@@ -135,11 +123,11 @@ def compare_groups(
 
 def halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Divide a table of `SHOAL` into the first and the second half of the film's time."""
-    first = table["frame"] < middle(table["frame"].to_numpy())
+    first = table["frame"] < middle_frame(table["frame"].to_numpy())
     return table[first], table[~first]
 
 
-def middle(frame: Ints) -> float:
+def middle_frame(frame: Ints) -> float:
     """Return the frame number in the middle of the film's time; frame (n,): frames with fish."""
     return (int(frame.min()) + int(frame.max()) + 1) / 2
 

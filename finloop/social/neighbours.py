@@ -39,14 +39,9 @@ def neighbours(place: Complex, heading: Complex) -> Neighbours:
     place, heading (…, m): complex, as from `vectors`, NaN for absent fish. No fish is its own
     neighbour.
     """
-    others = place[..., None, :], heading[..., None, :]
-    seen = relative_neighbours(place[..., :, None], heading[..., :, None], others)
     own = np.eye(place.shape[-1], dtype=bool)
-    return Neighbours(
-        np.where(own, np.inf, seen.distance),
-        np.where(own, 0, seen.bearing),
-        np.where(own, 0, seen.heading),
-    )
+    others = np.where(own, np.nan, place[..., None, :]), heading[..., None, :]
+    return relative_neighbours(place[..., :, None], heading[..., :, None], others)
 
 
 def relative_neighbours(

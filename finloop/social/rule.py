@@ -1,20 +1,104 @@
-"""Where a fish swims by a rule: in a school, by zones, or after its leader.
+"""How a fish swims in a school: a step of the film's fish, plus the pull of the others' zones.
 
-A rule takes the present places of the others and returns a place to swim to. The same arguments and
+The pull of other fish (`zones.pull`) is one part of where a fish goes. The rest, its own step, is
+speed, turns and chance. A steered fish takes one of the film's own steps, from a fish equally near
+to a wall that moved alike, and adds the pull of the fish around it. The same arguments and
 generator state give the same place.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+import scipy
 
-from finloop.base.arrays import Reals
+from finloop.base.arrays import Complex, Floats, Reals
 from finloop.base.errors import FinloopError
+from finloop.base.schema import Schema, columns
 from finloop.social.neighbours import relative_neighbours, vectors
-from finloop.social.steps import SocialSteps, add_pull_to_moves
 from finloop.social.walls import Walls
 from finloop.social.zones import Zones, pull
+
+SOCIAL_STEPS = Schema(
+    *columns("float32", "1", "wall_ahead", "wall_left"),
+    *columns("float32", "body length", "last_ahead", "last_left", "move_ahead", "move_left"),
+    *columns("float32", "1", "turn_ahead", "turn_left"),
+)
+"""A row per step. wall: from `Walls.near`; last: displacement in the step before; move: own
+displacement; turn: own part of the unit vector of the heading afterwards. Vectors of the body."""
+
+
+@dataclass(frozen=True)
+class SocialSteps:
+    """The n steps of a film's fish without the pull of the others, as vectors of the body.
+
+    wall, last, move, turn (n,): complex, as in `SOCIAL_STEPS`. forward: BL by which a pull of 1
+    moves a fish; onward: what a pull of 1 adds to the unit vector of its heading.
+    """
+
+    wall: Complex
+    last: Complex
+    move: Complex
+    turn: Complex
+    forward: float
+    onward: float
+
+    @cached_property
+    def _scale(self) -> tuple[float, float]:
+        wall, last = (float(np.sqrt(np.mean(np.abs(v) ** 2))) for v in (self.wall, self.last))
+        return max(wall, 1e-9), max(last, 1e-9)
+
+    @cached_property
+    def _tree(self) -> scipy.spatial.KDTree:
+        own = self._search_point(self.wall, self.last)
+        return scipy.spatial.KDTree(np.concatenate([own, own * (1, -1, 1, -1)]))
+
+    def _search_point(self, wall: Complex, last: Complex) -> Floats:
+        wall, last = wall / self._scale[0], last / self._scale[1]
+        return np.stack([wall.real, wall.imag, last.real, last.imag], axis=-1)
+
+    def draw(
+        self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
+    ) -> tuple[Complex, Complex]:
+        """Draw displacements (BL) and turns for m fish from similar steps and their mirror images.
+
+        Both results are (m, alike), complex, in random order; fewer if the film has fewer steps.
+        wall, last (m,): of the fish, compared with those of the steps.
+        """
+        count = min(alike, 2 * len(self.move))
+        which = self._tree.query(self._search_point(wall, last), k=[*range(1, count + 1)])[1]
+        which = rng.permuted(which, axis=-1)
+        move, turn = (np.concatenate([step, step.conj()]) for step in (self.move, self.turn))
+        return move[which], turn[which]
+
+    def add_pull_to_turns(self, turns: Complex, pulls: Complex) -> Complex:
+        """Return new headings (…) as unit vectors: a fish's own turns plus the pull of its group.
+
+        All are complex, in the frame of the body before the step.
+        """
+        to = turns + self.onward * pulls
+        size = np.abs(to)
+        return np.where(size > 0, to / np.where(size > 0, size, 1), 1)
+
+    def table(self) -> pd.DataFrame:
+        """Return the steps as a table with the columns of `SOCIAL_STEPS`."""
+        parts = {"wall": self.wall, "last": self.last, "move": self.move, "turn": self.turn}
+        return pd.DataFrame({
+            f"{name}_{side}": part
+            for name, vector in parts.items()
+            for side, part in (("ahead", vector.real), ("left", vector.imag))
+        })  # fmt: skip
+
+    @classmethod
+    def from_table(cls, table: pd.DataFrame, forward: float, onward: float) -> "SocialSteps":
+        """Restore the steps from their `table` and the two pull factors of the class."""
+        wall, last, move, turn = (
+            table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
+            for name in ("wall", "last", "move", "turn")
+        )
+        return cls(wall, last, move, turn, forward, onward)
 
 
 @dataclass(frozen=True)
@@ -31,7 +115,7 @@ class Shoaling:
 
 
 def require_rule(shoaling: Shoaling | None) -> Shoaling:
-    """Return the rule itself; raise FinloopError if it is None or has no steps."""
+    """Return the rule of a school itself; raise FinloopError if it is None or has no steps."""
     if shoaling is None or not len(shoaling.steps.move):
         raise FinloopError(
             "there are no zones for fish in a school"
@@ -65,18 +149,18 @@ def shoaling_place(
 ) -> tuple[float, float] | None:
     """Return the place x, y in px to which a fish swims next; None if no other fish pulls it.
 
-    The place is the end of a step of the film plus the pull of the other fish. The film's fish was
-    equally near to a wall and moved alike. Of several steps drawn, it is the first that ends in the
-    tank. If all end outside, it is the last, and the caller must move it into the tank.
+    The place is the end of a step of the film plus the pull of the other fish. Of several steps
+    drawn, it is the first that ends in the tank. If all end outside, it is the last, and the caller
+    must move it into the tank.
     """
     place, heading = vectors(np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length)
     group = vectors(others.places, others.headings_deg, walls.length)
     pulls = pull(relative_neighbours(place[:, None], heading[:, None], group), shoaling.zones)
     if pulls[0] == 0:
         return None
-    last = np.array([own.last + 0j])
-    moves, _ = shoaling.steps.draw(walls.near(place, heading), last, shoaling.alike, rng)
-    ends = place + heading * add_pull_to_moves(moves[0], pulls, shoaling.steps)
+    steps, last = shoaling.steps, np.array([own.last + 0j])
+    moves, _ = steps.draw(walls.near(place, heading), last, shoaling.alike, rng)
+    ends = place + heading * (moves[0] + steps.forward * pulls)
     inside = walls.inside(ends)
     to = ends[int(inside.argmax()) if inside.any() else -1] * walls.length
     return float(to.real), float(-to.imag)

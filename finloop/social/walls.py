@@ -6,7 +6,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from finloop.base.arrays import Complex, Floats, Mask, Reals
+from finloop.base.arrays import Complex, Floats, Mask
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Walls:
         return self._pixels(self.depth, place)
 
     def near(self, place: Complex, heading: Complex) -> Complex:
-        """Return vectors (…) that point away from the wall, of length 1 / (1 + distance in BL).
+        """Return vectors (…) away from the wall, of length 1 / (1 + distance in BL).
 
         They are complex, in the frame of the body. place, heading (…): complex.
         """
@@ -55,10 +55,8 @@ class Walls:
 
     def _pixels(self, values: np.ndarray, place: Complex) -> np.ndarray:
         """Return the values (h, w) at places; outside the arena, those of the nearest pixel."""
-        height, width = values.shape
-        columns = _nearest(place.real * self.length, width)
-        return values[_nearest(-place.imag * self.length, height), columns]
-
-
-def _nearest(at: Reals, count: int) -> np.ndarray:
-    return np.clip(np.rint(at), 0, count - 1).astype(int)
+        row, column = (
+            np.clip(np.rint(at * self.length), 0, size - 1).astype(int)
+            for at, size in zip((-place.imag, place.real), values.shape, strict=True)
+        )
+        return values[row, column]

@@ -71,7 +71,6 @@ COUZIN = Zones(1.0, 6.0, 14.0, 90.0, 1.0, 1.0, 1.0)
 (Table 1: radius of repulsion 1, widths of the others 0-15 body lengths, blind angle 0-160°, all
 weights equal)."""
 
-
 NO_ZONES = Zones(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The zones of a fish that ignores the others."""
 
@@ -88,14 +87,12 @@ def zone_means(seen: Neighbours, radii: tuple[float, float, float], blind_deg: f
     aligned = sees & ~near & (seen.distance < middle)
     drawn = sees & ~near & ~aligned & (seen.distance < outer)
     free = ~near.any(axis=-1)
-    return np.stack(
-        [
-            -_mean(seen.bearing, near),
-            free * _mean(seen.heading, aligned),
-            free * _mean(seen.bearing, drawn),
-        ],
-        axis=-1,
-    )
+    pulls = [
+        -_mean(seen.bearing, near),
+        free * _mean(seen.heading, aligned),
+        free * _mean(seen.bearing, drawn),
+    ]
+    return np.stack(pulls, axis=-1)
 
 
 def _mean(vectors: Complex, which: Any) -> Complex:
@@ -104,10 +101,7 @@ def _mean(vectors: Complex, which: Any) -> Complex:
 
 
 def pull(seen: Neighbours, zones: Zones) -> Complex:
-    """Return the weighted pull (…) of the other fish, complex, in the frame of the body; 0 = none.
-
-    seen: the others (…, n).
-    """
+    """Return the pull (…) of the other fish by zones: complex, in the body's frame; 0 = none."""
     return weighted_sum(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
 
 
