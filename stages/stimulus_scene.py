@@ -17,10 +17,10 @@ from finloop.edit.schema import FRAME
 from finloop.live.tank import rehearse as rehearse_paths
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, shelves
-from finloop.stimulus.course import TrialContext, rehearse
 from finloop.stimulus.display import DisplayCalibration, load_display
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
+from finloop.stimulus.motion import TrialContext, rehearse
 from finloop.stimulus.order import Trial
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol
@@ -56,7 +56,7 @@ class FilmedScene:
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
-            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical(),
+            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical_fish(),
         }  # fmt: skip
         return Feed(self.tank, more | facts, self.pictures)
 

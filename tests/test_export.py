@@ -24,7 +24,6 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.edit.schema import EDIT
-from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import (
     READABLE,
     FishOnlyPainter,
@@ -33,7 +32,7 @@ from finloop.export.pictures import (
     cut_out,
     sprite_cycle,
 )
-from finloop.export.tracks import poses
+from finloop.export.tracks import deeplabcut, poses
 from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.identity.film import IDENTITIES

@@ -80,7 +80,7 @@ def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
         asked = tank.tick
         tank.send(None, *rng.uniform((40, 30), (760, 570)))
         rows = np.append(before, played_rows(tank, 5)).view(ROW)
-        choice = tank.fish[0].choice(asked + 1)
+        choice = tank.fish[0].decision_at(asked + 1)
         assert choice.tick == asked + 1
         assert (rows["goal"][len(before)] == "A") and not math.isnan(rows["goal_x_px"][-1])
         now = [tank.fish[0].row_at(tick) for tick in range(max(0, asked - 50), asked)]
@@ -311,14 +311,14 @@ def test_the_past_is_kept_as_it_was_and_no_longer_than_said(monkeypatch):
     rows = played_rows(tank, 400)
     fish = tank.fish[0]
     assert len(fish._ring) == 60
-    assert sum(one.tick < tank.oldest - 90 for one in fish._choices) <= 1
+    assert sum(one.tick < tank.oldest - 90 for one in fish._decisions) <= 1
     assert tank.oldest == tank.tick - 59
     for back in range(60):
         assert repr(tuple(fish.row_at(tank.tick - back)[:-1])) == repr(rows[-1 - back].item())
-        choice = fish.choice(tank.tick - back)
+        choice = fish.decision_at(tank.tick - back)
         assert choice.tick <= tank.tick - back
     assert fish.row_at(tank.oldest - 1) is None and fish.row_at(tank.tick + 1) is None
-    assert fish.choice(tank.oldest - 1) is None
+    assert fish.decision_at(tank.oldest - 1) is None
 
 
 def test_what_was_weighed_is_told_with_its_costs():
@@ -327,7 +327,7 @@ def test_what_was_weighed_is_told_with_its_costs():
     seen = set()
     for _ in range(600):
         tank.advance()
-        choice = tank.fish[0].choice(tank.tick)
+        choice = tank.fish[0].decision_at(tank.tick)
         row, options = tank.fish[0].row_at(tank.tick), choice.stretch.options
         if options is None:
             continue
@@ -374,7 +374,7 @@ def test_from_the_past_it_can_be_sent_elsewhere():
     assert fish.goal is not None or rows["reached"][59]
     tank.send(0, 700.0, 500.0)
     later = played_rows(tank, 100)
-    assert fish.choice(61).goal.x_px == 700.0 and fish.row_at(181) is None
+    assert fish.decision_at(61).goal.x_px == 700.0 and fish.row_at(181) is None
     assert repr(rows[:60]) == repr(np.array([fish.row_at(t)[:-1] for t in range(1, 61)], ROW))
     whole = np.concatenate([rows[:60], later])
     assert steps(whole).max() <= 1.6 * max(phases().high * LENGTH / RATE, STEP)
@@ -393,7 +393,7 @@ def test_a_goal_that_was_being_dragged_then_is_swum_to(mode):
     tank.advance()
     tank.advance()
     tank.advance()
-    assert tank.fish[0].choice(tank.tick).goal == first
+    assert tank.fish[0].decision_at(tank.tick).goal == first
 
 
 def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
@@ -469,7 +469,9 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it():
     laps = np.diff(np.unwrap(np.arctan2(y, x)[first:])).sum() / (2 * np.pi)
     assert laps > 1.5
     assert tank.fish[0].row_at(tank.tick).goal == PATH
-    weighed = [tank.fish[0].choice(tick).stretch.options for tick in range(first + 5, tank.tick)]
+    weighed = [
+        tank.fish[0].decision_at(tick).stretch.options for tick in range(first + 5, tank.tick)
+    ]
     weighed = [one for one in weighed if one is not None]
     jumps = [one.terms[(one.seams > 0) & np.isfinite(one.value), 0] for one in weighed]
     assert (np.concatenate(jumps) > 0).all()
@@ -512,7 +514,7 @@ def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
     tank = LiveTank(toy_players(), "matching", 1, 4)
     tank.follow(0, circle(140))
     rows = played_rows(tank, 300)
-    begun = [tank.fish[0].wish_at(tick).path_task.begun for tick in range(1, 301)]
+    begun = [tank.fish[0].request_at(tick).path_task.begun for tick in range(1, 301)]
     assert begun[-1] and not begun[0]
     for tick in (290, begun.index(True) + 1, 40):
         tank.back_to(tick)
@@ -611,7 +613,7 @@ def test_goals_that_are_reached_are_counted_once():
     view = view_of("network", seed=3)
     view.grant(parse_message('{"do":"goal","fish":0,"x":400,"y":300,"drag":false}'))
     view.advance(500)
-    assert view.counts.reached == 1 and view.tank.fish[0].reached
+    assert view.goals_reached == 1 and view.tank.fish[0].reached
     view.grant(parse_message('{"do":"goal","fish":0,"x":100,"y":300,"drag":false}'))
     assert not view.tank.fish[0].reached
     view.grant(parse_message('{"do":"drop","fish":null}'))
@@ -636,11 +638,11 @@ def test_a_tick_that_is_decided_anew_heads_for_the_new_goal_and_keeps_the_tick_b
         tank.renew(0)
         assert tank.tick == fish.last_tick == now, turn
         np.testing.assert_equal(fish.row_at(now - 1)[:-1], before[:-1])
-        choice = fish.choice(now)
+        choice = fish.decision_at(now)
         assert choice.tick == now and choice.goal == goal
         # At the next tick all goes on as planned: nothing is decided once more.
         tank.advance()
-        assert fish.choice(tank.tick).tick in (now, now + 1)
+        assert fish.decision_at(tank.tick).tick in (now, now + 1)
 
 
 def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_is():
@@ -648,7 +650,7 @@ def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_
     fish, same = tank.fish[0], 0
     for _ in range(300):
         tank.advance()
-        if fish.choice(tank.tick).tick == tank.tick:
+        if fish.decision_at(tank.tick).tick == tank.tick:
             old = fish.row_at(tank.tick)
             tank.renew(0)
             np.testing.assert_equal(fish.row_at(tank.tick)[:-1], old[:-1])
@@ -675,10 +677,12 @@ def test_fish_that_decide_anew_keep_clear_of_each_other():
     for _ in range(300):
         tank.advance()
         which = int(rng.integers(3))
-        tank.send(which, *tank.fish[(which + 1) % 3].places(range(tank.tick, tank.tick + 1))[0])
+        tank.send(
+            which, *tank.fish[(which + 1) % 3].past_places(range(tank.tick, tank.tick + 1))[0]
+        )
         tank.renew(which)
         for fish in tank.fish:
-            last = fish._choices[-1]
-            others = fish._around(last.tick)
+            last = fish._decisions[-1]
+            others = fish._other_paths(last.tick)
             state = fish._player.with_others(last.state, others) if last.tick >= 0 else last.state
             assert fish._player.is_clear(state._replace(fish=last.state.fish), last.stretch)

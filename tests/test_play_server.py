@@ -26,9 +26,9 @@ import finloop.live.server as served
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES, PAPER
 from finloop.live import fish as play_fish
-from finloop.live.door import bind_socket
 from finloop.live.message import LONGEST, MOST_PLACES, parse_message
-from finloop.live.server import BEHIND, Host, PageClient, Server
+from finloop.live.server import BEHIND, Host, PageClient, tank_server
+from finloop.live.web import bind_socket
 from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
 from stages.play import PAGE, _parser
@@ -78,7 +78,7 @@ def tank(view=None, **how):
     view = view or view_of(**how)
     with bind_socket(0) as listens:
         up = threading.Event()
-        server = Server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+        server = tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
         runs = threading.Thread(target=server.serve_on)
         runs.start()
         assert up.wait(10)
@@ -171,15 +171,15 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
         host, pages, counts = Host(view), [PageClient() for _ in range(3)], []
         for part in range(8):
             for number, text in enumerate(hostile(1250, part)):
-                host.hear(pages[number % 3], text)
+                host.receive(pages[number % 3], text)
                 if number % 300 == 0:
-                    assert len(host.wishes) <= 25
+                    assert len(host.requests) <= 25
                     frame = host.frame(*host.take(), ticks=4)
                     for page in pages:
                         page.offer(host.view.frame, frame)
             for text in ('{"do":"mode","mode":"matching"}', '{"do":"count","fish":2}',
                          '{"do":"pause","on":false}'):  # fmt: skip
-                host.hear(pages[0], text)
+                host.receive(pages[0], text)
             host.frame(*host.take(), ticks=20)
             toy_players()["network"].mode.nearest_turn.cache_clear()
             gc.collect()
@@ -192,7 +192,7 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
         host, counts = asyncio.run(flood())
     finally:
         gc.unfreeze()
-    assert host.view.counts.bad > 5000
+    assert host.view.bad_messages > 5000
     # What is held differs with what the fish do just then, within bounds that do not rise.
     assert max(counts[4:]) - max(counts[:4]) < 400, counts
 
@@ -236,14 +236,14 @@ def test_they_do_no_harm_over_the_wire_either():
 def test_of_each_kind_of_wish_only_the_last_is_kept_in_their_order():
     host, page = Host(view_of(fish=2)), PageClient()
     for x in range(50):
-        host.hear(page, json.dumps({"do": "goal", "fish": 0, "x": x, "y": 0, "drag": x > 0}))
-        host.hear(page, json.dumps({"do": "goal", "fish": 1, "x": x, "y": 1, "drag": True}))
-    host.hear(page, '{"do":"drop","fish":0}')
+        host.receive(page, json.dumps({"do": "goal", "fish": 0, "x": x, "y": 0, "drag": x > 0}))
+        host.receive(page, json.dumps({"do": "goal", "fish": 1, "x": x, "y": 1, "drag": True}))
+    host.receive(page, '{"do":"drop","fish":0}')
     wishes, steps = host.take()
     assert [(wish.do, wish.fish) for wish in wishes] == [("goal", 0), ("goal", 1), ("drop", 0)]
     assert wishes[0].x == 49 and not wishes[0].drag and wishes[1].drag and steps == 0
     for _ in range(1000):
-        host.hear(page, '{"do":"step"}')
+        host.receive(page, '{"do":"step"}')
     wishes, steps = host.take()
     assert 1 < steps < 100 and wishes == [] and host.take() == ([], 0)
 
@@ -259,10 +259,10 @@ def test_a_page_that_is_behind_gets_the_newest_frame_later():
             await page.next()
         page.offer(9, b"9")
         for wrong in (0, 1, 9, 99):  # frames that it was not sent
-            page.saw(wrong)
+            page.confirm(wrong)
             with pytest.raises(TimeoutError):
                 await asyncio.wait_for(page.next(), 0.02)
-        page.saw(5)
+        page.confirm(5)
         assert await asyncio.wait_for(page.next(), 60) == b"9"
 
     asyncio.run(story())
@@ -271,11 +271,11 @@ def test_a_page_that_is_behind_gets_the_newest_frame_later():
 def test_a_page_that_tells_of_frames_too_early_does_not_stand_still_after():
     async def story():
         page = PageClient()
-        page.saw(3)  # is drawn just now, and not sent
+        page.confirm(3)  # is drawn just now, and not sent
         for number in range(1, 9):
             page.offer(number, b"%d" % number)
             assert await asyncio.wait_for(page.next(), 60) == b"%d" % number
-            page.saw(number)
+            page.confirm(number)
 
     asyncio.run(story())
 
@@ -415,7 +415,7 @@ def test_an_error_of_the_tank_ends_the_server_and_is_told():
     view.show = lambda took_ms=0.0: 1 / 0
     with bind_socket(0) as listens:
         up = threading.Event()
-        server = Server(view, "", listens, up.set)
+        server = tank_server(view, "", listens, up.set)
         found = []
 
         def serve():
@@ -574,5 +574,5 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         page.locator('[data-weight="2"]').fill("2.5")
         wait("state.weights[2] === 2.5")
         assert wrong == [] and other == []
-        assert view.counts.bad == 0
+        assert view.bad_messages == 0
         browser.close()

@@ -15,7 +15,7 @@ from playwright.sync_api import expect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
-from finloop.live.door import _policy
+from finloop.live.page import content_policy
 from finloop.stimulus.animals import Verdict
 
 expect.set_options(timeout=60_000)  # a hang ends, a busy machine does not
@@ -53,7 +53,8 @@ class Desk:
         answer = connection.respond(HTTPStatus.OK, PAGE)
         del answer.headers["Content-Type"]
         answer.headers["Content-Type"] = "text/html; charset=utf-8"
-        answer.headers["Content-Security-Policy"] = _policy(PAGE, self.address)
+        sources = f"img-src data:; connect-src ws://{self.address}"
+        answer.headers["Content-Security-Policy"] = content_policy(PAGE, sources)
         return answer
 
     def _attend(self, connection):

@@ -9,14 +9,14 @@ import pytest
 from browser import Visit, chromium, hold_time, visit
 
 from finloop.base.errors import FinloopError
+from finloop.live.page import pack_message
 from finloop.puppet import PlacedBackbone
 from finloop.render.painter import Bent, Painter, picture
 from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.drawn import POSTURE
-from finloop.stimulus.feed import message
-from finloop.stimulus.log import frames_of
-from finloop.stimulus.page import DRAWING, alone_page, display_page, script
-from finloop.stimulus.pictures import PagePicture, typical
+from finloop.stimulus.log import parse_frames
+from finloop.stimulus.page import DRAWING, alone_page, display_page, join_scripts
+from finloop.stimulus.pictures import PagePicture, typical_fish
 
 STEPS, LENGTH = 24, 80.0
 HEIGHT, WIDTH = 240, 320
@@ -41,6 +41,10 @@ function stage(spec, tank) {
   window.drawer = new Drawer(document.getElementById("glass"), document.getElementById("floor"), spec, bytes(tank));
 }
 """
+
+
+def message(kind, payload=b"", **facts):
+    return pack_message({"kind": kind, **facts}, payload)
 
 
 def posture_of(bends, head=(0.45, 0.0)):
@@ -124,7 +128,7 @@ class Stage:
         }  # fmt: skip
         self.page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         self.page.set_content(STAGE)
-        self.page.add_script_tag(content=script(*DRAWING, "levels.js") + HELP)
+        self.page.add_script_tag(content=join_scripts(*DRAWING, "levels.js") + HELP)
         self.page.evaluate("([spec, tank]) => stage(spec, tank)", [spec, text_of(tank)])
         self.reset()
 
@@ -359,7 +363,7 @@ def test_a_silhouette_has_the_outline_and_one_colour(colour):
 
 
 def test_dots_and_silhouettes_of_a_session_are_alike_whatever_the_picture(white):
-    facts = typical(white.pictures.values())
+    facts = typical_fish(white.pictures.values())
     one = fish_of()
     assert facts["area"] * one.line[3] ** 2 == pytest.approx(
         one.pixels[..., 1].sum() / 255, rel=0.1
@@ -639,7 +643,7 @@ class Server:
 
     def _take(self, told):
         if isinstance(told, bytes):
-            self.frames += frames_of(told, POSTURE + len(STRAIGHT))
+            self.frames += parse_frames(told, POSTURE + len(STRAIGHT))
             return
         self.texts.append(json.loads(told))
         if self.texts[-1]["do"] == "ping":

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from finloop.animate.arena import tank as arena_tank
-from finloop.stimulus.animals import Animal
-from finloop.stimulus.rules import RuleSpec, TankGeometry, aim, mirror_place
+from finloop.stimulus.animals import Animal, TankGeometry
+from finloop.stimulus.protocol import RuleSpec
+from finloop.stimulus.rules import mirror_place, rule_target
 
 RULES = get_args(RuleSpec.model_fields["rule"].annotation)
 LENGTH = 40.0
@@ -50,7 +51,7 @@ def spec(rule, **how):
 
 def aim_of(rule, own, others, now=NOW, tank=SEA, **how):
     """Where a rule sends a fish."""
-    return aim(spec(rule, **how), own, others, now, tank)
+    return rule_target(spec(rule, **how), own, others, now, tank)
 
 
 def rotate(x, y, angle):

@@ -36,7 +36,7 @@ def stimulus_run(tmp_path_factory, tiny_run: TinyRun):
 
 @pytest.fixture
 def workspace(stimulus_run, monkeypatch):
-    monkeypatch.setattr("finloop.stimulus.course._REHEARSED", 5)
+    monkeypatch.setattr("finloop.stimulus.motion._REHEARSED", 5)
     monkeypatch.chdir(stimulus_run)
     return stimulus_run
 
@@ -129,7 +129,7 @@ def test_a_track_wants_a_protocol_with_animals(workspace, tmp_path, monkeypatch)
 
 
 def test_the_length_of_a_fish_on_the_display_settles_its_scale(workspace, tmp_path):
-    from finloop.stimulus.protocol import load_protocol
+    from finloop.stimulus.protocol_file import load_protocol
 
     path = protocol(tmp_path, display={"calibrated": True, "fish_mm": 35.0})
     from pathlib import Path
