@@ -127,34 +127,30 @@ def hostile(count, seed):
     good = [READY, {"do": "ping", "sent": 1.5}, {"do": "key", "key": " "}, {"do": "hidden", "on": True},
             {"do": "display", "display": {}}, {"do": "note", "text": "<b>"}, {"do": "trigger", "name": "x"},
             {"t": 1.5, "id": "1", "x": 3.0, "y": 4.0}, [{"t": 2, "id": 1, "x": 3, "y": 4}], [[[[[]]]]], None, {}]  # fmt: skip
-    for number in range(count):
+    for _ in range(count):
         if rng.integers(4) == 0:
             yield rng.bytes(int(rng.integers(1, 400)))
             continue
-        text = bytearray(json.dumps(good[rng.integers(len(good))] | {"t": number}
-                         if False else good[rng.integers(len(good))]).encode())  # fmt: skip
+        text = bytearray(json.dumps(good[rng.integers(len(good))]).encode())
         for _ in range(int(rng.integers(0, 4))):
             text[rng.integers(len(text))] = rng.integers(32, 127)
         yield text.decode()
 
 
 def test_no_message_of_a_page_breaks_the_session(tmp_path):
-    plan = plan_of(CONDITIONS)
-    session, _ = session_of(tmp_path, plan, RealClock())
-    counts = []
+    session, _ = session_of(tmp_path, plan_of(CONDITIONS), RealClock())
+    buttons, counts = ('"start"', '"stop"', '"abort"', '"skip"'), []
     gc.collect()
     gc.freeze()
     try:
         for turn in range(6):
-            for text in hostile(2000, turn):
-                parse_display_message(text if isinstance(text, str) else None)
-                session.record_frames(text if isinstance(text, bytes) else text.encode())
-                session.receive(text, "a")
-                wanted = (
-                    json.loads(text).get("do") if isinstance(text, str) and _object(text) else ""
-                )
-                if wanted not in ("start", "stop", "abort", "skip"):
-                    handle_request(session, text if isinstance(text, str) else None)
+            for content in hostile(2000, turn):
+                text = content if isinstance(content, str) else None
+                parse_display_message(text)
+                session.record_frames(content if text is None else text.encode())
+                session.receive(content, "a")
+                if text is None or not any(button in text for button in buttons):
+                    handle_request(session, text)
             session.log.keep()
             gc.collect()
             counts.append(len(gc.get_objects()))
@@ -167,13 +163,6 @@ def test_no_message_of_a_page_breaks_the_session(tmp_path):
     session.log.close()
 
 
-def _object(text):
-    try:
-        return isinstance(json.loads(text), dict)
-    except ValueError:
-        return False
-
-
 def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
     with running(tmp_path) as (address, session):
         with way_in(address, "experimenter", max_queue=None) as desk:
@@ -183,16 +172,12 @@ def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
                     for text in hostile(400, 7):
                         if "start" not in str(text) and "abort" not in str(text):
                             way.send(text)
-                with way_in(address, path, max_queue=None) as way:
-                    way.send(b"\xff\xfe{", text=True)  # no UTF-8
-                    with pytest.raises(ConnectionClosed):
-                        while True:
-                            way.recv(timeout=5)
-                with way_in(address, path, max_queue=None) as way:
-                    with pytest.raises(ConnectionClosed):
-                        way.send("x" * 200_000)
-                        while True:
-                            way.recv(timeout=5)
+                for content in (b"\xff\xfe{", "x" * 200_000):  # no UTF-8; too long
+                    with way_in(address, path, max_queue=None) as way:
+                        with pytest.raises(ConnectionClosed):
+                            way.send(content, text=True)
+                            while True:
+                                way.recv(timeout=5)
             assert wait_for(lambda: session.phase == "done", 20)
     assert session.done == {1: "done", 2: "done"}
     record = open_record(tmp_path / "toy.parquet")
@@ -220,10 +205,8 @@ def test_a_trial_waits_for_its_message_and_triggers_go_out(tmp_path):
     triggers = [{"at": "start", "to": "socket", "text": "begin {trial} {condition}"},
                 {"at": "end", "to": "socket", "text": "end {trial}"}]  # fmt: skip
     with running(tmp_path, start={"message": "go"}, triggers=triggers) as (address, session):
-        with (
-            way_in(address, "animals", None) as way,
-            way_in(address, "experimenter", max_queue=None) as desk,
-        ):
+        desk = way_in(address, "experimenter", max_queue=None)
+        with way_in(address, "animals", None) as way, desk:
             assert json.loads(desk.recv())["phase"] == "ready"
             desk.send('{"do":"start"}')
             heard = []
@@ -237,8 +220,8 @@ def test_a_trial_waits_for_its_message_and_triggers_go_out(tmp_path):
 
 
 def test_a_session_is_aborted_in_the_middle_and_loses_nothing(tmp_path):
-    long = {"a": {"seconds": 600.0, "motion": {"wander": True}}}
-    with running(tmp_path, conditions={"b": long["a"] | {"seconds": 30.0}}) as (address, session):
+    conditions = {"b": {"seconds": 30.0, "motion": {"wander": True}}}
+    with running(tmp_path, conditions=conditions) as (address, session):
         with way_in(address, "experimenter", max_queue=None) as desk:
             desk.send('{"do":"start"}')
             assert wait_for(lambda: session.phase == "running", 30)
@@ -262,10 +245,8 @@ def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
             page.on("pageerror", lambda error: bad.append(str(error)))
             page.goto(f"http://{address}/show")
             assert wait_for(lambda: session.display is not None, 20)
-            with (
-                way_in(address, "experimenter", max_queue=None) as desk,
-                way_in(address, "animals", None) as way,
-            ):
+            desk = way_in(address, "experimenter", max_queue=None)
+            with desk, way_in(address, "animals", None) as way:
                 desk.send('{"do":"start"}')
                 number = 0
                 while session.phase != "done":
