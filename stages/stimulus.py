@@ -7,7 +7,6 @@ from stages.run import run  # isort: skip  (before numpy)
 
 import argparse
 import asyncio
-import json
 import re
 import secrets
 import socket
@@ -73,7 +72,7 @@ def show(asked: argparse.Namespace) -> None:
     known = known_display(asked.display, plan.display.calibrated)
     with bind_socket(asked.port, asked.listen) as listens, open_scene(plan) as made:
         messages = _animal_messages(asked, made, plan)
-        with _session(asked, plan, made, RealClock(), display=_plain(known)) as session:
+        with _session(asked, plan, made, RealClock(), display=known) as session:
             hub = SessionHub(session, asked.display, display_file(asked.display))
             session.attach(hub.send, hub.send_trigger)
             policy = _policy(asked, listens)
@@ -158,8 +157,7 @@ def calibrate(asked: argparse.Namespace) -> None:
     known = known_display(asked.display, False)
     with bind_socket(asked.port, asked.listen) as listens, open_scene() as made:
         feed = made.feed(
-            [], 0, display=_plain(known), mode="calibrate", digest=False, name=asked.display,
-            keys=[],
+            [], 0, display=known, mode="calibrate", digest=False, name=asked.display, keys=[],
         )  # fmt: skip
         path = display_file(asked.display)
         hub = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
@@ -183,7 +181,7 @@ def _session(
     feed = made.feed(
         looks, plan.fish, display=facts.get("display"), mode="session",
         digest=getattr(asked, "digest", False), name=getattr(asked, "display", "none"),
-        keys=plan.keys,
+        keys=[plan.start_key] if plan.start_key else [],
     )  # fmt: skip
     log = Log(
         journal,
@@ -244,10 +242,6 @@ def _inputs(
         return listening + ([play()] if messages else [])
 
     return tasks
-
-
-def _plain(display: Any) -> dict[str, Any] | None:
-    return None if display is None else json.loads(display.model_dump_json())
 
 
 def _policy(asked: argparse.Namespace, listens: socket.socket) -> AccessPolicy:

@@ -309,7 +309,7 @@ def test_time_passes_as_fast_as_asked_and_a_wish_is_granted_at_once(monkeypatch)
             for times in (1.0, 4.0):
                 say(page, do="speed", times=times)
                 begin = until(page, lambda s, times=times: s["speed"] == times)["tick"]
-                now[0] += 3.5 / view.tank.rate_hz
+                now[0] += 3.5 / view.tank.world.motion.rate_hz
                 end = until(page, lambda s, begin=begin: s["tick"] > begin)["tick"]
                 assert end - begin == pytest.approx(3.5 * times, abs=1)
             view.speed = 1e-6  # the next tick is due in eleven hours

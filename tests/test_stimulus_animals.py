@@ -628,25 +628,25 @@ def test_a_recorded_track_is_said_as_a_live_animal_would_be():
 
 
 def test_a_track_is_taken_at_another_rate_and_unit():
-    def parsed(line, rate, **scale):
+    def parse_messages(line, rate, **scale):
         messages = track_messages(line, rate, TANK_OF, **scale)
         return [(due, json.loads(text)) for due, text in messages]
 
-    wanted = parsed(line_of(heading=False), None)[::2]
+    wanted = parse_messages(line_of(heading=False), None)[::2]
     for line, scale in (
         (line_of(TANK, (1 / 399, 1 / 299), False), None),
         (line_of(MM, (0.5, 0.5), False), 0.5),
     ):
-        said = parsed(line, 12.5, mm_per_px=scale)
+        said = parse_messages(line, 12.5, mm_per_px=scale)
         assert [due for due, _ in said] == pytest.approx([due for due, _ in wanted])
         for (_, one), (_, other) in zip(said, wanted, strict=True):
             assert one == pytest.approx(other) and "heading" not in one
-    for due, facts in parsed(line_of(), 40.0):  # between 359° and 1° is 0°
+    for due, facts in parse_messages(line_of(), 40.0):  # between 359° and 1° is 0°
         assert math.remainder(facts["heading"] - 20 * due, 360) == pytest.approx(0, abs=1e-6)
     with pytest.raises(FinloopError, match="scale"):
-        parsed(line_of(MM), None)
+        parse_messages(line_of(MM), None)
     with pytest.raises(FinloopError, match="no times"):
-        parsed(line_of()._replace(time_s=None), 25.0)
+        parse_messages(line_of()._replace(time_s=None), 25.0)
 
 
 @pytest.mark.parametrize("count, law, y_axis", KINDS)

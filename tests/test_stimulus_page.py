@@ -650,7 +650,7 @@ class Server:
         facts = {"seq": seq, "tick": tick, "due": due, "cut": cut}
         self.send(message("rows", np.concatenate(states).tobytes(), **facts))
 
-    def now(self):
+    def hold_clock(self):
         hold_time(self.page)
         return self.page.evaluate("clock.at(performance.now())")
 
@@ -675,7 +675,7 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
     assert server.until("key")[0]["key"] == " "
     server.send(message("say", text=""))
     wait(page, "document.getElementById('say').hidden")
-    begin = server.now() + 0.1
+    begin = server.hold_clock() + 0.1
     for tick in range(11):
         server.rows(tick + 1, tick, begin + tick / 25, state_of(S_BEND, 100 + 4 * tick))
     page.keyboard.press("c")  # no panel while fish are shown
@@ -700,7 +700,7 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
 def test_a_replay_draws_the_frames_of_a_session_pixel_by_pixel(browser):
     server = Server(browser)
     server.hello()
-    begin = server.now() + 0.05
+    begin = server.hold_clock() + 0.05
     for tick in range(12):
         states = state_of(S_BEND, 100 + 3 * tick), state_of(CURL, 200, 90)
         server.rows(tick + 1, tick, begin + tick / 25, *states)
@@ -724,7 +724,7 @@ def test_a_lost_connection_is_not_seen_and_comes_back(browser):
     server = Server(browser)
     page = server.page
     server.hello(digest=False)
-    begin = server.now()
+    begin = server.hold_clock()
     server.rows(1, 0, begin + 0.05, state_of(S_BEND, 100))
     wait(page, "motion.keys.length")
     page.clock.run_for(100)

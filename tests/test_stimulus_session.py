@@ -382,17 +382,17 @@ def test_a_picture_is_sent_once_and_slots_are_used_again():
     assert feed.slots == 256
     states = np.zeros((1, made.width), np.float32)
 
-    def sent(picture, partner=-1):
+    def sent_pictures(picture, partner=-1):
         states[0, [PICTURE, PARTNER]] = picture, partner
         facts = [read(one)[0] for one in feed.rows(1, 0, 0.0, states)[:-1]]
         return [(one["picture"], one["slot"]) for one in facts]
 
-    assert sent(3, 4) == [(3, 0), (4, 1)] and sent(3, 4) == sent(4) == []
+    assert sent_pictures(3, 4) == [(3, 0), (4, 1)] and sent_pictures(3, 4) == sent_pictures(4) == []
     for picture in range(10, 10 + 254):
-        assert len(sent(picture)) == 1
-    sent(3)
-    assert sent(9) == [(9, 1)]  # that of 4, long unused
-    assert sent(3) == [] and len(sent(4)) == 1
+        assert len(sent_pictures(picture)) == 1
+    sent_pictures(3)
+    assert sent_pictures(9) == [(9, 1)]  # that of 4, long unused
+    assert sent_pictures(3) == [] and len(sent_pictures(4)) == 1
     kinds = [read(one)[0]["kind"] for one in feed.begin()]
     assert kinds == ["hello", *["picture"] * 256, "rows"]
     assert read(pack_message({"a": 1}, b"abc")) == ({"a": 1}, b"abc")

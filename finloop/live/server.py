@@ -104,7 +104,7 @@ class Host:
                     continue
             self._changed.clear()
             now = time.perf_counter()
-            rate = self.view.tank.rate_hz * self.view.speed
+            rate = self.view.tank.world.motion.rate_hz * self.view.speed
             due = min(due + (now - clock) * rate, float(_MOST_TICKS))
             clock = now
             ticks = int(due) if self.view.runs else 0

@@ -57,11 +57,6 @@ class LiveTank:
         return self.players[self.mode].world
 
     @property
-    def rate_hz(self) -> float:
-        """Return the ticks per second of film."""
-        return self.world.motion.rate_hz
-
-    @property
     def oldest(self) -> int:
         """Return the first tick that the tank can go back to."""
         return max(0, self.tick - play_fish.HISTORY + 1)

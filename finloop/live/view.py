@@ -136,7 +136,7 @@ class View:
 
     def state(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
         """Return all that the page shows of a tick besides the picture, ready for JSON."""
-        tank, rate = self.tank, self.tank.rate_hz
+        tank, rate = self.tank, self.tank.world.motion.rate_hz
         height, width = self.painter.canvas.shape[:2]
         explained = tank.fish[self.explained : self.explained + 1]
         decision = explained[0].decision_at(tick) if explained else None
@@ -176,7 +176,7 @@ class View:
         else:
             x, y, reached = row.goal_x_px, row.goal_y_px, row.reached
             _, path_task, rule_task, _ = fish.request_at(tick)
-        trail = range(tick - round(_TRAIL_S * self.tank.rate_hz), tick, _TRAIL_EVERY)
+        trail = range(tick - round(_TRAIL_S * self.tank.world.motion.rate_hz), tick, _TRAIL_EVERY)
         return {
             "x": round(row.x_px, 1), "y": round(row.y_px, 1),
             "heading": round(row.heading_deg, 1), "speed": round(row.speed, 2),
@@ -225,7 +225,7 @@ class View:
         self, film: MotionGraph, start: tuple[float, float], row: int, rot: float
     ) -> list[list[int]]:
         """Return the places that a fish would come to along a row of the film, turned by `rot`."""
-        last = row + round(_WAY_S * self.tank.rate_hz)
+        last = row + round(_WAY_S * self.tank.world.motion.rate_hz)
         stops = np.flatnonzero(~film.has_next[row:last])
         last = row + int(stops[0]) if stops.size else min(last, len(film.has_next) - 1)
         cos, sin = rotate(1.0, 0.0, rot)

@@ -298,11 +298,6 @@ class Protocol(StrictModel):
         return None if self.start == "auto" else self.start.message
 
     @property
-    def keys(self) -> list[str]:
-        """Return the keys with a meaning at the display, by their names in the browser."""
-        return [self.start_key] if self.start_key else []
-
-    @property
     def looks(self) -> list[Look]:
         """Return all looks of the conditions, each once; a state names a look by its index."""
         looks: list[Look] = []

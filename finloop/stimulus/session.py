@@ -13,7 +13,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Protocol
+from typing import Any
 
 from finloop.stimulus.animals import TAKEN, LiveAnimals
 from finloop.stimulus.drawn import States
@@ -21,25 +21,14 @@ from finloop.stimulus.feed import EARLY_S, Feed
 from finloop.stimulus.log import Log, digest_states, parse_frames
 from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
 from finloop.stimulus.order import Trial, trigger_text
-from finloop.stimulus.protocol import Protocol as Plan
+from finloop.stimulus.protocol import Protocol
+from finloop.stimulus.recorded import DryClock
 from finloop.stimulus.tracker import parse_trigger
 
 _AHEAD_S, _AHEAD = 0.008, 0.25  # s, ticks, that ticks are planned before the page needs them
 _FIRST_S = 0.3  # from the beginning of a trial to its first tick: time to send its pictures
 _JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
 _RECENT = 512  # latencies kept of each kind
-
-
-class Clock(Protocol):
-    """The session's clock, which counts seconds."""
-
-    def read_time(self) -> float:
-        """Return the present time, s."""
-        ...
-
-    async def until(self, time_s: float) -> None:
-        """Wait until a session time, s; return at once if it is past."""
-        ...
 
 
 class RealClock:
@@ -90,8 +79,8 @@ class Session:
     """
 
     def __init__(
-        self, scene: TrialContext, plan: Plan, trials: tuple[Trial, ...], feed: Feed, log: Log,
-        clock: Clock,
+        self, scene: TrialContext, plan: Protocol, trials: tuple[Trial, ...], feed: Feed, log: Log,
+        clock: RealClock | DryClock,
     ) -> None:  # fmt: skip
         self.scene, self.plan, self.trials = scene, plan, trials
         self.feed, self.log, self.clock = feed, log, clock
