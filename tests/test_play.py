@@ -258,12 +258,12 @@ def test_a_mode_of_the_paper_moves_one_fish_to_goals():
         with pytest.raises(FinloopError, match="2 fish"):
             LiveTank(toy_players(), mode, 2, 1)
     assert tank.mode == "matching" and len(tank.fish) == 2
-    tank.count(1)
+    tank.set_fish_count(1)
     tank.follow(0, circle(140))
     tank.switch("hybrid")
     assert tank.fish[0].path_task is None  # nobody swims a path in this mode
     for wish in (lambda: tank.follow(0, circle(140)), lambda: tank.shoal(0),
-                 lambda: tank.lead(None, 0), lambda: tank.count(2)):  # fmt: skip
+                 lambda: tank.lead(None, 0), lambda: tank.set_fish_count(2)):  # fmt: skip
         with pytest.raises(FinloopError, match="mode hybrid cannot do") as refused:
             wish()
         assert "matching" in refused.value.do

@@ -249,7 +249,7 @@ def test_weights_are_changed_while_fish_swim():
     near, far = live(), live()
     near.shoal(None)
     far.shoal(None)
-    far.weigh((0.0, 0.0, 0.0))
+    far.set_zone_weights((0.0, 0.0, 0.0))
     assert far.shoaling.zones.weights == (0, 0, 0)
     together, apart = (place_rows(tank, 300)[150:] for tank in (near, far))
     assert spread(together) < 0.6 * spread(apart)
@@ -262,7 +262,7 @@ def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
     place_rows(tank, 60)
     first = place_rows(tank, 80)
     before = tank.shoaling
-    tank.weigh((1.0, 1.0, 0.1))
+    tank.set_zone_weights((1.0, 1.0, 0.1))
     place_rows(tank, 20)
     tank.back_to(60)
     assert tank.shoaling == before and tank.leaders == {4: 2}
@@ -305,7 +305,7 @@ def test_a_follower_whose_leader_is_gone_wanders():
     tank = live()
     tank.lead(0, 3)
     place_rows(tank, 10)
-    tank.count(2)
+    tank.set_fish_count(2)
     place_rows(tank, 30)
     assert tank.leaders == {} and tank.fish[0]._decisions[-1].goal is None
 

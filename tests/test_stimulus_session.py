@@ -313,7 +313,7 @@ def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
     session.add_display(came)
     record = np.array([6, 0, 0, 0, 0, 0, 0, 0.0]).tobytes()
     session.record_frames(record)
-    session.phase, session.at = "running", 0
+    session.phase, session.trial_index = "running", 0
     session.remove_display()
     assert session.display is None and "display has gone" in session.messages[-1]
     session.add_display(came)

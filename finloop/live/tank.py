@@ -49,7 +49,7 @@ class LiveTank:
         self.shoaling = next((one.shoaling for one in players.values() if one.shoaling), None)
         self._ghost, self._draws, self._born = ghost, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
-        self.count(fish)
+        self.set_fish_count(fish)
 
     @property
     def world(self) -> World:
@@ -78,7 +78,7 @@ class LiveTank:
         if self.tick > fish.born + 1:
             fish.renew()
 
-    def count(self, fish: int) -> None:
+    def set_fish_count(self, fish: int) -> None:
         """Set the number of fish, as far as there is room: new ones come, or the last ones go.
 
         FinloopError where the mode moves fewer fish.
@@ -187,7 +187,7 @@ class LiveTank:
             if fish.rule_task is not None and fish.rule_task.leader in numbers
         }
 
-    def weigh(self, weights: tuple[float, float, float]) -> None:
+    def set_zone_weights(self, weights: tuple[float, float, float]) -> None:
         """Set the weights of repulsion, alignment and attraction, for all fish in a group."""
         if self.shoaling is None:
             return

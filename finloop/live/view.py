@@ -88,7 +88,7 @@ class View:
                 else:
                     tank.lead(request.fish, request.leader)
             case message.Weights():
-                tank.weigh((request.repulsion, request.alignment, request.attraction))
+                tank.set_zone_weights((request.repulsion, request.alignment, request.attraction))
             case message.Drop():
                 tank.drop(request.fish)
             case message.SetMode():
@@ -109,7 +109,7 @@ class View:
             case message.Explain():
                 self.explained = min(request.fish, len(tank.fish) - 1)
             case message.Count():
-                tank.count(request.fish)
+                tank.set_fish_count(request.fish)
                 self.explained = min(self.explained, request.fish - 1)
 
     def advance(self, ticks: int = 1) -> None:

@@ -69,7 +69,7 @@ def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
     waits = session.plan.start_key or session.plan.start_message
     shown = () if session.shown is None else session.shown[session.shown[:, PICTURE] >= 0]
     status: dict[str, Any] = {
-        "phase": session.phase, "now": round(now, 2), "trial": session.at,
+        "phase": session.phase, "now": round(now, 2), "trial": session.trial_index,
         "left_s": session.remaining_s(now), "done": session.done, "start": waits or "auto",
         "display": session.display, "displays": session.displays, "stopping": session.stopping,
         "frames": counts.frames, "dropped": counts.dropped, "late": counts.late,

@@ -86,21 +86,18 @@ class PagePictures:
         assert bodies is not None
         cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
         pose = bodies.poses.pose[number]
-        pixels, share = shrink_picture(cutout.pixels, self._shrink)
+        pixels, share = _shrink_picture(cutout.pixels, self._shrink)
         x = (x_px - cutout.x0_px + 0.5) * share[0] - 0.5
         y = (y_px - cutout.y0_px + 0.5) * share[1] - 0.5
         size_px = float(pose.size_px) * float(np.sqrt(share[0] * share[1]))
         return PagePicture(pixels, (x, y, float(pose.heading_rad), size_px), pose.posture)
 
 
-def shrink_picture(pixels: Picture, share: float) -> tuple[Picture, tuple[float, float]]:
-    """Return a picture (h, w, c) shrunk to `share` of its size, and its exact scale in x and y.
-
-    Each new pixel is the mean of those it covers. From a share of 1 on nothing changes.
-    """
+def _shrink_picture(pixels: Picture, share: float) -> tuple[Picture, tuple[float, float]]:
+    """Return a picture (h, w, c) shrunk to a share of its size, and its exact scale in x and y."""
     if share >= 1:
         return pixels, (1.0, 1.0)
     height, width = pixels.shape[:2]
     to = max(1, round(width * share)), max(1, round(height * share))
-    made = cv2.resize(pixels, to, interpolation=cv2.INTER_AREA)
-    return np.asarray(made, np.uint8).reshape(to[1], to[0], -1), (to[0] / width, to[1] / height)
+    small = cv2.resize(pixels, to, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.uint8).reshape(to[1], to[0], -1), (to[0] / width, to[1] / height)

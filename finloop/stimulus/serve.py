@@ -128,11 +128,11 @@ class DisplayHub:
     """Takes the messages of display pages; a session, a replay, a calibration add what they need.
 
     The page that came first is the display; the others mirror it, and their records of displayed
-    frames are ignored.
+    frames are ignored. read_time: returns the session time, s.
     """
 
-    def __init__(self, feed: Feed) -> None:
-        self.feed = feed
+    def __init__(self, feed: Feed, read_time: Callable[[], float] = time.perf_counter) -> None:
+        self.feed, self._read_time = feed, read_time
         self.screens: list[Screen] = []
         self._background: set[asyncio.Task[None]] = set()
 
@@ -146,10 +146,6 @@ class DisplayHub:
         task = asyncio.ensure_future(suppress_gone())
         self._background.add(task)  # else it might be garbage-collected
         task.add_done_callback(self._background.discard)
-
-    def session_time(self) -> float:
-        """Return the present session time, s."""
-        return time.perf_counter()
 
     def send(self, content: bytes) -> None:
         """Send a message to all display pages; disconnect those that are stuck."""
@@ -166,7 +162,7 @@ class DisplayHub:
                     screen.send(content)
                 screen.ready = True
             case Ping():
-                pong = {"kind": "pong", "sent": message.sent, "now": self.session_time()}
+                pong = {"kind": "pong", "sent": message.sent, "now": self._read_time()}
                 screen.send(pack_message(pong))
 
     def handle_frames(self, content: bytes) -> None:
@@ -201,13 +197,9 @@ class SessionHub(DisplayHub):
     """
 
     def __init__(self, session: Session, name: str, store: Path) -> None:
-        super().__init__(session.feed)
+        super().__init__(session.feed, session.clock.read_time)
         self.session, self._name, self._store = session, name, store
         self._programs: set[WebSocket] = set()
-
-    def session_time(self) -> float:
-        """Return the present session time, s."""
-        return self.session.clock.read_time()
 
     def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
         """Answer a message of a display page, and tell the session of it."""

@@ -89,7 +89,7 @@ class Session:
         self._send: Callable[[bytes], None] = lambda content: None
         self._send_trigger: Callable[[str, str], str | None] = lambda to, text: None
         self.phase = "ready"  # waiting, planning, running, pause, done
-        self.at = -1  # the trial's index
+        self.trial_index = -1
         self.done: dict[int, str] = {}
         self.waits_for_starts = True  # whether trials wait for keys and messages
         self.displays = 0
@@ -229,7 +229,7 @@ class Session:
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
-            self.report_problem("the display has gone", trial=self.trials[self.at].number)
+            self.report_problem("the display has gone", trial=self.trials[self.trial_index].number)
 
     def set_hidden(self, on: bool) -> None:
         """Note that the display's page is hidden behind another one, or visible again."""
@@ -259,7 +259,7 @@ class Session:
             for number, trial in enumerate(self.trials):
                 if self.stopping:
                     break
-                self.at = number
+                self.trial_index = number
                 await self._run_trial(trial)
                 if not self.stopping and trial is not self.trials[-1]:
                     await self._wait(self.clock.read_time() + self.plan.pause_s)
