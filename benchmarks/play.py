@@ -24,10 +24,10 @@ from websockets.typing import Origin
 
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.live.door import bind_socket
 from finloop.live.message import SetGoal
-from finloop.live.server import Host, Server
+from finloop.live.server import Host, tank_server
 from finloop.live.view import View
+from finloop.live.web import bind_socket
 from stages.play import PAGE, open_view
 
 FISH, FRAMES, CLICKS, MESSAGES = 4, 3000, 60, 10_000
@@ -40,7 +40,7 @@ def serving(view: View) -> Iterator[ClientConnection]:
     """Run the server in a thread; yield the connection of a page."""
     with bind_socket(0) as listens:
         up, address = threading.Event(), f"127.0.0.1:{listens.getsockname()[1]}"
-        server = Server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+        server = tank_server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
         runs = threading.Thread(target=server.serve_on)
         runs.start()
         up.wait()

@@ -37,12 +37,12 @@ from finloop.project import Project
 from finloop.stimulus.drawn import PICTURE, X, Y
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.order import trials
-from finloop.stimulus.protocol import Protocol, protocol_of
-from finloop.stimulus.replay import Record, frames_of, open_record, plan_again
-from finloop.stimulus.rules import RuleSpec
+from finloop.stimulus.protocol import Protocol, RuleSpec
+from finloop.stimulus.protocol_file import parse_protocol
+from finloop.stimulus.recorded import DryClock
+from finloop.stimulus.replay import Record, open_record, plan_again, recorded_frames
 from finloop.stimulus.session import Session
-from finloop.stimulus.show import DryClock
-from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
+from finloop.stimulus.summary import log_table, reactions_ms, tick_errors_ms
 from stages.stimulus_scene import FilmedScene, open_scene
 
 GPU = ["--no-sandbox", "--enable-unsafe-swiftshader"]
@@ -184,7 +184,7 @@ def closed_loop(fish: int, seconds: float) -> Iterator[Row]:
 
 def timing(what: str, record: Record) -> Iterator[Row]:
     """Yield the timing in a session's file."""
-    table = table_of(record)
+    table = log_table(record)
     planned, drawn = reactions_ms(table, record.header["rate_hz"])
     for name, values in (("planned reaction", planned), ("drawn frame", drawn)):
         if len(values):
@@ -230,7 +230,7 @@ def long_show(fish: int, minutes: float) -> Iterator[Row]:
 def steps_of(record: Record) -> np.ndarray:
     """Return the speed (n,) of a single fish between displayed frames, px/s."""
     steps, last = [], None
-    for frame in frames_of(record):
+    for frame in recorded_frames(record):
         seen = len(frame.states) and frame.states[0, PICTURE] >= 0
         here = (frame.shown_s, frame.states[0, [X, Y]].astype(float)) if seen else None
         if last is not None and here is not None:
@@ -326,7 +326,7 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, 
     """Run a session of two trials with poor input, without a display, from a seed."""
     rng = np.random.default_rng(seed)
     rules = rng.choice(get_args(RuleSpec.model_fields["rule"].annotation), 2, replace=False)
-    plan = protocol_of({
+    plan = parse_protocol({
         "version": 1, "name": "random", "seed": seed, "fish": int(rng.integers(1, 4)),
         "display": {"calibrated": False}, "animals": {"unit": "px"},
         "conditions": {str(rule): {"seconds": 2.0, "motion": {"rule": {"rule": str(rule)}}}
@@ -343,7 +343,7 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, 
     order, path = trials(plan), folder / f"{seed}.journal"
     log, clock = Log(path, made.header(plan, order, display=None)), DryClock(sorted(messages))
     session = Session(made.scene, plan, order, made.feed([], plan.fish), log, clock)
-    clock.hear, session.patient = session.hear, False
+    clock.receive, session.waits_for_starts = session.receive, False
     session.start()
     asyncio.run(session.run())
     log.close()
@@ -354,7 +354,7 @@ def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, 
 def replays() -> Iterator[Row]:
     """Yield whether random sessions stay equal when replayed from their files."""
     what, ticks, anew, different = "100 random sessions, planned again", 0, 0, 0
-    with open_scene(protocol_of(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
+    with open_scene(parse_protocol(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
         for seed in range(100):
             record, plan = random_session(made, seed, Path(name))
             replay = plan_again(record, made.scene, plan)

@@ -11,11 +11,10 @@ from typing import Any
 
 import pandas as pd
 
-from finloop.export.keypoints import deeplabcut
+from finloop.base.arrays import Picture
 from finloop.export.pictures import (
     READABLE,
     FishOnlyPainter,
-    Image,
     add_film_source,
     bounding_box,
     cut_out,
@@ -23,7 +22,7 @@ from finloop.export.pictures import (
     sprite_cycle,
 )
 from finloop.export.settings import ExportSettings
-from finloop.export.tracks import USED, poses
+from finloop.export.tracks import USED, deeplabcut, poses
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.movie import AlphaWebpWriter, WebmWriter
 from finloop.io.poses.save import save_netcdf, save_nwb
@@ -33,7 +32,7 @@ from finloop.project import EditSources, Project
 from finloop.render.gallery import frames
 from finloop.render.painter import Box
 from finloop.sprites.choice import SIDES, WORDS
-from finloop.stimulus.drawn import drawn_of
+from finloop.stimulus.drawn import drawn_states
 from finloop.stimulus.page import alone_page
 from finloop.stimulus.pictures import PagePictures
 from stages.settings import load
@@ -54,7 +53,7 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
     cycles = {word: sprite_cycle(sprites, word, gallery) for word in WORDS}
     made: dict[str, Any] = {}
 
-    def film(name: str, pictures: Iterable[Image], crop: Box, webp_ticks: int) -> None:
+    def film(name: str, pictures: Iterable[Picture], crop: Box, webp_ticks: int) -> None:
         """Write name.webm, and name.webp from its first `webp_ticks`."""
         path, shape = folder / name, (crop.bottom - crop.top, crop.right - crop.left, 4)
         webm = WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf)
@@ -101,7 +100,7 @@ def save_alone(folder: Path, p: ExportSettings, project: Project, drawn: EditSou
     assert drawn.bodies is not None
     edit = drawn.edit.sort_values(["tick", "fish"], kind="stable")
     rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
-    states = drawn_of(rows, drawn.bodies)
+    states = drawn_states(rows, drawn.bodies)
     motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
     pictures = PagePictures(project.gallery(drawn), project.size(p.mode)).load_pictures(motion)
     rate = float(facts.frame_rate)

@@ -18,11 +18,11 @@ import finloop.live
 from finloop.edit.modes import MODES, PAPER
 from finloop.edit.pictures import fade_distance
 from finloop.edit.schema import FRAME, SPRITE
-from finloop.live.door import HOST, bind_socket
 from finloop.live.message import MOST_FISH
-from finloop.live.server import Server
+from finloop.live.server import tank_server
 from finloop.live.tank import LiveTank, rehearse
 from finloop.live.view import View
+from finloop.live.web import HOST, bind_socket
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, shelves
 from finloop.render.painter import Painter, Shadow
@@ -82,7 +82,7 @@ def main() -> None:
         try:
             mode = asked.mode or ("matching" if (asked.fish or 1) > 1 else "hybrid")
             with open_view(mode, asked.fish, asked.seed) as view:
-                Server(view, PAGE.read_text(encoding="utf-8"), listens, announce).serve_on()
+                tank_server(view, PAGE.read_text(encoding="utf-8"), listens, announce).serve_on()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)
 

@@ -7,7 +7,6 @@ from stages.run import run  # isort: skip  (before numpy)
 
 import argparse
 import asyncio
-import json
 import re
 import secrets
 import socket
@@ -23,31 +22,34 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import PX
 from finloop.io.atomic import save_bytes
 from finloop.io.journal import save_journal
-from finloop.live.door import HOST, AppServer, Door, bind_socket
+from finloop.live.web import HOST, AccessPolicy, AppServer, bind_socket
 from finloop.plan.load_paths import line_of
 from finloop.project import Project
-from finloop.stimulus.apps import calibration_app, replay_app, session_app
-from finloop.stimulus.course import whole_motion
-from finloop.stimulus.inputs import guard_input, open_osc, open_udp
-from finloop.stimulus.listing import listing
+from finloop.stimulus.inputs import receive_datagrams
+from finloop.stimulus.listing import list_trials
 from finloop.stimulus.log import SESSION, Log
+from finloop.stimulus.motion import whole_motion
 from finloop.stimulus.order import trials
 from finloop.stimulus.page import alone_page
-from finloop.stimulus.protocol import Protocol, load_protocol, protocol_of
-from finloop.stimulus.recorded import ConnectionFaults, messages
-from finloop.stimulus.replay import frames_of, open_record, plan_again
-from finloop.stimulus.session import Session
-from finloop.stimulus.show import (
-    CalibrationHub,
+from finloop.stimulus.protocol import Protocol
+from finloop.stimulus.protocol_file import load_protocol, parse_protocol
+from finloop.stimulus.recorded import (
+    ConnectionFaults,
     DryClock,
-    RealClock,
+    repeat_messages,
+    track_messages,
+)
+from finloop.stimulus.replay import open_record, plan_again, recorded_frames
+from finloop.stimulus.serve import (
+    CalibrationHub,
     Replay,
     SessionHub,
-    repeat_messages,
+    display_server,
+    session_server,
 )
+from finloop.stimulus.session import RealClock, Session
 from finloop.stimulus.summary import summary
-from finloop.stimulus.tracker import calibration
-from finloop.stimulus.trigger import Outlet
+from finloop.stimulus.tracker import fit_calibration
 from stages.play import has_screen
 from stages.stimulus_scene import FilmedScene, display_file, known_display, looks_of, open_scene
 
@@ -66,47 +68,42 @@ def main() -> None:
 def show(asked: argparse.Namespace) -> None:
     """Show a protocol to animals, until Ctrl-C."""
     plan = load_protocol(asked.protocol)
-    print(listing(plan, trials(plan)))
+    print(list_trials(plan, trials(plan)))
     known = known_display(asked.display, plan.display.calibrated)
     with bind_socket(asked.port, asked.listen) as listens, open_scene(plan) as made:
-        ways = _track_messages(asked, made, plan)
-        with _session(asked, plan, made, RealClock(), display=_plain(known)) as session:
-            store = display_file(asked.display)
-            room = SessionHub(session, asked.display, store)
-            session.attach(room.send, Outlet(room.tell).send)
-            door = _door(asked, listens)
-            session.link = _address(asked, listens, door, "show")
-            hear = guard_input(session.hear, lambda error: server.fail(error))
-            inputs = _inputs(asked, door, hear, ways)
-            served = session_app(
-                door, room, lambda: inputs(session), lambda error: server.fail(error)
-            )
-            server = AppServer(served, listens, _make_announcer(asked, listens, door))
-            _serve(server)
+        messages = _animal_messages(asked, made, plan)
+        with _session(asked, plan, made, RealClock(), display=known) as session:
+            hub = SessionHub(session, asked.display, display_file(asked.display))
+            session.attach(hub.send, hub.send_trigger)
+            policy = _policy(asked, listens)
+            session.link = _address(asked, listens, policy, "show")
+            inputs = _inputs(asked, policy, session, messages)
+            started = _make_announcer(asked, listens, policy)
+            _serve(session_server(listens, policy, hub, inputs, started))
 
 
 def dry(asked: argparse.Namespace) -> None:
     """Run a protocol without a display, as fast as possible."""
     plan = load_protocol(asked.protocol)
-    print(listing(plan, trials(plan)))
+    print(list_trials(plan, trials(plan)))
     with open_scene(plan) as made:
-        clock = DryClock(repeat_messages(_track_messages(asked, made, plan)))
+        clock = DryClock(repeat_messages(_animal_messages(asked, made, plan)))
         with _session(asked, plan, made, clock, dry=True) as session:
-            clock.hear, session.patient = session.hear, False
+            clock.receive, session.waits_for_starts = session.receive, False
             session.start()
             asyncio.run(session.run())
 
 
-def list_trials(asked: argparse.Namespace) -> None:
+def list_only(asked: argparse.Namespace) -> None:
     """Print the trials of a protocol."""
     plan = load_protocol(asked.protocol)
-    print(listing(plan, trials(plan)))
+    print(list_trials(plan, trials(plan)))
 
 
 def replay(asked: argparse.Namespace) -> None:
     """Show a session again, or check that this is possible."""
     record = open_record(asked.session)
-    plan = protocol_of(record.header["protocol"], Path(record.header["folder"]))
+    plan = parse_protocol(record.header["protocol"], Path(record.header["folder"]))
     with open_scene(plan) as made:
         if others := made.others(record.header):
             raise FinloopError(
@@ -125,19 +122,10 @@ def replay(asked: argparse.Namespace) -> None:
             record.header["looks"], plan.fish, display=record.header["display"], mode="replay",
             digest=True, name="replay", keys=[],
         )  # fmt: skip
-        _replay(asked, Replay(feed, frames_of(record), asked.quick))
-
-
-def _replay(asked: argparse.Namespace, room: Replay) -> None:
-    with bind_socket(asked.port) as listens:
-        door = Door(listens.getsockname()[1])
-
-        def end() -> None:
-            server.should_exit = True
-
-        served = replay_app(door, room, end, lambda error: server.fail(error))
-        server = AppServer(served, listens, _make_announcer(asked, listens, door))
-        _serve(server)
+        room = Replay(feed, recorded_frames(record), asked.quick)
+        with bind_socket(asked.port) as listens:
+            policy = AccessPolicy(listens.getsockname()[1])
+            _serve(display_server(listens, policy, room, _make_announcer(asked, listens, policy)))
     print(
         f"replay: {room.shown} frames drawn, pixels of {room.compared} compared, "
         f"{len(room.different)} differ"
@@ -169,15 +157,12 @@ def calibrate(asked: argparse.Namespace) -> None:
     known = known_display(asked.display, False)
     with bind_socket(asked.port, asked.listen) as listens, open_scene() as made:
         feed = made.feed(
-            [], 0, display=_plain(known), mode="calibrate", digest=False, name=asked.display,
-            keys=[],
+            [], 0, display=known, mode="calibrate", digest=False, name=asked.display, keys=[],
         )  # fmt: skip
         path = display_file(asked.display)
-        room = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
-        door = _door(asked, listens)
-        served = calibration_app(door, room, lambda error: server.fail(error))
-        server = AppServer(served, listens, _make_announcer(asked, listens, door))
-        _serve(server)
+        hub = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
+        policy = _policy(asked, listens)
+        _serve(display_server(listens, policy, hub, _make_announcer(asked, listens, policy)))
 
 
 # --- parts
@@ -196,7 +181,7 @@ def _session(
     feed = made.feed(
         looks, plan.fish, display=facts.get("display"), mode="session",
         digest=getattr(asked, "digest", False), name=getattr(asked, "display", "none"),
-        keys=plan.keys,
+        keys=[plan.start_key] if plan.start_key else [],
     )  # fmt: skip
     log = Log(
         journal,
@@ -220,7 +205,7 @@ def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
     print(f"stimulus: the session is in {path}, its description in {path.with_suffix('.md')}")
 
 
-def _track_messages(
+def _animal_messages(
     asked: argparse.Namespace, made: FilmedScene, plan: Protocol
 ) -> list[tuple[float, str]]:
     if asked.animal is None:
@@ -231,59 +216,50 @@ def _track_messages(
             "a protocol with `animals`",
             "add animals: {unit: px} to it, or leave --animal out",
         )
-    scene, spoiled = made.scene, ConnectionFaults(asked.loss, asked.jitter, asked.gap)
+    scene, faults = made.scene, ConnectionFaults(asked.loss, asked.jitter, asked.gap)
     line = line_of(asked.animal, PX, Project().features)
-    tracker = calibration(plan.animals, scene.mm_per_px)
-    return list(messages(line, None, scene.tank, spoiled, tracker, mm_per_px=scene.mm_per_px))
+    tracker = fit_calibration(plan.animals, scene.mm_per_px)
+    return list(track_messages(line, None, scene.tank, faults, tracker, scene.mm_per_px))
 
 
 def _inputs(
-    asked: argparse.Namespace, door: Door, hear: Callable[[Any, str], None],
-    ways: list[tuple[float, str]],
-) -> Callable[[Session], list[Coroutine[Any, Any, None]]]:  # fmt: skip
+    asked: argparse.Namespace, policy: AccessPolicy, session: Session,
+    messages: list[tuple[float, str]],
+) -> Callable[[], list[Coroutine[Any, Any, None]]]:  # fmt: skip
 
-    async def listen(opens: Any, port: int) -> None:
-        transport = await opens(
-            bind_socket(port, asked.listen, socket.SOCK_DGRAM), hear, door.token
-        )
-        try:
-            await asyncio.Event().wait()
-        finally:
-            transport.close()
+    async def listen(kind: str, port: int) -> None:
+        bound = bind_socket(port, asked.listen, socket.SOCK_DGRAM)
+        await receive_datagrams(bound, kind, session.receive, policy.token)
 
-    async def play(session: Session) -> None:
-        for due, text in repeat_messages(ways):
+    async def play() -> None:
+        for due, text in repeat_messages(messages):
             await session.clock.until(due)
-            hear(text, "recorded")
+            session.receive(text, "recorded")
 
-    def tasks(session: Session) -> list[Coroutine[Any, Any, None]]:
-        made = [listen(open_udp, asked.udp)] if asked.udp else []
-        made += [listen(open_osc, asked.osc)] if asked.osc else []
-        return made + ([play(session)] if ways else [])
+    def tasks() -> list[Coroutine[Any, Any, None]]:
+        ports = {"udp": asked.udp, "osc": asked.osc}
+        listening = [listen(kind, port) for kind, port in ports.items() if port]
+        return listening + ([play()] if messages else [])
 
     return tasks
 
 
-def _plain(display: Any) -> dict[str, Any] | None:
-    return None if display is None else json.loads(display.model_dump_json())
-
-
-def _door(asked: argparse.Namespace, listens: socket.socket) -> Door:
+def _policy(asked: argparse.Namespace, listens: socket.socket) -> AccessPolicy:
     port = listens.getsockname()[1]
-    return Door(port, None if asked.listen == HOST else secrets.token_urlsafe(16))
+    return AccessPolicy(port, None if asked.listen == HOST else secrets.token_urlsafe(16))
 
 
-def _address(asked: Any, listens: socket.socket, door: Door, page: str = "") -> str:
+def _address(asked: Any, listens: socket.socket, policy: AccessPolicy, page: str = "") -> str:
     host, port = listens.getsockname()
     host = socket.gethostname() if host == "0.0.0.0" else host
-    return f"http://{host}:{port}/{page}" + (f"?token={door.token}" if door.token else "")
+    return f"http://{host}:{port}/{page}" + (f"?token={policy.token}" if policy.token else "")
 
 
 def _make_announcer(
-    asked: argparse.Namespace, listens: socket.socket, door: Door
+    asked: argparse.Namespace, listens: socket.socket, policy: AccessPolicy
 ) -> Callable[[], None]:
     def announce() -> None:
-        url = _address(asked, listens, door)
+        url = _address(asked, listens, policy)
         print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
         if asked.open and has_screen():
             webbrowser.open(url)
@@ -312,7 +288,7 @@ def _parser() -> argparse.ArgumentParser:
             one.add_argument(each, type=Path)
         return one
 
-    command(list_trials, "protocol")
+    command(list_only, "protocol")
     shows, dries = command(show, "protocol"), command(dry, "protocol")
     again, calibrates = command(replay, "session"), command(calibrate)
     command(recover, "journal")

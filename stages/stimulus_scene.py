@@ -17,10 +17,10 @@ from finloop.edit.schema import FRAME
 from finloop.live.tank import rehearse as rehearse_paths
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, shelves
-from finloop.stimulus.course import TrialContext, rehearse
-from finloop.stimulus.display import DisplayCalibration, load_display
+from finloop.stimulus.display import load_display
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT
+from finloop.stimulus.motion import TrialContext, rehearse
 from finloop.stimulus.order import Trial
 from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol
@@ -56,7 +56,7 @@ class FilmedScene:
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
-            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical(),
+            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical_fish(),
         }  # fmt: skip
         return Feed(self.tank, more | facts, self.pictures)
 
@@ -147,14 +147,14 @@ def display_file(name: str) -> Path:
     return DISPLAYS / f"{name}.json"
 
 
-def known_display(name: str, demanded: bool) -> DisplayCalibration | None:
-    """Return a display's calibration; None where there is none and `demanded` is False.
+def known_display(name: str, demanded: bool) -> dict[str, Any] | None:
+    """Return a display's calibration, ready for JSON; None where it has none and needs none.
 
     FinloopError where one is demanded and missing, or it is damaged.
     """
     path = display_file(name)
     if path.exists():
-        return load_display(path)
+        return load_display(path).model_dump(mode="json")
     if demanded:
         raise FinloopError(
             f"the display {name} is not calibrated ({path} is missing)",

@@ -304,7 +304,9 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
         tank.send(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
         while not fish.reached:
             tank.advance()
-            ends = fish.choice(tank.tick).stretch.touched and len(fish.path_from(tank.tick)) > 4
+            ends = (
+                fish.decision_at(tank.tick).stretch.touched and len(fish.path_from(tank.tick)) > 4
+            )
             if ends:
                 kept_plan(tank, monkeypatch, lambda: tank.send(0, 400.0, 120.0))
                 while len(fish.path_from(tank.tick)) > 1:

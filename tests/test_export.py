@@ -24,7 +24,6 @@ from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
 from finloop.edit.schema import EDIT
-from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import (
     READABLE,
     FishOnlyPainter,
@@ -33,7 +32,7 @@ from finloop.export.pictures import (
     cut_out,
     sprite_cycle,
 )
-from finloop.export.tracks import poses
+from finloop.export.tracks import deeplabcut, poses
 from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.identity.film import IDENTITIES
@@ -96,9 +95,7 @@ def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
     for fish, frame in zip(journey(channels), cut_out(journey(channels), alone, crop), strict=True):
         painter.show(*fish)
         alpha = frame[..., 3:] / 255
-        faint = np.where(
-            frame[..., 3:] < 16, frame[..., 3:], 0
-        )  # their colour is their neighbours'
+        faint = frame[..., 3:] * (frame[..., 3:] < 16)  # their colour is their neighbours'
         shown = tank.repeat(4 - len(tank.shape) + (channels == 2) * 2, axis=2).astype(float)
         shown[crop.slices] = alpha * frame[..., :3] + (1 - alpha) * shown[crop.slices]
         error = np.abs(shown - painter.canvas)
@@ -136,9 +133,8 @@ def test_colour_reaches_out_under_the_edge():
     pixels = np.full((8, 8, 2), 255, np.uint8)
     pixels[..., 0] = 200
     row = Placed(40.0, 40.0, Turned(picture(pixels, 3.5, 3.5), 20.0), None, 0.0)
-    frame = next(
-        cut_out([[row]], alone := FishOnlyPainter(HEIGHT, WIDTH, 1), bounding_box([[row]], alone))
-    )
+    alone = FishOnlyPainter(HEIGHT, WIDTH, 1)
+    frame = next(cut_out([[row]], alone, bounding_box([[row]], alone)))
     solid = (frame[..., 3] >= 16).astype(np.uint8)
     beside = (cv2.dilate(solid, np.ones((5, 5))) > solid).astype(bool)
     assert (frame[beside][:, 3] == 0).any() and (frame[beside][:, 3] > 0).any()
@@ -161,11 +157,8 @@ def sprite_table(steps=3):
 
 def edit_list(n, **columns):
     empty = {column.name: None for column in EDIT.columns if column.nullable}
-    numbers = {
-        one.name: np.zeros((), one.dtype)[()]
-        for one in EDIT.columns
-        if not one.nullable and one.dtype != "string"
-    }
+    filled = [one for one in EDIT.columns if not one.nullable and one.dtype != "string"]
+    numbers = {one.name: np.zeros((), one.dtype)[()] for one in filled}
     given = {
         "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / float(RATE), "kind": "frame",
         "source": np.arange(n), "scale": 1.0, "x_px": 30.0 + 3 * np.arange(n), "y_px": 40.0,
@@ -230,17 +223,15 @@ def test_a_webm_comes_back_with_its_alpha(tmp_path, shape):
         assert time == pytest.approx(k / RATE, abs=0.001)  # WebM's clock
         assert alpha.shape == (46, 72)
         difference = np.abs(alpha[: shape[0], : shape[1]].astype(int) - frame[..., 3])
-        assert (
-            difference.max() <= 6 and not alpha[shape[0] :].any() and not alpha[:, shape[1] :].any()
-        )
+        assert difference.max() <= 6
+        assert not alpha[shape[0] :].any() and not alpha[:, shape[1] :].any()
         fish = frame[..., 3] > 200
         assert np.abs(rgb[: shape[0], : shape[1]][fish].astype(int) - (120, 60, 200)).max() <= 6
 
 
 def test_grey_stays_grey_in_a_webm(tmp_path):
-    write_frames(
-        WebmWriter(tmp_path / "a.webm", (46, 72, 4), RATE, 8), clip((46, 72), 2, (90, 90, 90))
-    )
+    writer = WebmWriter(tmp_path / "a.webm", (46, 72, 4), RATE, 8)
+    write_frames(writer, clip((46, 72), 2, (90, 90, 90)))
     for _, rgb, alpha in decode_webm(tmp_path / "a.webm"):
         assert np.ptp(rgb[alpha > 100], axis=1).max() == 0
 
@@ -259,22 +250,18 @@ def test_an_animated_webp_comes_back_with_its_alpha(tmp_path):
             assert np.abs(found[fish][:, :3].astype(int) - (120, 60, 200)).max() <= 8
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda path: WebmWriter(path, (45, 71, 4), RATE, 20),
-        lambda path: AlphaWebpWriter(path, (45, 71, 4), RATE, 80),
-    ],
-)
-def test_same_frames_same_bytes_and_whole_or_not_at_all(tmp_path, make):
-    path, kind = tmp_path / "a.film", (lambda path: path.read_bytes())
-    write_frames(make(path), clip())
-    first = kind(path)
-    write_frames(make(path), clip())
-    assert kind(path) == first
+@pytest.mark.parametrize("writer", [WebmWriter, AlphaWebpWriter])
+def test_same_frames_same_bytes_and_whole_or_not_at_all(tmp_path, writer):
+    def write(frames):
+        write_frames(writer(tmp_path / "a.film", (45, 71, 4), RATE, 20), frames)
+
+    write(clip())
+    first = content(tmp_path)
+    write(clip())
+    assert content(tmp_path) == first
     with pytest.raises(ValueError, match="wanted"):
-        write_frames(make(path), [*clip(count=2), np.zeros((45, 71, 3), np.uint8)])
-    assert kind(path) == first and len(list(tmp_path.iterdir())) == 1
+        write([*clip(count=2), np.zeros((45, 71, 3), np.uint8)])
+    assert content(tmp_path) == first and len(first) == 1
 
 
 # --- tracks as poses -----------------------------------------------------------------------------
@@ -316,9 +303,8 @@ def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
     assert poses(*tables, 20, 1, 4, 9).individuals == ("track_2", "track_3", "track_4")
     few = poses(*tables, 20, 1, 4, 2)
     assert few.individuals == ("track_2", "track_4") and len(few.frame) == 16
-    with pytest.raises(
-        FinloopError, match=r"no track has 10 frames; the longest has 9(.|\n)*tracks_min_s"
-    ):
+    said = r"no track has 10 frames; the longest has 9(.|\n)*tracks_min_s"
+    with pytest.raises(FinloopError, match=said):
         poses(*tables, 20, 1, 10, 9)
 
 
@@ -354,13 +340,10 @@ def assert_holds_poses(dataset, given, individuals):
     rows = np.isin(given.individual, individuals)
     fish = given.individual[rows] - individuals[0]
     assert np.isfinite(position.values).sum() == rows.sum() * 6
-    np.testing.assert_allclose(
-        position.values[given.frame[rows], fish], given.places[rows], atol=1e-3
-    )
+    cells = given.frame[rows], fish
+    np.testing.assert_allclose(position.values[cells], given.places[rows], atol=1e-3)
     confidence = dataset.confidence.transpose("time", "individuals", "keypoints").values
-    np.testing.assert_allclose(
-        confidence[given.frame[rows], fish], given.confidence[rows], atol=1e-6
-    )
+    np.testing.assert_allclose(confidence[cells], given.confidence[rows], atol=1e-6)
 
 
 @pytest.mark.filterwarnings("ignore")  # of movement and of what it imports
@@ -417,15 +400,13 @@ def test_nwb_is_read_by_pynwb_and_by_movement(tmp_path):
         head = pose.pose_estimation_series["head"]
         assert (head.unit, head.conversion) == ("millimeters", 0.25)
         rows = given.individual == 0
-        np.testing.assert_allclose(
-            head.get_data_in_units()[given.frame[rows]], 0.25 * given.places[rows, 0]
-        )
+        scaled = head.get_data_in_units()[given.frame[rows]]
+        np.testing.assert_allclose(scaled, 0.25 * given.places[rows, 0])
 
 
 def test_formats_of_the_extra_name_it_where_it_is_missing(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "finloop.io.poses.extra.import_module", lambda name: __import__("no_" + name)
-    )
+    missing = "finloop.io.poses.extra.import_module"
+    monkeypatch.setattr(missing, lambda name: __import__("no_" + name))
     for save, name in ((save_netcdf, "tracks.nc"), (save_nwb, "nwb")):
         with pytest.raises(FinloopError, match="extra `tracks`"):
             save(tmp_path / name, some_poses(), RATE)
@@ -452,27 +433,19 @@ def test_deeplabcuts_layout_is_read_by_pandas(tmp_path, block):
 # --- the stage -----------------------------------------------------------------------------------
 
 TICKS, FRAMES = 12, 30
+SETTINGS = *TINY_CARP, "export.mode=network", "export.stimulus_seconds=0"
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """What the stage reads: one fish of 30 frames, twelve sprites, an edit list of both."""
     monkeypatch.chdir(tmp_path)
-    prepare(
-        tmp_path,
-        *TINY_CARP,
-        "export.mode=network",
-        "export.stimulus_seconds=0",
-        "export.webp_seconds=0.2",
-    )
+    prepare(tmp_path, *SETTINGS, "export.webp_seconds=0.2")
     data = tmp_path / "data"
-    save_facts(
-        data / "clip/facts.json",
-        VideoFacts("file", WIDTH, HEIGHT, FRAMES, RATE, True, ((0, FRAMES),)),
-    )
-    save_record(
-        data / "extract/scene.json", SceneFacts("dark", 1.0, 5.0, 90.0, 20.0, 50.0, "all", 5)
-    )
+    facts = VideoFacts("file", WIDTH, HEIGHT, FRAMES, RATE, True, ((0, FRAMES),))
+    save_facts(data / "clip/facts.json", facts)
+    scene = SceneFacts("dark", 1.0, 5.0, 90.0, 20.0, 50.0, "all", 5)
+    save_record(data / "extract/scene.json", scene)
     frame = np.arange(FRAMES)
     x, lines = 30.0 + frame, {"length_px": 20.0, "area_px": 90.0, "contrast": 50.0}
     ring = [np.zeros(OUTLINE_POINTS)] * FRAMES
@@ -525,14 +498,7 @@ def test_the_stage_names_another_programs_animals_and_writes_its_formats_in_mm_t
     save_facts(folder / "data/clip/facts.json", facts)
     extra = find_spec("movement") is not None
     asked = ["export.tracks_netcdf=true", "export.tracks_nwb=true"] if extra else []
-    prepare(
-        folder,
-        *TINY_CARP,
-        "export.mode=network",
-        "export.stimulus_seconds=0",
-        "export.webp_seconds=0.2",
-        *asked,
-    )
+    prepare(folder, *SETTINGS, "export.webp_seconds=0.2", *asked)
     stages.export.main()
     out = folder / "data/export"
     px, mm = (
@@ -566,20 +532,16 @@ def test_the_stage_hands_everything_on(folder):
             assert webp.size == (film["width_px"], film["height_px"])
             assert webp.n_frames == (6 if name == "network" else 3)  # 0.2 s
         for k, alpha in enumerate(shown):
-            x, y = mass_centre(alpha.astype(float))
-            if (
-                name == "network"
-            ):  # the fish is where the edit list says; a drop's centre is not amid it
-                assert (x + film["left_px"], y + film["top_px"]) == pytest.approx(
-                    (30 + 3 * k, 40), abs=1.5
-                )
+            centre = mass_centre(alpha.astype(float))
+            if name == "network":  # the fish is where the edit list says
+                place = 30 + 3 * k - film["left_px"], 40 - film["top_px"]
             else:
-                assert (x, y) == pytest.approx((film["pivot_x_px"], film["pivot_y_px"]), abs=1.5)
+                place = film["pivot_x_px"], film["pivot_y_px"]
+            assert centre == pytest.approx(place, abs=1.5)  # a drop's centre is not amid it
 
     table = pq.read_table(out / "network.parquet")
-    assert {field.name: field.metadata[b"unit"].decode() for field in table.schema} == {
-        column.name: column.unit for column in READABLE.columns
-    }
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    assert units == {column.name: column.unit for column in READABLE.columns}
     rows, listed = table.to_pandas(), pd.read_csv(out / "network.csv")
     shown = [one for one in rows if one != "pose" and "_mm" not in one]  # no scale is known
     assert list(listed) == shown and len(listed) == TICKS
@@ -594,25 +556,16 @@ def test_the_stage_hands_everything_on(folder):
         part = np.array(page)[box["y"] :, box["x"] :][: box["h"], : box["w"]]
     assert np.array_equal(part[..., 3], drop(turn=1)[..., 1])
 
-    tracks = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0)["finloop"][
-        "animal_0"
-    ]
+    tracks = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0)
+    tracks = tracks["finloop"]["animal_0"]
     assert np.allclose(tracks["head"]["x"], 40 + np.arange(FRAMES))
     assert np.allclose(tracks["body_2"]["x"], 30 + np.arange(FRAMES))
     metrics = load_numbers(folder / "reports/export")
-    assert (
-        metrics["track_rows_share"] == 1 and metrics["animals"] == 1 and metrics["frames"] == TICKS
-    )
+    assert metrics["track_rows_share"] == metrics["animals"] == 1 and metrics["frames"] == TICKS
 
 
 def test_a_second_run_gives_the_same_bytes_and_clears_what_was_there(folder):
-    prepare(
-        folder,
-        *TINY_CARP,
-        "export.mode=network",
-        "export.stimulus_seconds=0",
-        "export.webp_seconds=0.0",
-    )
+    prepare(folder, *SETTINGS, "export.webp_seconds=0.0")
     (folder / "data/export").mkdir()
     (folder / "data/export/loops.webm").write_text("of another mode")
     stages.export.main()
@@ -628,7 +581,7 @@ def test_a_second_run_gives_the_same_bytes_and_clears_what_was_there(folder):
         (lambda f: (f / "data/animate/network.parquet").unlink(), "there is no data.animate.network.parquet(.|\n)*export.mode"),
         (lambda f: save_table(f / "data/animate/network.parquet", edit_list(3, source=99), EDIT), "wanted a frame"),
         (lambda f: save_table(f / "data/sprites/sprites.parquet", sprite_table(2), SPRITES), "mass centre for every"),
-        (lambda f: prepare(f, *TINY_CARP, "export.mode=network", "export.stimulus_seconds=0", "export.tracks_min_s=60.0"), "tracks_min_s"),
+        (lambda f: prepare(f, *SETTINGS, "export.tracks_min_s=60.0"), "tracks_min_s"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said):

@@ -26,7 +26,7 @@ from finloop.base.poses import Poses, poses_from_arrays
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
-from finloop.export.keypoints import deeplabcut
+from finloop.export.tracks import deeplabcut
 from finloop.extract.film import Detections
 from finloop.extract.given import (
     FilmSize,

@@ -24,6 +24,7 @@ from toy_tank import played_rows, read, resting_players, toy_players, view_of
 from finloop.animate import kinematics as step
 from finloop.animate.arena import inside
 from finloop.animate.arena import tank as arena_tank
+from finloop.animate.company import Plans
 from finloop.animate.shoal import swim
 from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_list
@@ -43,6 +44,15 @@ def steps(rows):
     return np.hypot(np.diff(rows["x_px"]), np.diff(rows["y_px"]))
 
 
+def fast():
+    """The longest step of a fish that does not jump, px."""
+    return 1.6 * max(phases().high * LENGTH / RATE, STEP)
+
+
+def say(view, **wish):
+    view.grant(parse_message(json.dumps(wish)))
+
+
 # --- the same engine
 
 
@@ -53,9 +63,8 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
     found = swim(players[mode], [], ticks, np.random.default_rng([7, 0]))
     wanted = edit_list(found, ticks, players[mode].sources)
     tank = LiveTank(players, mode, 1, 7)
-    rows = pd.DataFrame(
-        np.append(np.array([tank.fish[0].row_at(0)[:-1]], ROW), played_rows(tank, ticks - 1))
-    )
+    first = np.array([tank.fish[0].row_at(0)[:-1]], ROW)
+    rows = pd.DataFrame(np.append(first, played_rows(tank, ticks - 1)))
     faded = (wanted["weight"] > 0).to_numpy()
     assert faded.any() and not faded.all()
     for name in set(wanted.columns) & set(ROW.names):
@@ -73,19 +82,18 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
 @pytest.mark.parametrize("mode", MODES)
 def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
     tank, rng = LiveTank(toy_players(), mode, 1, 3), np.random.default_rng(2)
-    fast = 1.6 * max(phases().high * LENGTH / RATE, STEP)
     for _ in range(16):
         before = played_rows(tank, int(rng.integers(2, 30)))
         past = [tank.fish[0].row_at(tick) for tick in range(max(0, tank.tick - 50), tank.tick)]
         asked = tank.tick
         tank.send(None, *rng.uniform((40, 30), (760, 570)))
         rows = np.append(before, played_rows(tank, 5)).view(ROW)
-        choice = tank.fish[0].choice(asked + 1)
+        choice = tank.fish[0].decision_at(asked + 1)
         assert choice.tick == asked + 1
         assert (rows["goal"][len(before)] == "A") and not math.isnan(rows["goal_x_px"][-1])
         now = [tank.fish[0].row_at(tick) for tick in range(max(0, asked - 50), asked)]
         assert repr(past) == repr(now)
-        assert steps(rows).max() <= fast
+        assert steps(rows).max() <= fast()
         assert all(inside(open_tank().legal, row["x_px"], row["y_px"]) for row in rows)
 
 
@@ -152,9 +160,8 @@ def test_a_bent_fish_goes_on_from_its_bend():
     shallow = plan_of(LEFT, 10, 5)
     deep = turns[LEFT].number[turns[LEFT].peak]
     assert deep not in shallow.frames
-    assert list(start_from_bend(shallow, turns, LEFT, deep).frames) == list(
-        turns[LEFT].straightening_sprites(deep)
-    )
+    unbent = list(turns[LEFT].straightening_sprites(deep))
+    assert list(start_from_bend(shallow, turns, LEFT, deep).frames) == unbent
     assert start_from_bend(plan, turns, LEFT, int(network.sprites.cycles[0][0])) is plan
 
 
@@ -180,7 +187,6 @@ EACH_TO_EACH = ("loops", "network", "hybrid", "loops", "matching", "network", "m
 
 def test_modes_are_changed_from_each_to_each_while_it_swims():
     tank = LiveTank(toy_players(), "hybrid", 1, 1)
-    fast = 1.6 * max(phases().high * LENGTH / RATE, STEP)
     kinds = {"network": {SPRITE}, "loops": {FRAME}, "matching": {FRAME}, "hybrid": {SPRITE, FRAME}}
     before = played_rows(tank, 60)[-1:]
     for mode in EACH_TO_EACH:
@@ -190,7 +196,7 @@ def test_modes_are_changed_from_each_to_each_while_it_swims():
         assert set(rows["kind"][1:]) <= kinds[mode]  # from the next tick on
         own = {mode} if mode != "hybrid" else {"network", "loops"}
         assert set(rows["mode"][1:]) <= own
-        assert steps(rows).max() <= fast
+        assert steps(rows).max() <= fast()
         tank.switch(mode)  # it is in that mode already: nothing is cut
         decided = tank.fish[0].row_at(tank.tick).decided
         tank.advance()
@@ -217,8 +223,7 @@ def test_where_a_mode_takes_over_pictures_are_joined_and_it_can_be_gone_back_to(
         tank.switch(mode)
         then = tank.tick
         rows = played_rows(tank, 60)
-        if mode != "matching":  # which is inertialized
-            assert rows["weight"][0] > 0
+        assert rows["weight"][0] > 0 or mode == "matching"  # which is inertialized
         for tick in (then + 1, then + 20):
             tank.back_to(tick)
             assert tank.mode == mode
@@ -253,12 +258,12 @@ def test_a_mode_of_the_paper_moves_one_fish_to_goals():
         with pytest.raises(FinloopError, match="2 fish"):
             LiveTank(toy_players(), mode, 2, 1)
     assert tank.mode == "matching" and len(tank.fish) == 2
-    tank.count(1)
+    tank.set_fish_count(1)
     tank.follow(0, circle(140))
     tank.switch("hybrid")
     assert tank.fish[0].path_task is None  # nobody swims a path in this mode
     for wish in (lambda: tank.follow(0, circle(140)), lambda: tank.shoal(0),
-                 lambda: tank.lead(None, 0), lambda: tank.count(2)):  # fmt: skip
+                 lambda: tank.lead(None, 0), lambda: tank.set_fish_count(2)):  # fmt: skip
         with pytest.raises(FinloopError, match="mode hybrid cannot do") as refused:
             wish()
         assert "matching" in refused.value.do
@@ -273,10 +278,10 @@ def test_the_view_tells_every_mode_and_why_one_cannot_be_had():
     assert list(told) == list(MODES)
     assert [name for name, one in told.items() if one["lack"]] == [*PAPER]
     assert all(told[name]["title"] == facts.title for name, facts in MODES.items())
-    view.grant(parse_message('{"do":"mode","mode":"loops"}'))
+    say(view, do="mode", mode="loops")
     assert "one fish" in view.refused or "2 fish" in view.refused
-    view.grant(parse_message('{"do":"count","fish":1}'))
-    view.grant(parse_message('{"do":"mode","mode":"loops"}'))
+    say(view, do="count", fish=1)
+    say(view, do="mode", mode="loops")
     state = view.state(0)
     assert (state["mode"], state["most"], view.refused) == ("loops", 1, "")
     assert not any(one["lack"] for one in state["modes"])
@@ -290,7 +295,7 @@ def test_the_tank_of_a_run_has_all_modes_and_draws_every_change(a_run, monkeypat
     monkeypatch.chdir(a_run)
     with open_view("hybrid", None, 0) as view:
         for mode in EACH_TO_EACH:
-            view.grant(parse_message(json.dumps({"do": "mode", "mode": mode})))
+            say(view, do="mode", mode=mode)
             for _ in range(12):
                 view.advance()
                 state, _ = read(view.show())
@@ -310,15 +315,17 @@ def test_the_past_is_kept_as_it_was_and_no_longer_than_said(monkeypatch):
     tank = LiveTank(toy_players(), "hybrid", 1, 2)
     rows = played_rows(tank, 400)
     fish = tank.fish[0]
-    assert len(fish._ring) == 60
-    assert sum(one.tick < tank.oldest - 90 for one in fish._choices) <= 1
     assert tank.oldest == tank.tick - 59
     for back in range(60):
         assert repr(tuple(fish.row_at(tank.tick - back)[:-1])) == repr(rows[-1 - back].item())
-        choice = fish.choice(tank.tick - back)
+        choice = fish.decision_at(tank.tick - back)
         assert choice.tick <= tank.tick - back
     assert fish.row_at(tank.oldest - 1) is None and fish.row_at(tank.tick + 1) is None
-    assert fish.choice(tank.oldest - 1) is None
+    assert fish.decision_at(tank.oldest - 1) is None
+    oldest = tank.oldest
+    tank.back_to(3)  # no further back than is known
+    assert tank.tick == oldest and repr(tuple(fish.row_at(oldest)[:-1])) == repr(rows[-60].item())
+    played_rows(tank, 100)
 
 
 def test_what_was_weighed_is_told_with_its_costs():
@@ -327,7 +334,7 @@ def test_what_was_weighed_is_told_with_its_costs():
     seen = set()
     for _ in range(600):
         tank.advance()
-        choice = tank.fish[0].choice(tank.tick)
+        choice = tank.fish[0].decision_at(tank.tick)
         row, options = tank.fish[0].row_at(tank.tick), choice.stretch.options
         if options is None:
             continue
@@ -374,10 +381,10 @@ def test_from_the_past_it_can_be_sent_elsewhere():
     assert fish.goal is not None or rows["reached"][59]
     tank.send(0, 700.0, 500.0)
     later = played_rows(tank, 100)
-    assert fish.choice(61).goal.x_px == 700.0 and fish.row_at(181) is None
+    assert fish.decision_at(61).goal.x_px == 700.0 and fish.row_at(181) is None
     assert repr(rows[:60]) == repr(np.array([fish.row_at(t)[:-1] for t in range(1, 61)], ROW))
     whole = np.concatenate([rows[:60], later])
-    assert steps(whole).max() <= 1.6 * max(phases().high * LENGTH / RATE, STEP)
+    assert steps(whole).max() <= fast()
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -390,37 +397,24 @@ def test_a_goal_that_was_being_dragged_then_is_swum_to(mode):
     tank.back_to(33)
     first = tank.fish[0].goal
     assert first.x_px == 300.0 + 10 * 12
-    tank.advance()
-    tank.advance()
-    tank.advance()
-    assert tank.fish[0].choice(tank.tick).goal == first
+    played_rows(tank, 3)
+    assert tank.fish[0].decision_at(tank.tick).goal == first
 
 
 def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
     view = view_of(fish=1)
     view.advance(30)
-    view.grant(parse_message('{"do":"count","fish":3}'))
-    view.grant(parse_message('{"do":"explain","fish":2}'))
+    say(view, do="count", fish=3)
+    say(view, do="explain", fish=2)
     view.advance(30)
-    view.grant(parse_message('{"do":"pause","on":true}'))
-    view.grant(parse_message('{"do":"look","tick":20}'))
-    view.grant(parse_message('{"do":"swim_on","tick":20}'))
+    say(view, do="pause", on=True)
+    say(view, do="look", tick=20)
+    say(view, do="swim_on", tick=20)
     state, _ = read(view.show())
     assert (state["now"], state["tick"], len(state["fish"])) == (20, 20, 1)
     assert view.runs and not state["past"] and view.explained == 0
-    view.grant(parse_message('{"do":"swim_on","tick":900}'))  # it has not been: stay
+    say(view, do="swim_on", tick=900)  # it has not been: stay
     assert view.tank.tick == 20
-
-
-def test_no_further_back_than_is_known(monkeypatch):
-    monkeypatch.setattr(play_fish, "HISTORY", 60)
-    tank = LiveTank(toy_players(), "hybrid", 1, 2)
-    played_rows(tank, 400)
-    oldest = tank.oldest
-    row = tank.fish[0].row_at(oldest)
-    tank.back_to(3)
-    assert tank.tick == oldest and repr(tank.fish[0].row_at(oldest)) == repr(row)
-    played_rows(tank, 100)
 
 
 def test_ghosts_are_not_drawn_and_do_not_come_back():
@@ -469,7 +463,9 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it():
     laps = np.diff(np.unwrap(np.arctan2(y, x)[first:])).sum() / (2 * np.pi)
     assert laps > 1.5
     assert tank.fish[0].row_at(tank.tick).goal == PATH
-    weighed = [tank.fish[0].choice(tick).stretch.options for tick in range(first + 5, tank.tick)]
+    weighed = [
+        tank.fish[0].decision_at(tick).stretch.options for tick in range(first + 5, tank.tick)
+    ]
     weighed = [one for one in weighed if one is not None]
     jumps = [one.terms[(one.seams > 0) & np.isfinite(one.value), 0] for one in weighed]
     assert (np.concatenate(jumps) > 0).all()
@@ -512,7 +508,7 @@ def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
     tank = LiveTank(toy_players(), "matching", 1, 4)
     tank.follow(0, circle(140))
     rows = played_rows(tank, 300)
-    begun = [tank.fish[0].wish_at(tick).path_task.begun for tick in range(1, 301)]
+    begun = [tank.fish[0].request_at(tick).path_task.begun for tick in range(1, 301)]
     assert begun[-1] and not begun[0]
     for tick in (290, begun.index(True) + 1, 40):
         tank.back_to(tick)
@@ -525,26 +521,24 @@ def test_along_a_path_too_it_swims_on_from_the_past_as_it_did():
 def test_fish_come_and_go():
     view = view_of(fish=3)
     view.advance(5)
-    view.grant(parse_message('{"do":"count","fish":8}'))
+    say(view, do="count", fish=8)
     view.advance(5)
     state, _ = read(view.show())
     assert len(state["fish"]) == 8 and all(state["fish"])
-    view.grant(parse_message('{"do":"look","tick":3}'))
+    say(view, do="look", tick=3)
     state, _ = read(view.show())
     assert [fish is not None for fish in state["fish"]] == [True] * 3 + [False] * 5
-    view.grant(parse_message('{"do":"explain","fish":7}'))
-    view.grant(parse_message('{"do":"count","fish":1}'))
+    say(view, do="explain", fish=7)
+    say(view, do="count", fish=1)
     assert view.explained == 0 and len(view.tank.fish) == 1
-    view.grant(
-        parse_message('{"do":"goal","fish":5,"x":1,"y":1,"drag":false}')
-    )  # not there: let be
+    say(view, do="goal", fish=5, x=1, y=1, drag=False)  # not there: let be
     read(view.show())
 
 
 @pytest.mark.parametrize("colour", [False, True])
 def test_a_frame_is_the_painted_tank_and_the_state(colour):
     view = view_of(fish=2, colour=colour)
-    view.grant(parse_message('{"do":"goal","fish":1,"x":300,"y":200.5,"drag":false}'))
+    say(view, do="goal", fish=1, x=300, y=200.5, drag=False)
     view.advance(40)
     state, picture = read(view.show(3.21))
     assert picture.shape == view.painter.frame.shape
@@ -564,16 +558,16 @@ def test_rewinding_shows_the_frame_again_and_a_goal_returns_to_now():
     view.advance(30)
     then, picture = read(view.show())
     view.advance(25)
-    view.grant(parse_message('{"do":"look","tick":30}'))
+    say(view, do="look", tick=30)
     state, again = read(view.show())
     assert np.array_equal(picture, again) and state["past"] and not view.runs
     for name in ("fish", "decision", "tick"):
         assert state[name] == then[name]
-    view.grant(parse_message('{"do":"goal","fish":null,"x":300,"y":200,"drag":false}'))
+    say(view, do="goal", fish=None, x=300, y=200, drag=False)
     assert view.tick == 55 and view.runs
-    view.grant(parse_message('{"do":"step"}'))
+    say(view, do="step")
     assert view.tick == 56 and not view.runs
-    view.grant(parse_message('{"do":"pause","on":false}'))
+    say(view, do="pause", on=False)
     assert view.runs
 
 
@@ -609,12 +603,12 @@ def test_ways_are_drawn_as_they_would_have_been_swum():
 
 def test_goals_that_are_reached_are_counted_once():
     view = view_of("network", seed=3)
-    view.grant(parse_message('{"do":"goal","fish":0,"x":400,"y":300,"drag":false}'))
+    say(view, do="goal", fish=0, x=400, y=300, drag=False)
     view.advance(500)
-    assert view.counts.reached == 1 and view.tank.fish[0].reached
-    view.grant(parse_message('{"do":"goal","fish":0,"x":100,"y":300,"drag":false}'))
+    assert view.goals_reached == 1 and view.tank.fish[0].reached
+    say(view, do="goal", fish=0, x=100, y=300, drag=False)
     assert not view.tank.fish[0].reached
-    view.grant(parse_message('{"do":"drop","fish":null}'))
+    say(view, do="drop", fish=None)
     view.advance(20)
     assert view.tank.fish[0].row_at(view.tank.tick).goal == ""
     assert abs(wrap_deg(view.tank.fish[0].row_at(view.tank.tick).heading_deg)) <= 180
@@ -636,11 +630,11 @@ def test_a_tick_that_is_decided_anew_heads_for_the_new_goal_and_keeps_the_tick_b
         tank.renew(0)
         assert tank.tick == fish.last_tick == now, turn
         np.testing.assert_equal(fish.row_at(now - 1)[:-1], before[:-1])
-        choice = fish.choice(now)
+        choice = fish.decision_at(now)
         assert choice.tick == now and choice.goal == goal
         # At the next tick all goes on as planned: nothing is decided once more.
         tank.advance()
-        assert fish.choice(tank.tick).tick in (now, now + 1)
+        assert fish.decision_at(tank.tick).tick in (now, now + 1)
 
 
 def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_is():
@@ -648,7 +642,7 @@ def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_
     fish, same = tank.fish[0], 0
     for _ in range(300):
         tank.advance()
-        if fish.choice(tank.tick).tick == tank.tick:
+        if fish.decision_at(tank.tick).tick == tank.tick:
             old = fish.row_at(tank.tick)
             tank.renew(0)
             np.testing.assert_equal(fish.row_at(tank.tick)[:-1], old[:-1])
@@ -672,13 +666,16 @@ def test_ticks_decided_anew_are_the_same_for_the_same_seed_and_wishes():
 
 def test_fish_that_decide_anew_keep_clear_of_each_other():
     tank, rng = LiveTank(toy_players(), "matching", 3, 6), np.random.default_rng(2)
+    player = tank.players["matching"]
     for _ in range(300):
         tank.advance()
         which = int(rng.integers(3))
-        tank.send(which, *tank.fish[(which + 1) % 3].places(range(tank.tick, tank.tick + 1))[0])
+        goal = tank.fish[(which + 1) % 3].row_at(tank.tick)
+        tank.send(which, goal.x_px, goal.y_px)
         tank.renew(which)
         for fish in tank.fish:
-            last = fish._choices[-1]
-            others = fish._around(last.tick)
-            state = fish._player.with_others(last.state, others) if last.tick >= 0 else last.state
-            assert fish._player.is_clear(state._replace(fish=last.state.fish), last.stretch)
+            last = fish.decision_at(tank.tick)
+            paths = [one.path_from(last.tick) for one in tank.fish if one is not fish]
+            others = Plans.from_paths(paths, last.tick).others(-1, last.tick)
+            state = player.with_others(last.state, others)
+            assert player.is_clear(state._replace(fish=last.state.fish), last.stretch)

@@ -23,7 +23,7 @@ from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.edit.schema import EDIT
-from finloop.export.keypoints import deeplabcut
+from finloop.export.tracks import deeplabcut
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments

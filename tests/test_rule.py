@@ -229,27 +229,27 @@ def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
     assert one.goal is not None
     tank.follow(0, [(200.0, 200.0), (600.0, 300.0), (700.0, 600.0)])
     place_rows(tank, 3)
-    assert one.path_task is not None and one.order is None
+    assert one.path_task is not None and one.rule_task is None
     tank.shoal(0)
-    assert one.goal is None and one.path_task is None and one.order.leader is None
+    assert one.goal is None and one.path_task is None and one.rule_task.leader is None
     place_rows(tank, 20)
-    assert {choice.name for choice in one._choices} >= {"company"}
+    assert {choice.name for choice in one._decisions} >= {"company"}
     tank.lead(0, 2)
     assert tank.leaders == {1: 3}
     place_rows(tank, 20)
-    assert one._choices[-1].name == "leader"
+    assert one._decisions[-1].name == "leader"
     tank.send(0, 450.0, 450.0)
-    assert one.order is None and one.goal is not None
+    assert one.rule_task is None and one.goal is not None
     tank.shoal(0)
     tank.drop(0)
-    assert one.order is None and tank.fish[1].order is None
+    assert one.rule_task is None and tank.fish[1].rule_task is None
 
 
 def test_weights_are_changed_while_fish_swim():
     near, far = live(), live()
     near.shoal(None)
     far.shoal(None)
-    far.weigh((0.0, 0.0, 0.0))
+    far.set_zone_weights((0.0, 0.0, 0.0))
     assert far.shoaling.zones.weights == (0, 0, 0)
     together, apart = (place_rows(tank, 300)[150:] for tank in (near, far))
     assert spread(together) < 0.6 * spread(apart)
@@ -262,7 +262,7 @@ def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
     place_rows(tank, 60)
     first = place_rows(tank, 80)
     before = tank.shoaling
-    tank.weigh((1.0, 1.0, 0.1))
+    tank.set_zone_weights((1.0, 1.0, 0.1))
     place_rows(tank, 20)
     tank.back_to(60)
     assert tank.shoaling == before and tank.leaders == {4: 2}
@@ -287,7 +287,7 @@ def test_who_would_follow_in_a_circle_is_refused_and_told():
 def test_company_of_which_nothing_is_known_is_refused():
     view = View(live(known=False), None, None)
     view.grant(parse_message('{"do": "rule", "fish": null, "leader": null}'))
-    assert "calibrate" in view.refused and view.tank.fish[0].order is None
+    assert "calibrate" in view.refused and view.tank.fish[0].rule_task is None
     view.grant(
         parse_message('{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}')
     )
@@ -298,16 +298,16 @@ def test_company_of_a_film_without_steps_is_refused():
     view = View(live(), None, None)
     view.tank.shoaling = stepless()
     view.grant(parse_message('{"do": "rule", "fish": null, "leader": null}'))
-    assert "too short" in view.refused and view.tank.fish[0].order is None
+    assert "too short" in view.refused and view.tank.fish[0].rule_task is None
 
 
 def test_a_follower_whose_leader_is_gone_wanders():
     tank = live()
     tank.lead(0, 3)
     place_rows(tank, 10)
-    tank.count(2)
+    tank.set_fish_count(2)
     place_rows(tank, 30)
-    assert tank.leaders == {} and tank.fish[0]._choices[-1].goal is None
+    assert tank.leaders == {} and tank.fish[0]._decisions[-1].goal is None
 
 
 @pytest.mark.parametrize("bad", [

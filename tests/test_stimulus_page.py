@@ -9,14 +9,14 @@ import pytest
 from browser import Visit, chromium, hold_time, visit
 
 from finloop.base.errors import FinloopError
+from finloop.live.page import pack_message
 from finloop.puppet import PlacedBackbone
 from finloop.render.painter import Bent, Painter, picture
 from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.drawn import POSTURE
-from finloop.stimulus.feed import message
-from finloop.stimulus.log import frames_of
-from finloop.stimulus.page import DRAWING, alone_page, display_page, script
-from finloop.stimulus.pictures import PagePicture, typical
+from finloop.stimulus.log import parse_frames
+from finloop.stimulus.page import DRAWING, alone_page, display_page, join_scripts
+from finloop.stimulus.pictures import PagePicture, typical_fish
 
 STEPS, LENGTH = 24, 80.0
 HEIGHT, WIDTH = 240, 320
@@ -43,6 +43,10 @@ function stage(spec, tank) {
 """
 
 
+def message(kind, payload=b"", **facts):
+    return pack_message({"kind": kind, **facts}, payload)
+
+
 def posture_of(bends, head=(0.45, 0.0)):
     bends = np.broadcast_to(np.asarray(bends, float), STEPS)
     return np.concatenate([head, bends, np.full(STEPS, 1 / STEPS)]).astype(np.float32)
@@ -65,14 +69,12 @@ def fish_of(seed=0, bend=0.5, colour=False, level=90.0):
     y, x = np.mgrid[:size, :size].astype(float)
     apart = np.hypot(x[..., None] - line[:, 0], y[..., None] - line[:, 1])
     step, near = apart.argmin(-1), apart.min(-1)
-    alpha = np.clip(
-        8 * np.sin(np.pi * np.clip((step + 2) / (STEPS + 3), 0, 1)) ** 0.7 - near + 0.5, 0, 1
-    )
+    width = 8 * np.sin(np.pi * np.clip((step + 2) / (STEPS + 3), 0, 1)) ** 0.7
+    alpha = np.clip(width - near + 0.5, 0, 1)
     skin = level + 60 * np.sin(step * 1.1) + 30 * np.sin(near) + rng.normal(0, 6, near.shape)
     skins = [np.clip(skin + shift, 0, 255) for shift in ((0, 40, -30) if colour else (0,))]
-    pixels = np.dstack([np.rint(one * alpha) for one in skins] + [np.rint(255 * alpha)]).astype(
-        np.uint8
-    )
+    layers = [np.rint(one * alpha) for one in skins] + [np.rint(255 * alpha)]
+    pixels = np.dstack(layers).astype(np.uint8)
     left, top, width, height = cv2.boundingRect(pixels[..., -1])
     cut = np.ascontiguousarray(pixels[top : top + height, left : left + width])
     return PagePicture(cut, (middle - left, middle - top, 0.0, LENGTH), posture)
@@ -124,7 +126,7 @@ class Stage:
         }  # fmt: skip
         self.page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         self.page.set_content(STAGE)
-        self.page.add_script_tag(content=script(*DRAWING, "levels.js") + HELP)
+        self.page.add_script_tag(content=join_scripts(*DRAWING, "levels.js") + HELP)
         self.page.evaluate("([spec, tank]) => stage(spec, tank)", [spec, text_of(tank)])
         self.reset()
 
@@ -143,42 +145,32 @@ class Stage:
 
     def take(self, number, slot, one):
         height, width = one.pixels.shape[:2]
+        arrays = [list(one.line), text_of(one.posture), text_of(one.pixels)]
         self.page.evaluate(
             "([n, s, w, h, line, posture, pixels]) => drawer.picture(n, s, w, h, line, floats(posture), bytes(pixels))",
-            [
-                number,
-                slot,
-                width,
-                height,
-                list(one.line),
-                text_of(one.posture),
-                text_of(one.pixels),
-            ],
+            [number, slot, width, height, *arrays],
         )
 
+    def run(self, states, result):
+        """Draw states, and return what some code gives then."""
+        whole = np.concatenate([np.zeros((0, POSTURE + len(STRAIGHT)), np.float32), *states])
+        code = f"([states, count]) => {{ drawer.draw(floats(states), count); return {result}; }}"
+        return self.page.evaluate(code, [text_of(whole), len(whole)])
+
     def draw(self, *states):
-        whole = (
-            np.concatenate(states) if states else np.zeros((0, POSTURE + len(STRAIGHT)), np.float32)
-        )
-        drawn = self.page.evaluate(
-            "([states, count]) => { drawer.draw(floats(states), count); return seen(drawer); }",
-            [text_of(whole), len(whole)],
-        )
-        pixels = np.frombuffer(base64.b64decode(drawn), np.uint8)
+        pixels = np.frombuffer(base64.b64decode(self.run(states, "seen(drawer)")), np.uint8)
         return pixels.reshape(self.size[1], self.size[0], 4)[..., :3].astype(int)
 
     def digest(self, *states, square=0):
-        whole = np.concatenate(states)
-        return self.page.evaluate(
-            "([states, count, square]) => { drawer.draw(floats(states), count); return drawer.digest(square); }",
-            [text_of(whole), len(whole), square],
-        )
+        return self.run(states, f"drawer.digest({square})")
 
     def shot(self):
         """What the browser shows."""
-        return cv2.imdecode(np.frombuffer(self.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[
-            ..., ::-1
-        ]
+        return screenshot(self.page, cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def screenshot(page, flags=cv2.IMREAD_GRAYSCALE):
+    return cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), flags)
 
 
 @pytest.fixture(scope="module")
@@ -189,21 +181,17 @@ def browser():
 
 @pytest.fixture(scope="module")
 def stages(browser):
-    made = {}
+    made = {
+        "noise": Stage(browser, tank_of(HEIGHT, WIDTH)),
+        "white": Stage(browser, np.full((HEIGHT, WIDTH), 255, np.uint8)),
+        "colour": Stage(browser, tank_of(HEIGHT, WIDTH, 3), True),
+    }
 
-    def stage_of(name):
-        if name not in made:
-            tank = (
-                np.full((HEIGHT, WIDTH), 255, np.uint8)
-                if name == "white"
-                else tank_of(HEIGHT, WIDTH)
-            )
-            tank = tank_of(HEIGHT, WIDTH, 3) if name == "colour" else tank
-            made[name] = Stage(browser, tank, name == "colour")
+    def reset_stage(name):
         made[name].reset()
         return made[name]
 
-    return stage_of
+    return reset_stage
 
 
 @pytest.fixture
@@ -270,19 +258,12 @@ def test_in_any_pose_it_is_what_the_painter_draws(stage, posture, heading, size,
 
 def test_a_partner_is_mixed_in_and_a_later_fish_lies_over_an_earlier_one(stage):
     first, second = fish_of(), fish_of(1, -0.3)
-    states = (
-        state_of(S_BEND, partner=11, weight=0.4, mirrored=(0, 1)),
-        state_of(STRAIGHT, 175, 130, 2.0, number=11),
-    )
+    mixed = state_of(S_BEND, partner=11, weight=0.4, mirrored=(0, 1))
+    states = mixed, state_of(STRAIGHT, 175, 130, 2.0, number=11)
+    partner = bent_of(second, S_BEND, mirrored=True)
     wanted = paint(
         tank_of(HEIGHT, WIDTH),
-        (
-            160.25,
-            120.5,
-            bent_of(first, S_BEND),
-            bent_of(second, S_BEND, mirrored=True),
-            float(np.float32(0.4)),
-        ),
+        (160.25, 120.5, bent_of(first, S_BEND), partner, float(np.float32(0.4))),
         (175.0, 130.0, bent_of(second, STRAIGHT, 2.0)),
     )
     assert np.abs(stage.draw(*states)[..., 0] - wanted).max() <= 2
@@ -335,9 +316,10 @@ def test_a_slot_that_is_used_again_forgets_its_picture(stage):
 # --- looks
 
 
-@pytest.mark.parametrize(
-    ("name", "contrast"), [("none", 0), ("half", 0.5), ("plain", 1), ("double", 2), ("most", 4)]
-)
+CONTRASTS = [("none", 0), ("half", 0.5), ("plain", 1), ("double", 2), ("most", 4)]
+
+
+@pytest.mark.parametrize("name, contrast", CONTRASTS)
 def test_contrast_is_that_of_the_fish_against_the_floor(stage, name, contrast):
     tank = stage.tank.astype(int)
     plain = stage.draw(state_of(S_BEND))[..., 0]
@@ -348,9 +330,8 @@ def test_contrast_is_that_of_the_fish_against_the_floor(stage, name, contrast):
 
 def test_a_silhouette_has_the_outline_and_one_colour(colour):
     one = fish_of(colour=True)
-    drawn = colour.draw(
-        state_of(one.posture, one.line[0] + 60, one.line[1] + 40, 0.0, look=look("orange"))
-    )
+    place = one.line[0] + 60, one.line[1] + 40
+    drawn = colour.draw(state_of(one.posture, *place, 0.0, look=look("orange")))
     height, width = one.pixels.shape[:2]
     alpha, wanted = one.pixels[..., 3:] / 255, colour.tank.astype(float)
     part = wanted[40 : 40 + height, 60 : 60 + width]
@@ -359,16 +340,13 @@ def test_a_silhouette_has_the_outline_and_one_colour(colour):
 
 
 def test_dots_and_silhouettes_of_a_session_are_alike_whatever_the_picture(white):
-    facts = typical(white.pictures.values())
-    one = fish_of()
-    assert facts["area"] * one.line[3] ** 2 == pytest.approx(
-        one.pixels[..., 1].sum() / 255, rel=0.1
-    )
+    facts, one = typical_fish(white.pictures.values()), fish_of()
+    area = one.pixels[..., 1].sum() / 255
+    assert facts["area"] * one.line[3] ** 2 == pytest.approx(area, rel=0.1)
     for name in ("dot", "dark"):
         white.page.evaluate("facts => { drawer.spec.typical = facts; }", facts)
-        drawn = [
-            white.draw(state_of(S_BEND, number=number, look=look(name))) for number in (10, 11)
-        ]
+        states = [state_of(S_BEND, number=number, look=look(name)) for number in (10, 11)]
+        drawn = [white.draw(state) for state in states]
         white.page.evaluate("drawer.spec.typical = null")
         assert drawn[0].min() == drawn[1].min() == pytest.approx(facts["dark"][0], abs=1)
         if name == "dot":
@@ -410,9 +388,8 @@ def test_a_scaled_tank_lies_in_the_middle_and_its_fish_are_as_large(white):
     tank[10:490, 30:670] = 255
     assert (white.draw()[..., 0] == tank).all()
     large = np.full((2 * HEIGHT, 2 * WIDTH), 255, np.uint8)
-    wanted = paint(
-        large, (2 * 160.75 - 0.5, 2 * 121 - 0.5, bent_of(fish_of(), S_BEND, size=2 * LENGTH))
-    )
+    fish = bent_of(fish_of(), S_BEND, size=2 * LENGTH)
+    wanted = paint(large, (2 * 160.75 - 0.5, 2 * 121 - 0.5, fish))
     assert np.abs(white.draw(state_of(S_BEND))[10:490, 30:670, 0] - wanted).max() <= 2
 
 
@@ -456,25 +433,22 @@ def test_levels_go_through_the_table_last_of_all(stage):
 def test_tables_make_luminance_even(stage):
     levels = np.array([0, 32, 64, 128, 192, 255])
     shine = 0.3 + 120 * (levels / 255) ** 2.2
-    run = stage.page
-    table = np.array(
-        run.evaluate("rows => tableOfLuminances(rows)", np.column_stack([levels, shine]).tolist())
-    )
+    run, rows = stage.page, np.column_stack([levels, shine]).tolist()
+    table = np.array(run.evaluate("rows => tableOfLuminances(rows)", rows))
     assert table.shape == (256, 3)
     assert 255 * (table[:, 0] / 255) ** 2.2 == pytest.approx(np.arange(256), abs=0.5)
     known = np.array(run.evaluate("tableOfExponents([2.2, 1, 1.8])"))
-    assert known[:, 0] == pytest.approx(table[:, 0], abs=0.5) and known[:, 1].tolist() == list(
-        range(256)
-    )
+    assert known[:, 0] == pytest.approx(table[:, 0], abs=0.5)
+    assert known[:, 1].tolist() == list(range(256))
     pasted = "r,g,b\n" + "\n".join(f"{level},{level};{level}" for level in range(256))
-    assert run.evaluate("text => tableOfText(text)", pasted) == [
-        [level] * 3 for level in range(256)
-    ]
+    read = run.evaluate("text => tableOfText(text)", pasted)
+    assert read == [[level] * 3 for level in range(256)]
     for wrong, why in (("tableOfText('1,2,3')", "wanted 256"), ("tableOfLuminances([[0,1],[9,2],[200,3]])", "0 and 255"),
                        ("tableOfLuminances([[0,5],[9,2],[255,3]])", "brighter"), ("numbersOf('1,2\\n3')", "row 2")):  # fmt: skip
-        assert why in run.evaluate(
+        code = (
             f"(() => {{ try {{ {wrong}; return '' }} catch (error) {{ return error.message }} }})()"
         )
+        assert why in run.evaluate(code)
 
 
 # --- time
@@ -530,9 +504,8 @@ def test_late_rows_find_the_fish_where_it_waits_and_no_old_ones_are_swum(stage):
       const out = [at(m, 0.3)];
       [2, 3, 4].forEach(k => m.rows({seq: 1 + k, tick: k, due: k / 10}, state(k < 4 ? 999 : 40), 0.45 + k / 1000));
       return [...out, at(m, 0.454), at(m, 0.479), at(m, 0.504)].map(one => one[0]);""")  # fmt: skip
-    assert (
-        (held, end) == (10, 40) and 10 <= there < 50 and between == pytest.approx((there + 40) / 2)
-    )
+    assert (held, end) == (10, 40) and 10 <= there < 50
+    assert between == pytest.approx((there + 40) / 2)
 
 
 def test_a_fish_that_comes_or_goes_does_not_slide(stage):
@@ -583,11 +556,7 @@ def test_the_clock_trusts_the_quickest_ping_and_is_bent_without_a_jump(stage):
       c.renew(); c.ping(7000, 1007, 7000);
       return [first, last, steps, before, after, far, c.at(7000)];
     }""")
-    assert (
-        first == pytest.approx(52)
-        and last == pytest.approx(52.4)
-        and before == pytest.approx(after)
-    )
+    assert (first, last, before) == pytest.approx((52, 52.4, after))
     assert min(steps) > 0 and max(steps) == pytest.approx(0.101) and far == pytest.approx(57.02)
     assert renewed == 1007
 
@@ -600,12 +569,8 @@ def test_dropped_frames_are_counted_on_an_even_grid(stage):
       return [r.period, out];
     }""")
     dropped = [one["dropped"] for one in frames]
-    assert (
-        period == pytest.approx(10, abs=0.5)
-        and sum(dropped) == 3
-        and dropped[100] == 2
-        and dropped[150] == 1
-    )
+    assert period == pytest.approx(10, abs=0.5)
+    assert (sum(dropped), dropped[100], dropped[150]) == (3, 2, 1)
     ideal = np.diff([one["ideal"] for one in frames])[20:95]
     assert np.abs(ideal - 10).max() < 0.5  # the browser's own intervals are 9.6 and 10.4 ms
 
@@ -639,15 +604,12 @@ class Server:
 
     def _take(self, told):
         if isinstance(told, bytes):
-            self.frames += frames_of(told, POSTURE + len(STRAIGHT))
+            self.frames += parse_frames(told, POSTURE + len(STRAIGHT))
             return
         self.texts.append(json.loads(told))
         if self.texts[-1]["do"] == "ping":
-            self.send(
-                message(
-                    "pong", sent=self.texts[-1]["sent"], now=self.texts[-1]["sent"] / 1000 + 100
-                )
-            )
+            sent = self.texts[-1]["sent"]
+            self.send(message("pong", sent=sent, now=sent / 1000 + 100))
 
     def send(self, *messages):
         for one in messages:
@@ -685,9 +647,12 @@ class Server:
         wait(self.page, "!noted && !records.length")
 
     def rows(self, seq, tick, due, *states, cut=False):
-        self.send(
-            message("rows", np.concatenate(states).tobytes(), seq=seq, tick=tick, due=due, cut=cut)
-        )
+        facts = {"seq": seq, "tick": tick, "due": due, "cut": cut}
+        self.send(message("rows", np.concatenate(states).tobytes(), **facts))
+
+    def hold_clock(self):
+        hold_time(self.page)
+        return self.page.evaluate("clock.at(performance.now())")
 
 
 def visit_of(browser):
@@ -700,11 +665,8 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
     server = Server(browser)
     page = server.page
     ready = server.until("ready")[0]
-    assert (
-        (ready["width"], ready["height"], ready["ratio"]) == (400, 300, 1)
-        and ready["renderer"]
-        and ready["agent"]
-    )
+    assert (ready["width"], ready["height"], ready["ratio"]) == (400, 300, 1)
+    assert ready["renderer"] and ready["agent"]
     server.hello()
     server.send(message("say", text="press the space bar to start"))
     wait(page, "!document.getElementById('say').hidden")
@@ -713,8 +675,7 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
     assert server.until("key")[0]["key"] == " "
     server.send(message("say", text=""))
     wait(page, "document.getElementById('say').hidden")
-    hold_time(page)
-    begin = page.evaluate("clock.at(performance.now())") + 0.1
+    begin = server.hold_clock() + 0.1
     for tick in range(11):
         server.rows(tick + 1, tick, begin + tick / 25, state_of(S_BEND, 100 + 4 * tick))
     page.keyboard.press("c")  # no panel while fish are shown
@@ -729,29 +690,20 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
     assert (facts[:, 7] > 0).all()
     yet = [drawn[0, 0] for one, drawn in server.frames[:-1] if one[1] < begin]
     assert not any(yet)  # nothing is shown before the first tick
-    moves = np.array(
-        [(one[1] - begin, drawn[0, 0]) for one, drawn in server.frames[:-1] if one[1] > begin]
-    )
+    shown = [one for one in server.frames[:-1] if one[0][1] > begin]
+    moves = np.array([(facts[1] - begin, drawn[0, 0]) for facts, drawn in shown])
     wanted = 100 + 4 * 25 * np.clip(moves[:, 0], 0, 0.4)
-    assert moves[:, 1] == pytest.approx(
-        wanted, abs=0.1
-    )  # the place is that of the frame's own time
+    assert moves[:, 1] == pytest.approx(wanted, abs=0.1)  # the place of the frame's own time
     assert server.seen.bad == []
 
 
 def test_a_replay_draws_the_frames_of_a_session_pixel_by_pixel(browser):
     server = Server(browser)
     server.hello()
-    hold_time(server.page)
-    begin = server.page.evaluate("clock.at(performance.now())") + 0.05
+    begin = server.hold_clock() + 0.05
     for tick in range(12):
-        server.rows(
-            tick + 1,
-            tick,
-            begin + tick / 25,
-            state_of(S_BEND, 100 + 3 * tick),
-            state_of(CURL, 200, 90),
-        )
+        states = state_of(S_BEND, 100 + 3 * tick), state_of(CURL, 200, 90)
+        server.rows(tick + 1, tick, begin + tick / 25, *states)
     wait(server.page, "motion.keys.length === 12")
     server.page.clock.run_for(600)
     server.clear()
@@ -772,8 +724,7 @@ def test_a_lost_connection_is_not_seen_and_comes_back(browser):
     server = Server(browser)
     page = server.page
     server.hello(digest=False)
-    hold_time(page)
-    begin = page.evaluate("clock.at(performance.now())")
+    begin = server.hold_clock()
     server.rows(1, 0, begin + 0.05, state_of(S_BEND, 100))
     wait(page, "motion.keys.length")
     page.clock.run_for(100)
@@ -782,10 +733,8 @@ def test_a_lost_connection_is_not_seen_and_comes_back(browser):
     server.sockets[-1].close()
     server.until("ready", 2)
     hold_time(page)
-    assert page.evaluate("[drawer.rects.length, document.getElementById('say').hidden]") == [
-        1,
-        True,
-    ]
+    lost = page.evaluate("[drawer.rects.length, document.getElementById('say').hidden]")
+    assert lost == [1, True]
     server.hello(digest=False)
     begin = page.evaluate("clock.at(performance.now())")
     server.rows(7, 50, begin + 0.3, state_of(S_BEND, 120))
@@ -803,9 +752,8 @@ def test_a_display_is_calibrated_with_the_keyboard(browser):
     server.hello(display=None)
     page = server.page
     page.keyboard.press("c")
-    assert (
-        page.locator("#panel").is_visible() and page.evaluate("document.activeElement.id") == "mm"
-    )
+    assert page.locator("#panel").is_visible()
+    assert page.evaluate("document.activeElement.id") == "mm"
     page.fill("#mm-number", "4")
     assert page.locator("#card").bounding_box()["width"] == pytest.approx(4 * 85.6, abs=0.1)
     wait(page, "drawer.view.scale === 2")  # 4 px/mm, 0.5 mm per px of the tank
@@ -821,14 +769,10 @@ def test_a_display_is_calibrated_with_the_keyboard(browser):
     page.select_option("#square-corner", "bottom left")
     page.select_option("#tone", "even")
     page.click("#save")
-    display = DisplayCalibration.model_validate_json(
-        json.dumps(server.until("display")[0]["display"])
-    )
-    assert (
-        display.px_per_mm == 4
-        and display.background == (128, 128, 128)
-        and display.square.corner == "bottom left"
-    )
+    text = json.dumps(server.until("display")[0]["display"])
+    display = DisplayCalibration.model_validate_json(text)
+    assert (display.px_per_mm, display.background) == (4, (128, 128, 128))
+    assert display.square.corner == "bottom left"
     assert display.corners[1] == pytest.approx((1 - 10 / 400, 1 / 300), abs=1e-4)
     assert display.gamma[128][0] == pytest.approx(255 * (128 / 255) ** (1 / 2.2), abs=0.01)
     assert (display.width_px, display.height_px) == (400, 300) and 20 < display.refresh_hz < 400
@@ -841,14 +785,12 @@ def test_a_display_is_calibrated_with_the_keyboard(browser):
 
 
 def test_the_square_of_the_photodiode_is_white_on_every_other_frame(browser):
-    server = Server(browser)
-    server.hello(
-        mode="replay", display=display_of(400, 300, square={"corner": "top right", "size_px": 30})
-    )
+    server, square = Server(browser), {"corner": "top right", "size_px": 30}
+    server.hello(mode="replay", display=display_of(400, 300, square=square))
     for number, level in ((6, 0), (7, 255), (8, 0)):
         server.send(message("frame", state_of(S_BEND).tobytes(), number=number))
         wait(server.page, f"number === {number}")
-        shot = cv2.imdecode(np.frombuffer(server.page.screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
+        shot = screenshot(server.page)
         assert (shot[:30, 370:] == level).all() and shot[31, 369] not in (0, 255)
 
 
@@ -856,14 +798,10 @@ def test_the_square_of_the_photodiode_is_white_on_every_other_frame(browser):
 
 
 def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
-    states = [
-        np.concatenate([state_of(S_BEND, 60 + 20 * tick), state_of(CURL, 200, number=11)])
-        for tick in range(5)
-    ]
-    pictures = {10: fish_of(), 11: fish_of(1, -0.3)}
-    text = alone_page(
-        "a <title>", 10.0, tank_of(HEIGHT, WIDTH), pictures, np.stack(states), loops=False
-    )
+    first = [state_of(S_BEND, 60 + 20 * tick) for tick in range(5)]
+    states = np.stack([np.concatenate([one, state_of(CURL, 200, number=11)]) for one in first])
+    pictures, tank = {10: fish_of(), 11: fish_of(1, -0.3)}, tank_of(HEIGHT, WIDTH)
+    text = alone_page("a <title>", 10.0, tank, pictures, states, loops=False)
     path = tmp_path / "alone.html"
     path.write_text(text, encoding="utf-8")
     seen = Visit(browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}).new_page())
@@ -873,25 +811,20 @@ def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
     wait(page, "typeof drawer !== 'undefined' && drawer && drawer.box")
     assert page.title() == "a <title>" and page.locator("#hint").is_visible()
     page.evaluate("document.getElementById('hint').hidden = true; paint(1)")
-    shot = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE).astype(
-        int
-    )
     wanted = paint(
-        tank_of(HEIGHT, WIDTH),
+        tank,
         (80.0, 120.5, bent_of(pictures[10], S_BEND)),
         (200.0, 120.5, bent_of(pictures[11], CURL)),
     )
-    assert np.abs(shot - wanted).max() <= 2
+    assert np.abs(screenshot(page).astype(int) - wanted).max() <= 2
     page.keyboard.press("i")
     hold_time(page)
     page.keyboard.press(" ")
     page.clock.run_for(1000)
     assert page.evaluate("[runs, played]") == [False, 4]  # swum to its end, once
     assert page.evaluate("frames * refresh.period") == pytest.approx(500, abs=100)  # ms
-    assert (
-        page.evaluate("states[0]") == 140
-        and "frames dropped" in page.locator("#info").text_content()
-    )
+    assert page.evaluate("states[0]") == 140
+    assert "frames dropped" in page.locator("#info").text_content()
     page.keyboard.press("r")
     assert page.evaluate("[played, states[0]]") == [0, 60]
     assert seen.bad == []
@@ -899,12 +832,11 @@ def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
 
 def test_more_pictures_than_slots_take_turns(browser, tmp_path):
     states = np.stack([state_of(STRAIGHT, number=number) for number in range(260)])
-    pictures = {number: fish_of(level=60.0 + number / 2)._replace() for number in (0, 1)}
-    pictures = {number: pictures[number % 2] for number in range(260)}
+    two = fish_of(level=60.0), fish_of(level=60.5)
+    pictures = {number: two[number % 2] for number in range(260)}
+    text = alone_page("many", 25.0, tank_of(HEIGHT, WIDTH), pictures, states)
     path = tmp_path / "many.html"
-    path.write_text(
-        alone_page("many", 25.0, tank_of(HEIGHT, WIDTH), pictures, states), encoding="utf-8"
-    )
+    path.write_text(text, encoding="utf-8")
     page = visit(browser, path, viewport={"width": WIDTH, "height": HEIGHT}).page
     wait(page, "typeof drawer !== 'undefined' && drawer && drawer.box")
     assert page.evaluate("""() => {
@@ -926,15 +858,9 @@ def test_a_page_refuses_a_motion_without_pictures_or_ticks():
 
 
 def test_every_page_has_one_script_and_one_style_for_the_policy():
-    pages = [
-        display_page(),
-        alone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, np.stack([state_of(STRAIGHT)])),
-    ]
-    for page in pages:
-        assert page.count("<script") == page.count("</script>") == 1
-        assert page.count("<style") == page.count("</style>") == 1
-        assert (
-            "/*" not in page.replace("image/*", "").split("<script>")[0]
-            and " style=" not in page
-            and " onclick=" not in page
-        )
+    states = np.stack([state_of(STRAIGHT)])
+    for page in (display_page(), alone_page("x", 10.0, tank_of(9, 9), {10: fish_of()}, states)):
+        for tag in ("script", "style"):
+            assert page.count(f"<{tag}") == page.count(f"</{tag}>") == 1
+        assert "/*" not in page.replace("image/*", "").split("<script>")[0]
+        assert " style=" not in page and " onclick=" not in page

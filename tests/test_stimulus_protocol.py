@@ -15,14 +15,6 @@ from scipy.stats import chisquare
 
 from finloop.base.errors import FinloopError
 from finloop.stimulus.animals import Verdict
-from finloop.stimulus.controls import (
-    apply_change,
-    fade_shares,
-    fade_states,
-    interpolate_states,
-    planned_ticks,
-    with_look,
-)
 from finloop.stimulus.drawn import (
     ALPHA,
     HEADING,
@@ -34,12 +26,28 @@ from finloop.stimulus.drawn import (
     X,
     Y,
 )  # fmt: skip
-from finloop.stimulus.listing import listing
-from finloop.stimulus.order import source, trials, trigger_text
-from finloop.stimulus.parts import Animals, Change, Condition, Display, Look, Motion, Trigger
-from finloop.stimulus.protocol import MOST_BYTES, Protocol, load_protocol, motion_seed, protocol_of
-from finloop.stimulus.rules import RuleSpec
-from finloop.stimulus.yaml_text import read_yaml
+from finloop.stimulus.listing import list_trials
+from finloop.stimulus.motion import (
+    TrialSetup,
+    apply_change,
+    fade_shares,
+    interpolate_states,
+    planned_ticks,
+)
+from finloop.stimulus.order import source_trial, trials, trigger_text
+from finloop.stimulus.protocol import (
+    Animals,
+    Change,
+    Condition,
+    Display,
+    Look,
+    Motion,
+    Protocol,
+    RuleSpec,
+    Trigger,
+    motion_seed,
+)
+from finloop.stimulus.protocol_file import MOST_BYTES, load_protocol, parse_protocol, read_yaml
 
 EXAMPLE = ROOT / "examples/protocol.yaml"
 HEAD = "version: 1\nname: toy\nseed: 1\n"
@@ -47,7 +55,7 @@ WANDER = {"seconds": 10, "motion": {"wander": True}}
 
 
 def plan(conditions, **more):
-    return protocol_of({"version": 1, "name": "toy", "seed": 5, "conditions": conditions} | more)
+    return parse_protocol({"version": 1, "name": "toy", "seed": 5, "conditions": conditions} | more)
 
 
 def yoked_condition(name, seconds=10.0, **more):
@@ -73,8 +81,9 @@ def states_of(ticks=21, fish=3, seed=0):
 
 def test_a_motion_that_is_reversed_twice_is_itself():
     states, back = states_of(), Change(reversed=True)
-    assert np.array_equal(apply_change(states, back)[0], states[-1])
-    assert np.array_equal(apply_change(apply_change(states, back), back), states)
+    once = apply_change(states, back, 21)
+    assert np.array_equal(once[0], states[-1])
+    assert np.array_equal(apply_change(once, back, 21), states)
 
 
 @pytest.mark.parametrize("change", [None, Change(), Change(speed=1.0)])
@@ -87,15 +96,16 @@ def test_what_changes_nothing_changes_nothing(change):
 def test_twice_the_speed_takes_half_the_time():
     states = states_of(21)
     states[..., X] = 3 * np.arange(21)[:, None]
-    fast = apply_change(states, Change(speed=2.0))
+    fast = apply_change(states, Change(speed=2.0), 11)
     assert len(fast) - 1 == (len(states) - 1) / 2
     assert np.allclose(np.diff(fast[..., X], axis=0), 6)
     assert np.array_equal(fast, states[::2])
-    slow = apply_change(states, Change(speed=0.5))
+    slow = apply_change(states, Change(speed=0.5), 41)
     assert len(slow) - 1 == 2 * (len(states) - 1)
     assert np.allclose(np.diff(slow[..., X], axis=0), 1.5)
     assert np.array_equal(slow[::2], states)
-    assert np.array_equal(apply_change(states, Change(speed=2.0, reversed=True)), states[::-2])
+    back = apply_change(states, Change(speed=2.0, reversed=True), 11)
+    assert np.array_equal(back, states[::-2])
 
 
 @given(
@@ -119,7 +129,6 @@ def test_what_is_still_does_not_move():
     shown = apply_change(states[:1], still, 500)
     assert shown.shape == (500, *states.shape[1:])
     assert np.array_equal(shown, np.broadcast_to(states[0], shown.shape))
-    assert np.array_equal(apply_change(states, still), np.broadcast_to(states[0], states.shape))
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
@@ -150,27 +159,20 @@ def test_a_fish_that_comes_or_goes_does_not_slide_in_from_nowhere():
     assert not np.array_equal(shown[:, 1], states[[0, 1, 1, 2], 1])
 
 
-def test_fish_fade_in_and_out():
+def test_fish_get_their_look_and_fade_in_and_out():
+    setup = TrialSetup(Condition(seconds=1.0, motion=Motion(wander=True)), 3, 0, look=3, fade_s=0.5)
     states = states_of(41)
     states[..., ALPHA] = 0.5
-    shown = fade_states(states, 10)
+    shown = setup.apply_look_and_fade(states, 20.0)
     alpha = shown[:, 0, ALPHA]
     assert alpha[0] == alpha[-1] == 0 and np.all(alpha[10:31] == 0.5)
     assert np.allclose(np.diff(alpha[:11]), 0.05) and np.array_equal(alpha, alpha[::-1])
-    rest = [column for column in range(states.shape[2]) if column != ALPHA]
+    assert np.all(shown[..., LOOK] == 3)
+    rest = [column for column in range(states.shape[2]) if column not in (ALPHA, LOOK)]
     assert np.array_equal(shown[..., rest], states[..., rest])
-    assert np.all(states[..., ALPHA] == 0.5)  # what was given stays
-    assert np.array_equal(fade_states(states, 0), states) and np.all(fade_shares(3, 0) == 1)
+    assert np.all(states[..., ALPHA] == 0.5) and np.all(states[..., LOOK] == 0)  # what was given
+    assert np.all(fade_shares(3, 0) == 1)
     assert np.array_equal(fade_shares(5, 100) > 0, [False, True, True, True, False])
-
-
-def test_a_look_is_a_number_in_every_state():
-    states = states_of()
-    shown = with_look(states, 3)
-    assert np.all(shown[..., LOOK] == 3) and np.all(states[..., LOOK] == 0)
-    assert np.all(with_look(shown, 1)[..., LOOK] == 1)
-    shown[..., LOOK] = 0
-    assert np.array_equal(shown, states)
 
 
 # --- seeds
@@ -235,18 +237,14 @@ CHAIN = {"a": WANDER, "b": yoked_condition("a"), "c": yoked_condition("b")}
 PAIR = {"a": WANDER, "b": yoked_condition("a"), "c": WANDER}
 
 
-@pytest.mark.parametrize(
-    ("conditions", "order", "repeats"),
-    [
-        ({"a": WANDER, "b": WANDER}, "shuffled", 3),
-        ({"a": WANDER, "b": yoked_condition("a")}, "shuffled", 3),
-        (CHAIN, "shuffled", 2),
-        (PAIR, "shuffled", 2),
-        ({"a": WANDER, "b": WANDER, "c": WANDER}, "blocks", 2),
-        (PAIR, "blocks", 2),
-        ({"a": WANDER, "b": yoked_condition("a")}, "blocks", 3),
-    ],
-)
+FREE, YOKED = {"a": WANDER, "b": WANDER}, {"a": WANDER, "b": yoked_condition("a")}
+ORDERS = [
+    (FREE, "shuffled", 3), (YOKED, "shuffled", 3), (CHAIN, "shuffled", 2), (PAIR, "shuffled", 2),
+    (FREE | {"c": WANDER}, "blocks", 2), (PAIR, "blocks", 2), (YOKED, "blocks", 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("conditions, order, repeats", ORDERS)
 def test_every_permitted_order_is_as_likely(conditions, order, repeats):
     protocol = plan(conditions, order=order, repeats=repeats)
     every = sorted(valid_orders(protocol, order == "blocks"))
@@ -268,7 +266,7 @@ def test_what_holds_of_any_order(seed, count, repeats, order):
     assert [one.number for one in rows] == list(range(1, count * repeats + 1))
     for name in conditions:
         assert [one.repeat for one in rows if one.condition == name] == list(range(1, repeats + 1))
-    of = [source(protocol, rows, one) for one in rows]
+    of = [source_trial(protocol, rows, one) for one in rows]
     for one, shown in zip(rows, of, strict=True):
         assert (shown is not None) == (one.condition == "c3" and count > 3)
         if shown:
@@ -299,7 +297,7 @@ def test_an_order_is_the_same_on_any_machine():
 def test_the_example_is_a_protocol_and_comes_back_from_its_values():
     protocol = load_protocol(EXAMPLE)
     values = protocol.model_dump(mode="json", by_alias=True)
-    assert protocol_of(values, EXAMPLE.parent) == protocol
+    assert parse_protocol(values, EXAMPLE.parent) == protocol
     assert set(protocol.conditions) == {one.condition for one in trials(protocol)}
     kinds = {one.motion.kind for one in protocol.conditions.values()}
     assert {"rule", "again", "wander"} <= kinds
@@ -308,13 +306,12 @@ def test_the_example_is_a_protocol_and_comes_back_from_its_values():
 def test_a_start_is_a_key_or_a_message_or_none():
     for key, page in (("space", " "), ("enter", "Enter"), ("g", "g"), ("ß", "ß")):
         protocol = plan({"a": WANDER}, start={"key": key})
-        assert (protocol.start_key, protocol.start_message, protocol.keys) == (page, None, [page])
-        again = protocol_of(protocol.model_dump(mode="json", by_alias=True))
+        assert (protocol.start_key, protocol.start_message) == (page, None)
+        again = parse_protocol(protocol.model_dump(mode="json", by_alias=True))
         assert again.start_key == page
-    protocol = plan({"a": WANDER}, start={"message": "go"})
-    assert (protocol.start_key, protocol.start_message, protocol.keys) == (None, "go", [])
-    protocol = plan({"a": WANDER}, start="auto")
-    assert (protocol.start_key, protocol.start_message, protocol.keys) == (None, None, [])
+    for start, message in (({"message": "go"}, "go"), ("auto", None)):
+        protocol = plan({"a": WANDER}, start=start)
+        assert (protocol.start_key, protocol.start_message) == (None, message)
 
 
 def test_a_trigger_names_its_trial():
@@ -329,7 +326,7 @@ def test_a_trigger_names_its_trial():
 
 def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
     protocol = load_protocol(EXAMPLE)
-    text = listing(protocol, trials(protocol))
+    text = list_trials(protocol, trials(protocol))
     lines = text.splitlines()
     assert lines[0] == "motion or looks: 35 trials, in blocks; seed 2026"
     assert "takes 0:52:00" in lines  # 35 trials of 60 s, 34 pauses of 30 s
@@ -341,7 +338,7 @@ def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
     assert rows[1].split()[1] == "0:01:30"
     assert all(("as trial" in row) == ("yoked" in row) for row in rows)
     (tmp_path / "way.csv").write_text("x,y\n0,0\n1,1\n")
-    protocol = protocol_of(
+    protocol = parse_protocol(
         {
             "version": 1, "name": "all", "seed": 1, "fish": 2, "animals": {"unit": "mm"},
             "display": {"calibrated": False}, "start": {"key": "space"},
@@ -356,7 +353,7 @@ def test_the_listing_says_all_that_is_shown_and_demanded(tmp_path):
         },
         tmp_path,
     )  # fmt: skip
-    text = listing(protocol, trials(protocol))
+    text = list_trials(protocol, trials(protocol))
     for word in (
         "to (0, 1), (0, 1), (0, 1) and 2 more", "along way.csv", "2 times as fast", "in a group",
         "still", "follow, animal 7", "dot, contrast 0.5, size 2, colour 1-2-3", "space bar",
@@ -472,17 +469,13 @@ def test_what_contradicts_itself_is_refused(tmp_path):
     start = HEAD + "animals: {}\nconditions:\n"
     rule = "  a: {seconds: 10, motion: {rule: {rule: follow}}, change: {reversed: true}}\n"
     refuse(tmp_path, start + rule, "line 6: conditions.a.change: requires a motion that is known")
-    circle = "".join(
-        f"  {a}: {{seconds: 1, motion: {{again: {b}}}}}\n" for a, b in ("ab", "bc", "ca")
-    )
-    said = "never has a motion of its own"
-    wanted = [
-        f"line {6 + at}: conditions.{name}.motion.again: {said}" for at, name in enumerate("abc")
-    ]
+    again = "  {}: {{seconds: 1, motion: {{again: {}}}}}\n".format
+    circle = "".join(again(*pair) for pair in ("ab", "bc", "ca"))
+    said = "line {}: conditions.{}.motion.again: never has a motion of its own".format
+    wanted = [said(6, "a"), said(7, "b"), said(8, "c")]
     refuse(tmp_path, start + circle, *wanted)
-    lasso = "  d: {seconds: 1, motion: {again: a}}\n"  # leads into the circle
-    refuse(tmp_path, start + circle + lasso, *wanted)
-    before = "  b: {seconds: 1, motion: {again: a}}\n" + CONDITION
+    refuse(tmp_path, start + circle + again("d", "a"), *wanted)  # it leads into the circle
+    before = again("b", "a") + CONDITION
     refuse(tmp_path, start + before, "line 6: conditions.b.motion.again: comes before a in the")
     load = start.replace("animals: {}", "order: shuffled") + before
     (tmp_path / "good.yaml").write_text(load)
@@ -515,27 +508,29 @@ def test_all_that_is_wrong_is_said_at_once_in_the_order_of_its_lines(tmp_path):
     assert "did you mean a?" in complaint(tmp_path, text)[5]
 
 
+BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 12)
+)
+NO_PROTOCOL = [
+    ("", "the file is empty"), ("# a comment\n", "the file is empty"),
+    ("- 1\n", "line 1: should be keys with values, got [1]"), ("a: [1\n", "line 2, column 1: no YAML"),
+    ("a: b: c\n", "line 1, column 5: no YAML: mapping values are not allowed"),
+    ("a: 1\n---\nb: 2\n", "line 2, column 1: no YAML: expected a single document"),
+    ("a: *b\n", "line 1, column 4: no YAML: found undefined alias"),
+    ("a: \x00\n", "no YAML: unacceptable character"), (b"name: a\nseed: \xff\n", "line 2: no UTF-8"),
+    (b"#" * (MOST_BYTES + 1), "larger than 1 MB"), ("[" * 100_000, "it is nested too deeply"),
+    ("a: &a {b: *a}\n", "line 1: nested too deeply, or an anchor within itself"),
+    (BOMB, "more than 100000 values, anchors written out"),
+]  # fmt: skip
+
+
 def test_a_file_that_is_no_yaml_is_refused(tmp_path):
     with pytest.raises(FinloopError, match=r"none\.yaml cannot be read \(No such file"):
         load_protocol(tmp_path / "none.yaml")
     with pytest.raises(FinloopError, match="cannot be read"):
         load_protocol(tmp_path)
-    refuse(tmp_path, "", "the file is empty")
-    refuse(tmp_path, "# a comment\n", "the file is empty")
-    refuse(tmp_path, "- 1\n", "line 1: should be keys with values, got [1]")
-    refuse(tmp_path, "a: [1\n", "line 2, column 1: no YAML")
-    refuse(tmp_path, "a: b: c\n", "line 1, column 5: no YAML: mapping values are not allowed")
-    refuse(tmp_path, "a: 1\n---\nb: 2\n", "line 2, column 1: no YAML: expected a single document")
-    refuse(tmp_path, "a: *b\n", "line 1, column 4: no YAML: found undefined alias")
-    refuse(tmp_path, "a: \x00\n", "no YAML: unacceptable character")
-    refuse(tmp_path, b"name: a\nseed: \xff\n", "line 2: no UTF-8")
-    refuse(tmp_path, b"#" * (MOST_BYTES + 1), "larger than 1 MB")
-    refuse(tmp_path, "[" * 100_000, "it is nested too deeply")
-    refuse(tmp_path, "a: &a {b: *a}\n", "line 1: nested too deeply, or an anchor within itself")
-    bomb = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
-        f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 12)
-    )
-    refuse(tmp_path, bomb, "more than 100000 values, anchors written out")
+    for content, wanted in NO_PROTOCOL:
+        refuse(tmp_path, content, wanted)
 
 
 @pytest.mark.parametrize(
@@ -556,11 +551,8 @@ def test_values_are_those_of_yaml_1_2():
         None, None, None, True, True, False, "no", "on", 0, 0, 17, "010", "0x1f", "1_000", 1000.0,
         0.5, -2.0, 0.0015, ".inf", "1:30", "2026-01-01", "1", "true", "e5", "1e",
     ]  # fmt: skip
-    assert read_yaml("1: a\ntrue: b\n2026-01-01: c\n").values == {
-        "1": "a",
-        "true": "b",
-        "2026-01-01": "c",
-    }
+    keys = read_yaml("1: a\ntrue: b\n2026-01-01: c\n").values
+    assert keys == {"1": "a", "true": "b", "2026-01-01": "c"}
     shared = read_yaml("a: &way {wander: true}\nb: *way\n")
     assert shared.values == {"a": {"wander": True}, "b": {"wander": True}}
     assert shared.line(("b", "wander", 3)) == 1 and shared.line(("b",)) == 2
@@ -571,7 +563,7 @@ GUIDE = (ROOT / "docs/stimulus.md").read_text(encoding="utf-8")
 
 def test_the_guide_shows_a_protocol_and_names_every_field_rule_and_verdict():
     (block,) = re.findall(r"```yml\n(.*?)```", GUIDE, re.DOTALL)
-    shown = protocol_of(read_yaml(block).values)
+    shown = parse_protocol(read_yaml(block).values)
     assert shown.order == "blocks" and set(shown.conditions) == {"fish", "dot"}
     models = (Protocol, Display, Animals, Trigger, Condition, Motion, Look, Change, RuleSpec)
     fields = {field.alias or name for one in models for name, field in one.model_fields.items()}

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from finloop.animate.arena import tank as arena_tank
-from finloop.stimulus.animals import Animal
-from finloop.stimulus.rules import RuleSpec, TankGeometry, aim, mirror_place
+from finloop.stimulus.animals import Animal, TankGeometry
+from finloop.stimulus.protocol import RuleSpec
+from finloop.stimulus.rules import mirror_place, rule_target
 
 RULES = get_args(RuleSpec.model_fields["rule"].annotation)
 LENGTH = 40.0
@@ -31,9 +32,8 @@ class Sightings:
     def present_animals(self, now_s):
         if self.way is None:
             return list(self.animals)
-        return [
-            one._replace(**dict(zip("xy", self.way(now_s), strict=True))) for one in self.animals
-        ]
+        x, y = self.way(now_s)
+        return [one._replace(x=x, y=y) for one in self.animals]
 
     def past(self, id, time_s):
         some = [one for one in self.present_animals(time_s) if one.id == id]
@@ -50,7 +50,7 @@ def spec(rule, **how):
 
 def aim_of(rule, own, others, now=NOW, tank=SEA, **how):
     """Where a rule sends a fish."""
-    return aim(spec(rule, **how), own, others, now, tank)
+    return rule_target(spec(rule, **how), own, others, now, tank)
 
 
 def rotate(x, y, angle):
@@ -145,9 +145,8 @@ def test_distances_are_body_lengths_of_the_fish():
 @given(scenes, st.floats(0.1, 30))
 def test_keep_distance_is_so_far_from_the_animal_and_towards_the_fish(scene, distance):
     x, y, heading, to_x, to_y, _ = scene
-    place = aim_of(
-        "keep distance", (x, y, heading), Sightings(animal(to_x, to_y)), distance=distance
-    )
+    there = Sightings(animal(to_x, to_y))
+    place = aim_of("keep distance", (x, y, heading), there, distance=distance)
     assert math.dist(place, (to_x, to_y)) == pytest.approx(distance * LENGTH)
     far = math.hypot(x - to_x, y - to_y)
     assert math.dist(place, (x, y)) == pytest.approx(abs(far - distance * LENGTH), abs=1e-6)
@@ -216,9 +215,8 @@ def test_in_open_water_the_fish_flees_straight_and_only_from_what_is_near(scene,
     assert (place is None) == (far >= distance * LENGTH)
     if place is not None and far > 1:
         away, ahead = np.array([x - to_x, y - to_y]) / far, np.subtract(place, (x, y))
-        assert (
-            ahead @ away == pytest.approx(np.hypot(*ahead)) and np.hypot(*ahead) > distance * LENGTH
-        )
+        assert ahead @ away == pytest.approx(np.hypot(*ahead))
+        assert np.hypot(*ahead) > distance * LENGTH
 
 
 def test_before_a_wall_the_fish_flees_along_it_to_the_side_it_looks_to():
@@ -236,9 +234,8 @@ def test_a_fish_in_a_corner_gets_out_of_it_and_one_before_it_does_not_get_in(cor
     for start, near in ((0, 40), (30, 55), (40, 80)):  # in the corner, and before it
         own, other = end + start * inwards, end + (start + near) * inwards * [1, 0.9]
         for heading in np.linspace(-3, 3, 7):
-            place = aim_of(
-                "avoid", (*own, heading), Sightings(animal(*other)), distance=3, tank=WALLED
-            )
+            there = Sightings(animal(*other))
+            place = aim_of("avoid", (*own, heading), there, distance=3, tank=WALLED)
             assert np.abs(place - end).max() > 1.5 * LENGTH
 
 
@@ -246,9 +243,8 @@ def test_a_chased_fish_does_not_end_in_a_corner():
     """A fish that swims to its aim a bit faster than an animal that chases it stays ahead of it."""
     own, chaser, heading, gaps = np.array([200.0, 150.0]), np.array([160.0, 160.0]), 0.0, []
     for _ in range(600):
-        place = aim_of(
-            "avoid", (*own, heading), Sightings(animal(*chaser)), distance=2.5, tank=WALLED
-        )
+        there = Sightings(animal(*chaser))
+        place = aim_of("avoid", (*own, heading), there, distance=2.5, tank=WALLED)
         if place is not None:
             step = np.subtract(place, own)
             own = own + step * min(1, 5.0 / max(np.hypot(*step), 1e-9))
@@ -262,21 +258,22 @@ def test_a_chased_fish_does_not_end_in_a_corner():
 # --- the protocol's part
 
 
-def test_what_a_rule_has_no_use_for_is_refused():
-    for rule in RULES:
-        for name, value in {"distance": 2.0, "delay_s": 3.0, "axis": "x"}.items():
-            used = {
-                "distance": rule in ("keep distance", "follow", "lead", "avoid"),
-                "delay_s": rule == "copy",
-                "axis": rule == "mirror",
-            }
-            if used[name]:
-                assert getattr(spec(rule, **{name: value}), name) == value
-            else:
-                with pytest.raises(ValidationError, match=f"{name} is of"):
-                    spec(rule, **{name: value})
-        whole = spec(rule)
-        assert RuleSpec.model_validate_json(whole.model_dump_json()) == whole
+USES = {
+    "approach": (), "keep distance": ("distance",), "follow": ("distance",), "lead": ("distance",),
+    "avoid": ("distance",), "copy": ("delay_s",), "mirror": ("axis",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_what_a_rule_has_no_use_for_is_refused(rule):
+    for name, value in {"distance": 2.0, "delay_s": 3.0, "axis": "x"}.items():
+        if name in USES[rule]:
+            assert getattr(spec(rule, **{name: value}), name) == value
+        else:
+            with pytest.raises(ValidationError, match=f"{name} is of"):
+                spec(rule, **{name: value})
+    whole = spec(rule)
+    assert RuleSpec.model_validate_json(whole.model_dump_json()) == whole
 
 
 @pytest.mark.parametrize("bad", [

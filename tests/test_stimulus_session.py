@@ -12,14 +12,14 @@ from toy_stimulus import feed_of, header_of, plan_of, run_dry, scene, session_of
 
 from finloop.base.errors import FinloopError
 from finloop.io.journal import read_journal, save_journal
-from finloop.stimulus.course import Cue, Reaction, plan_motion, repeat_motion
-from finloop.stimulus.drawn import ALPHA, LOOK, PARTNER, PICTURE, X, Y
-from finloop.stimulus.feed import message
-from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, frames_of
-from finloop.stimulus.replay import frames_of as frames_in
-from finloop.stimulus.replay import open_record, plan_again
-from finloop.stimulus.show import DryClock
-from finloop.stimulus.summary import reactions_ms, summary, table_of, tick_errors_ms
+from finloop.live.page import pack_message
+from finloop.stimulus.animals import LiveAnimals
+from finloop.stimulus.drawn import ALPHA, PARTNER, PICTURE, X, Y
+from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, parse_frames
+from finloop.stimulus.motion import ReactiveMotion, TrialSetup, plan_motion
+from finloop.stimulus.recorded import DryClock
+from finloop.stimulus.replay import open_record, plan_again, recorded_frames
+from finloop.stimulus.summary import log_table, reactions_ms, summary, tick_errors_ms
 
 RULE = {"motion": {"rule": {"rule": "approach"}}}
 GOALS = {"motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}}
@@ -51,23 +51,16 @@ def walk(seed, seconds=30.0, rate=40.0, loss=0.0, jitter=0.0, gaps=False):
 
 
 def test_a_control_shows_the_very_same_motion_in_another_look(tmp_path):
-    record, session, _ = run_dry(tmp_path, plan_of(ALL), walk(1))
-    ticks = table_of(record)
-    ticks = ticks[ticks["kind"] == "tick"]
+    _, session, _ = run_dry(tmp_path, plan_of(ALL), walk(1))
     made = session._motions
     np.testing.assert_array_equal(made["fish"], made["dot"])
     np.testing.assert_array_equal(made["back"], made["fish"][::-1])
     np.testing.assert_array_equal(made["yoked"], made["live"][: len(made["yoked"])])
-    shown = {name: Cue(session.plan.conditions[name], 1, look).apply_look_and_fade(made[name], scene())
-             for name, look in (("fish", 0), ("dot", 1))}  # fmt: skip
-    assert (shown["fish"][..., LOOK] == 0).all() and (shown["dot"][..., LOOK] == 1).all()
-    rest = [n for n in range(shown["fish"].shape[2]) if n != LOOK]
-    np.testing.assert_array_equal(shown["fish"][..., rest], shown["dot"][..., rest])
 
 
 def test_fish_go_to_their_goals_one_after_the_other():
     made, plan = scene(), plan_of({"a": {"seconds": 40.0} | GOALS}, fish=2)
-    states = plan_motion(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
+    states = plan_motion(made, TrialSetup(plan.conditions["a"], 2, 3))
     size = np.array([made.tank.width - 1, made.tank.height - 1])
     for fish in range(2):
         first = [np.hypot(*(states[:, fish, [X, Y]] - share * size).T) for share in (0.2, 0.8)]
@@ -76,10 +69,10 @@ def test_fish_go_to_their_goals_one_after_the_other():
 
 
 def test_a_motion_that_was_broken_off_stays_as_it_ended():
-    made, plan = scene(), plan_of({"a": {"seconds": 2.0} | GOALS})
-    cue = Cue(plan.conditions["a"], 1, "hybrid")
-    whole = plan_motion(made, cue, 3)
-    short = repeat_motion(made, cue, whole[:20])
+    again = {"seconds": 2.0, "motion": {"again": "a"}}
+    made, plan = scene(), plan_of({"a": {"seconds": 2.0} | GOALS, "b": again})
+    whole = plan_motion(made, TrialSetup(plan.conditions["a"], 1, 3))
+    short = plan_motion(made, TrialSetup(plan.conditions["b"], 1, 3), {"a": whole[:20]})
     assert len(short) == len(whole)
     np.testing.assert_array_equal(short[:20], whole[:20])
     assert (short[20:] == whole[19]).all()
@@ -89,11 +82,11 @@ def test_fading_changes_nothing_but_alpha(tmp_path):
     made, plan = scene(), plan_of({"a": {"seconds": 1.5} | RULE}, fade_s=0.4)
     told = []
     for fade in (0.0, 0.4):
-        from finloop.stimulus.animals import LiveAnimals
-
         animals = LiveAnimals(plan.animals, made.tank, None)
-        reaction = Reaction(made, Cue(plan.conditions["a"], 1, 0, fade), 1, animals)
-        told.append(np.stack([reaction.tick(n / made.rate_hz) for n in range(made.ticks(1.5))]))
+        reaction = ReactiveMotion(made, TrialSetup(plan.conditions["a"], 1, 1, 0, fade), animals)
+        told.append(
+            np.stack([reaction.plan_tick(n / made.rate_hz) for n in range(made.ticks(1.5))])
+        )
     plain, faded = told
     assert (plain[..., ALPHA] == 1).all() and faded[0, 0, ALPHA] == faded[-1, 0, ALPHA] == 0
     rest = [n for n in range(plain.shape[2]) if n != ALPHA]
@@ -104,7 +97,7 @@ def test_more_fish_than_there_is_room_for_are_refused(monkeypatch):
     made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
     monkeypatch.setattr("finloop.plan.planner._PLACES", 0)  # no place is looked for
     with pytest.raises(FinloopError, match="room for 0 fish"):
-        plan_motion(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
+        plan_motion(made, TrialSetup(plan.conditions["a"], 2, 3))
 
 
 # --- closed loop
@@ -117,14 +110,13 @@ def greatest(states):
 
 def test_spoiled_messages_make_no_fish_jump(tmp_path):
     made = scene()
-    free = plan_motion(made, Cue(plan_of({"a": {"seconds": 60.0} | GOALS}).conditions["a"], 1,
-                             "hybrid"), 1)  # fmt: skip
+    goals = plan_of({"a": {"seconds": 60.0} | GOALS}).conditions["a"]
+    free = plan_motion(made, TrialSetup(goals, 1, 1))
     plan = plan_of({"live": {"seconds": 25.0} | RULE})
     _, session, _ = run_dry(tmp_path, plan, walk(2, 26), made, "clean")
-    _, other, _ = run_dry(
-        tmp_path, plan, walk(2, 26, loss=0.2, jitter=0.05, gaps=True), made, "spoiled"
-    )
-    assert other.numbers.heard["late"] > 5 and other.numbers.heard["taken"] > 100
+    spoiled = walk(2, 26, loss=0.2, jitter=0.05, gaps=True)
+    _, other, _ = run_dry(tmp_path, plan, spoiled, made, "spoiled")
+    assert other.counts.verdicts["late"] > 5 and other.counts.verdicts["taken"] > 100
     for one in (session, other):
         assert greatest(one._motions["live"]) <= greatest(free) * 1.001
 
@@ -173,29 +165,22 @@ def test_a_session_that_was_cut_off_is_recovered_and_summed_up(tmp_path):
     cut.write_bytes(whole[: len(whole) * 2 // 3])
     save_journal(cut, tmp_path / "cut.parquet", SESSION)
     record = open_record(tmp_path / "cut.parquet")
-    assert 0 < len(table_of(record)) < len(table_of(open_record(tmp_path / "toy.parquet")))
+    assert 0 < len(log_table(record)) < len(log_table(open_record(tmp_path / "toy.parquet")))
     assert "| never |" in summary(record) or "| end |" in summary(record)
 
 
 def test_what_is_no_session_is_refused_in_plain_words(tmp_path):
     plan = plan_of({"a": {"seconds": 0.5} | GOALS})
     run_dry(tmp_path, plan)
-    whole = (tmp_path / "toy.parquet").read_bytes()
-    (tmp_path / "cut.parquet").write_bytes(whole[:-20])
-    with pytest.raises(FinloopError, match="cannot be read"):
-        open_record(tmp_path / "cut.parquet")
-    with pytest.raises(FinloopError, match="cannot be read"):
-        open_record(tmp_path / "none.parquet")
-    pq.write_table(pq.read_table(tmp_path / "toy.parquet").select(["kind"]),
-                   tmp_path / "other.parquet")  # fmt: skip
-    with pytest.raises(FinloopError, match="is no session"):
-        open_record(tmp_path / "other.parquet")
-    made = scene()
-    log = Log(tmp_path / "new.journal", header_of(made, plan, format=99, finloop="9.9"))
-    log.close()
+    (tmp_path / "cut.parquet").write_bytes((tmp_path / "toy.parquet").read_bytes()[:-20])
+    kinds = pq.read_table(tmp_path / "toy.parquet").select(["kind"])
+    pq.write_table(kinds, tmp_path / "other.parquet")
+    Log(tmp_path / "new.journal", header_of(scene(), plan, format=99, finloop="9.9")).close()
     save_journal(tmp_path / "new.journal", tmp_path / "new.parquet", SESSION)
-    with pytest.raises(FinloopError, match=r"format 99, made by finloop 9\.9"):
-        open_record(tmp_path / "new.parquet")
+    for name, said in (("cut", "cannot be read"), ("none", "cannot be read"), ("other", "is no session"),
+                       ("new", r"format 99, made by finloop 9\.9")):  # fmt: skip
+        with pytest.raises(FinloopError, match=said):
+            open_record(tmp_path / f"{name}.parquet")
     (tmp_path / "junk.journal").write_bytes(b"not a journal")
     with pytest.raises(FinloopError, match="journal"), read_journal(tmp_path / "junk.journal"):
         pass
@@ -216,7 +201,7 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     with pytest.raises(KeyError):
         open_record(tmp_path / "a.parquet").header["protocol"]
     back = [(one.number, one.shown_s, one.digest, one.states.tobytes())
-            for one in frames_in(open_record(tmp_path / "a.parquet"))]  # fmt: skip
+            for one in recorded_frames(open_record(tmp_path / "a.parquet"))]  # fmt: skip
     assert back == told
 
 
@@ -225,7 +210,7 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     lambda numbers: np.array(numbers, "<f8").tobytes()))  # fmt: skip
 def test_no_record_of_frames_breaks_the_reader(content):
     try:
-        frames = frames_of(content, 20)
+        frames = parse_frames(content, 20)
     except ValueError:
         return
     assert all(states.shape[1] == 20 and np.isfinite(states).all() for _, states in frames)
@@ -236,9 +221,8 @@ def test_no_record_of_frames_breaks_the_reader(content):
 
 def random_session(folder, seed, made):
     rng = np.random.default_rng(seed)
-    names = rng.permutation(
-        ["approach", "keep distance", "follow", "lead", "avoid", "copy", "mirror"]
-    )
+    rules = ["approach", "keep distance", "follow", "lead", "avoid", "copy", "mirror"]
+    names = rng.permutation(rules)
     conditions = {f"c{n}": {"seconds": 0.5, "motion": {"rule": {"rule": str(name)}}}
                   for n, name in enumerate(names[:2])}  # fmt: skip
     conditions["known"] = {"seconds": 0.4} | GOALS
@@ -254,7 +238,7 @@ def test_random_sessions_are_planned_again_bit_for_bit(tmp_path):
         (record, _, _), plan = random_session(tmp_path, seed, made)
         told = plan_again(record, made, plan)
         assert told.ticks > 20 and told.different == 0, seed
-        anew += int((table_of(record)["verdict"] == "anew").sum())
+        anew += int((log_table(record)["verdict"] == "anew").sum())
     assert anew > 25
 
 
@@ -274,7 +258,7 @@ def test_another_input_is_found_out(tmp_path):
 def test_the_summary_tells_what_was_shown_and_how_soon(tmp_path):
     plan = plan_of(ALL, order="blocks", repeats=2)
     record, session, _ = run_dry(tmp_path, plan, walk(1))
-    text, table = summary(record), table_of(record)
+    text, table = summary(record), log_table(record)
     for name in ALL:
         assert text.count(f"| {name} |") == 2
     assert "numpy 2" in text and "taken" in text and "seed 5" in text
@@ -289,27 +273,27 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
     plan, clock = plan_of({"live": {"seconds": 3.0} | RULE}), DryClock()
     session, _ = session_of(tmp_path, plan, clock)
     rate, width = session.scene.rate_hz, session.scene.width
-    session.patient = False
+    session.waits_for_starts = False
     session.start()
 
     async def run_session():
         running = asyncio.create_task(session.run())
         while session._tick < 5:
             await asyncio.sleep(0)
-        session.hear('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}', "a")
+        session.receive('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}', "a")
         seq, due, heard = session._seq, session._due, clock.read_time()
         for number, at in enumerate((due - 1.2 / rate, due - 0.9 / rate, due)):
             facts = np.array([number, at, at, at + 0.004, seq, 0, 0, 0])
-            session.frames(facts.tobytes())
+            session.record_frames(facts.tobytes())
         await running
         return due, heard
 
     due, heard = asyncio.run(run_session())
     wanted = 1e3 * (due - 0.9 / rate + 0.004 - heard)
-    assert list(session.numbers.drawn) == pytest.approx([wanted])
+    assert list(session.counts.drawn_ms) == pytest.approx([wanted])
     session.log.close()
     save_journal(tmp_path / "toy.journal", tmp_path / "toy.parquet", SESSION)
-    _, drawn = reactions_ms(table_of(open_record(tmp_path / "toy.parquet")), rate)
+    _, drawn = reactions_ms(log_table(open_record(tmp_path / "toy.parquet")), rate)
     assert drawn == pytest.approx([wanted])
     assert width > 20
 
@@ -317,7 +301,7 @@ def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
 def test_a_clock_that_jumps_is_told(tmp_path):
     session, _ = session_of(tmp_path, plan_of(ALL), DryClock())
     for wall in (100.0, 100.2, 400.0, 400.1, 50.0):
-        session.look(wall)
+        session.check_wall_clock(wall)
     session.log.close()
     jumps = [text for text in session.messages if "clock jumped" in text]
     assert len(jumps) == 2 and "299.8" in jumps[0]
@@ -326,33 +310,35 @@ def test_a_clock_that_jumps_is_told(tmp_path):
 def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
     session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), DryClock())
     came = {"name": "d", "calibrated": False}
-    session.display_came(came)
+    session.add_display(came)
     record = np.array([6, 0, 0, 0, 0, 0, 0, 0.0]).tobytes()
-    session.frames(record)
-    session.phase, session.at = "running", 0
-    session.display_left()
+    session.record_frames(record)
+    session.phase, session.trial_index = "running", 0
+    session.remove_display()
     assert session.display is None and "display has gone" in session.messages[-1]
-    session.display_came(came)
-    session.frames(np.array([1, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
+    session.add_display(came)
+    session.record_frames(np.array([1, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
     assert session._frame == 9  # the parity that the square shows stays
-    session.frames(b"nonsense")
-    assert session.numbers.bad == 1
+    session.record_frames(b"nonsense")
+    assert session.counts.bad == 1
     session.log.close()
 
 
 def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
     session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), DryClock())
-    session.display_came({"name": "d"})
+    session.add_display({"name": "d"})
     for number, took in enumerate((4, 5, 17, 4, 40)):
         at = 10 + number / 60
-        session.frames(np.array([number + 1, at, at, at + took / 1000, 0, 0, 0, 0]).tobytes())
+        session.record_frames(
+            np.array([number + 1, at, at, at + took / 1000, 0, 0, 0, 0]).tobytes()
+        )
     session.log.close()
-    assert (session.numbers.frames, session.numbers.late) == (5, 2)
+    assert (session.counts.frames, session.counts.late) == (5, 2)
 
 
 def test_motions_are_kept_only_where_they_are_shown_again(tmp_path):
     session, _ = session_of(tmp_path, plan_of(ALL), DryClock())
-    session.patient = False
+    session.waits_for_starts = False
     session.start()
     asyncio.run(session.run())
     session.log.close()
@@ -369,9 +355,9 @@ def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path)
         for number in range(2):
             while session.phase != "waiting":
                 await asyncio.sleep(0.001)
-            session.key("x")  # another one
+            session.press_key("x")  # another one
             assert session.phase == "waiting" and len(session.done) == number
-            session.key(" ") if number == 0 else session.stop()
+            session.press_key(" ") if number == 0 else session.stop()
             while session.phase == "waiting":
                 await asyncio.sleep(0.001)
         await running
@@ -384,34 +370,29 @@ def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path)
 # --- the feed
 
 
+def read(message):
+    """The facts and the payload of a message to the display."""
+    length = int.from_bytes(message[:4], "little")
+    return json.loads(message[4 : 4 + length]), message[4 + length :]
+
+
 def test_a_picture_is_sent_once_and_slots_are_used_again():
     made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
     feed = feed_of(made, plan, slots=(1024, 1024))
-    slots = feed.slots
-    assert slots == 256
+    assert feed.slots == 256
     states = np.zeros((1, made.width), np.float32)
 
-    def sent_headers(picture, partner=-1):
+    def sent_pictures(picture, partner=-1):
         states[0, [PICTURE, PARTNER]] = picture, partner
-        return [json.loads(one[4 : 4 + int.from_bytes(one[:4], "little")])
-                for one in feed.rows(1, 0, 0.0, states)[:-1]]  # fmt: skip
+        facts = [read(one)[0] for one in feed.rows(1, 0, 0.0, states)[:-1]]
+        return [(one["picture"], one["slot"]) for one in facts]
 
-    assert [one["picture"] for one in sent_headers(3, 4)] == [3, 4]
-    assert sent_headers(3, 4) == sent_headers(4) == []
-    for picture in range(10, 10 + slots - 2):
-        assert len(sent_headers(picture)) == 1
-    sent_headers(3)
-    assert [(one["picture"], one["slot"]) for one in sent_headers(9)] == [
-        (9, 1)
-    ]  # that of 4, long unused
-    assert sent_headers(3) == [] and len(sent_headers(4)) == 1
-    kinds = [json.loads(one[4 : 4 + int.from_bytes(one[:4], "little")])["kind"]
-             for one in feed.begin()]  # fmt: skip
-    assert kinds.count("hello") == 1 and kinds.count("picture") == slots and kinds[-1] == "rows"
-
-
-def test_a_message_is_its_length_its_text_and_its_payload():
-    made = message("clear", b"abc", number=1)
-    length = int.from_bytes(made[:4], "little")
-    assert json.loads(made[4 : 4 + length]) == {"kind": "clear", "number": 1}
-    assert made[4 + length :] == b"abc"
+    assert sent_pictures(3, 4) == [(3, 0), (4, 1)] and sent_pictures(3, 4) == sent_pictures(4) == []
+    for picture in range(10, 10 + 254):
+        assert len(sent_pictures(picture)) == 1
+    sent_pictures(3)
+    assert sent_pictures(9) == [(9, 1)]  # that of 4, long unused
+    assert sent_pictures(3) == [] and len(sent_pictures(4)) == 1
+    kinds = [read(one)[0]["kind"] for one in feed.begin()]
+    assert kinds == ["hello", *["picture"] * 256, "rows"]
+    assert read(pack_message({"a": 1}, b"abc")) == ({"a": 1}, b"abc")

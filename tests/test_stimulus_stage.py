@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -14,6 +15,7 @@ import stages.stimulus
 from finloop.base.errors import FinloopError
 from finloop.io.journal import save_journal
 from finloop.stimulus.display import DisplayCalibration, save_display
+from finloop.stimulus.protocol_file import load_protocol
 from finloop.stimulus.replay import Record, open_record
 from stages.stimulus_scene import display_file, known_display, open_scene
 
@@ -36,7 +38,7 @@ def stimulus_run(tmp_path_factory, tiny_run: TinyRun):
 
 @pytest.fixture
 def workspace(stimulus_run, monkeypatch):
-    monkeypatch.setattr("finloop.stimulus.course._REHEARSED", 5)
+    monkeypatch.setattr("finloop.stimulus.motion._REHEARSED", 5)
     monkeypatch.chdir(stimulus_run)
     return stimulus_run
 
@@ -108,12 +110,11 @@ def test_a_display_must_be_calibrated_where_the_protocol_says_so(workspace, tmp_
         command(monkeypatch, "show", path, "--display", "wall", "--port", "0")
     with pytest.raises(FinloopError, match="letters, digits"):
         display_file("../wall")
-    wall = DisplayCalibration(
-        width_px=1280, height_px=720, ratio=1.0, refresh_hz=60.0, px_per_mm=3.5
-    )
+    size = {"width_px": 1280, "height_px": 720, "ratio": 1.0, "px_per_mm": 3.5}
+    wall = DisplayCalibration(**size, refresh_hz=60.0)
     save_display(display_file("wall"), wall)
     try:
-        assert known_display("wall", True) == wall
+        assert known_display("wall", True) == wall.model_dump(mode="json")
         display_file("wall").write_text(json.dumps({"version": 2}))
         with pytest.raises(FinloopError, match="another version"):
             known_display("wall", True)
@@ -129,11 +130,7 @@ def test_a_track_wants_a_protocol_with_animals(workspace, tmp_path, monkeypatch)
 
 
 def test_the_length_of_a_fish_on_the_display_settles_its_scale(workspace, tmp_path):
-    from finloop.stimulus.protocol import load_protocol
-
     path = protocol(tmp_path, display={"calibrated": True, "fish_mm": 35.0})
-    from pathlib import Path
-
     with open_scene(load_protocol(Path(path))) as scene:
         assert scene.scene.mm_per_px * scene.scene.length_px == pytest.approx(35.0)
 
@@ -143,9 +140,7 @@ def test_the_page_that_stands_alone_plays_the_edit_list(workspace):
         page = browser.new_page(viewport={"width": 640, "height": 480})
         bad = []
         page.on("pageerror", lambda error: bad.append(str(error)))
-        page.on(
-            "request", lambda one: bad.append(one.url) if not one.url.startswith(WITHIN) else None
-        )
+        page.on("request", lambda one: one.url.startswith(WITHIN) or bad.append(one.url))
         page.clock.install()
         page.goto((workspace / "data/export/stimulus.html").absolute().as_uri())
         pictures = []

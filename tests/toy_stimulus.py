@@ -9,15 +9,15 @@ from toy_tank import Drops, toy_players
 from finloop.edit.schema import FRAME
 from finloop.io.journal import save_journal
 from finloop.render.gallery import Gallery, Shelf
-from finloop.stimulus.course import TrialContext
 from finloop.stimulus.feed import Feed, TankCanvas
 from finloop.stimulus.log import FORMAT, SESSION, Log
+from finloop.stimulus.motion import TrialContext
 from finloop.stimulus.order import trials
 from finloop.stimulus.pictures import PagePictures
-from finloop.stimulus.protocol import protocol_of
+from finloop.stimulus.protocol_file import parse_protocol
+from finloop.stimulus.recorded import DryClock
 from finloop.stimulus.replay import open_record
 from finloop.stimulus.session import Session
-from finloop.stimulus.show import DryClock
 
 LIVE = {"unit": "px"}
 
@@ -28,7 +28,7 @@ def scene():
 
 def plan_of(conditions, **more):
     values = {"version": 1, "name": "toy", "seed": 5, "display": {"calibrated": False}}
-    return protocol_of(values | {"animals": LIVE} | more | {"conditions": conditions})
+    return parse_protocol(values | {"animals": LIVE} | more | {"conditions": conditions})
 
 
 def feed_of(made, plan, slots=(64, 64), **facts):
@@ -64,8 +64,8 @@ def run_dry(folder, plan, messages=(), made=None, name="toy"):
     """The record of a session without display; messages: (time, text) of a tracker."""
     clock = DryClock(iter(messages))
     session, sent = session_of(folder, plan, clock, made, name)
-    clock.hear, session.patient = session.hear, False
-    session._wanted.update(plan.conditions)  # all motions are looked at afterwards
+    clock.receive, session.waits_for_starts = session.receive, False
+    session._repeated.update(plan.conditions)  # all motions are looked at afterwards
     session.start()
     asyncio.run(session.run())
     session.log.close()

@@ -7,6 +7,6 @@ DeepLabCut's layout.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "pictures": ["cut_out", "sprite_cycle", "add_film_source", "bounding_box"], "keypoints":
-    ["deeplabcut"], "tracks": ["poses"],
+    "pictures": ["cut_out", "sprite_cycle", "add_film_source", "bounding_box"],
+    "tracks": ["poses", "deeplabcut"],
 })  # fmt: skip

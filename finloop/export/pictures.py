@@ -9,31 +9,24 @@ from collections.abc import Iterable, Iterator, Sequence
 import cv2
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.base.schema import Column, Schema, columns
 from finloop.edit.schema import EDIT, SPRITE
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Box, Painter, Placed
 
-Image = NDArray[np.uint8]
 _WHITE = 255
 RIM = 3  # px of colour added under the edge of the fish, and beyond
 _FAINT = 16  # alpha below which a pixel's own colour is too coarse
 
-_SOURCE = (
-    Column("track_id", "int32", "1"),
-    Column("frame", "int32", "1"),
-    Column("atlas", "string", "1", nullable=True),
-)
 _MM = ("x_mm", "y_mm", "aim_x_mm", "aim_y_mm")
 READABLE = Schema(
     *EDIT.columns,
-    *_SOURCE,
-    *(
-        Column(f"partner_{column.name}", column.dtype, column.unit, nullable=True)
-        for column in _SOURCE
-    ),
+    *columns("int32", "1", "track_id", "frame"),
+    Column("atlas", "string", "1", nullable=True),
+    *columns("int32", "1", "partner_track_id", "partner_frame", nullable=True),
+    Column("partner_atlas", "string", "1", nullable=True),
     *columns("float64", "mm", *_MM, nullable=True),
     Column("speed_mm_s", "float64", "mm/s", nullable=True),
 )
@@ -58,15 +51,13 @@ class FishOnlyPainter:
         self.white.show(*fish)
         return self.black.show(*fish)
 
-    def cut(self, box: Box) -> Image:
+    def cut(self, box: Box) -> Picture:
         """Return what was painted within a box, (h, w, 4) RGBA uint8 premultiplied by alpha.
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
-        over_black, over_white = (
-            painter.canvas[box.slices] for painter in (self.black, self.white)
-        )
-        through = over_white.astype(np.float32) - over_black
+        over_black = self.black.canvas[box.slices]
+        through = self.white.canvas[box.slices].astype(np.float32) - over_black
         alpha = np.rint(_WHITE - through.mean(axis=2, keepdims=True)).astype(np.uint8)
         rgb = over_black if over_black.shape[2] == 3 else over_black.repeat(3, axis=2)
         return np.concatenate([rgb, alpha], axis=2)
@@ -85,7 +76,7 @@ def bounding_box(frames: Iterable[Sequence[Placed]], alone: FishOnlyPainter) -> 
 
 def cut_out(
     frames: Iterable[Sequence[Placed]], alone: FishOnlyPainter, crop: Box
-) -> Iterator[Image]:
+) -> Iterator[Picture]:
     """Yield the fish of each tick without background: the part `crop`, (h, w, 4) uint8 RGBA.
 
     Its alpha is straight. The array is drawn on again: take a copy to keep it. frames: the fish of
@@ -102,11 +93,11 @@ def cut_out(
                 box.top - crop.top, box.left - crop.left,
                 box.bottom - crop.top, box.right - crop.left,
             )  # fmt: skip
-            frame[last.slices] = straighten_alpha(alone.cut(box))
+            frame[last.slices] = _straighten_alpha(alone.cut(box))
         yield frame
 
 
-def straighten_alpha(pixels: Image) -> Image:
+def _straighten_alpha(pixels: Picture) -> Picture:
     """Return premultiplied RGBA (h, w, 4) uint8 with straight alpha, the colour extended outwards.
 
     A faint pixel's own colour is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the mean
@@ -116,8 +107,8 @@ def straighten_alpha(pixels: Image) -> Image:
     alpha = pixels[..., 3:].astype(np.float32)
     around = cv2.boxFilter(pixels.astype(np.float32), -1, (2 * RIM + 1,) * 2, borderType=0)
     own, mean = (
-        255 * of[..., :3] / np.maximum(of[..., 3:], 1e-6)
-        for of in (pixels.astype(np.float32), around)
+        255 * premultiplied[..., :3] / np.maximum(premultiplied[..., 3:], 1e-6)
+        for premultiplied in (pixels.astype(np.float32), around)
     )
     colour = np.where(alpha < _FAINT, mean, own)
     return np.concatenate([np.rint(colour).clip(0, 255).astype(np.uint8), pixels[..., 3:]], axis=2)

@@ -1,28 +1,32 @@
-"""Tracks as poses: named points of every fish in every frame, for behavioural programs."""
+"""Tracks as poses: named points of every fish in every frame, for behavioural programs.
+
+DeepLabCut's layout for several animals is a CSV with a header of four rows. `movement`
+(`load_poses.from_file`, source "DeepLabCut"), DeepLabCut itself and programs built on it read it.
+They recognise it by `scorer, individuals, bodyparts, coords` in the first column. The cells of a
+fish that is not seen are empty.
+"""
+
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.base.poses import Poses
+from finloop.base.poses import BLOCK, Poses, iterate_blocks
 from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
 from finloop.features.head import tail_first
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
+SCORER = "finloop"
 USED = ("track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px")
 """The columns of a table of tracks from which poses are made."""
 
 
 def poses(
-    tracks: pd.DataFrame,
-    features: pd.DataFrame,
-    frames: int,
-    body_points: int,
-    least_frames: int,
-    most: int,
-    animals: pd.Series | None = None,
-) -> Poses:
+    tracks: pd.DataFrame, features: pd.DataFrame, frames: int, body_points: int, least_frames: int,
+    most: int, animals: pd.Series | None = None,
+) -> Poses:  # fmt: skip
     """Return head, equidistant points of the backbone, tail and mass centre (px) of the tracks.
 
     The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1.
@@ -35,32 +39,42 @@ def poses(
     animals (rows,): names of animals; with them an individual is an animal, else a track.
     """
     individual = tracks["track_id"] if animals is None else animals
-    length = individual.groupby(individual).size()
-    longest_first = (
-        length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]
-    )
-    if longest_first.empty:
-        longest = length.max() if len(length) else 0
+    length = individual.value_counts(sort=False).sort_index()
+    long = length[length >= least_frames]
+    if long.empty:
         raise FinloopError(
-            f"no track has {least_frames} frames; the longest has {longest}",
+            f"no track has {least_frames} frames; the longest has {max(length, default=0)}",
             "at least one track to export",
             "lower export.tracks_min_s",
         )
-    ids = np.sort(longest_first)
+    ids = np.sort(long.sort_values(ascending=False, kind="stable").index[:most])
     rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]
     rows = rows.sort_values(["frame", "individual"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)
     line = np.where(tail_first(line, rows)[:, None, None], line[:, ::-1], line)
     places = interpolate_lines(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
     centre = rows[["x_px", "y_px"]].to_numpy(float)
-    sure = rows["head_confidence"].to_numpy(float)[:, None]
-    body = [f"body_{n}" for n in range(1, body_points + 1)]
+    confidence = rows["head_confidence"].to_numpy(float)[:, None].repeat(body_points + 2, 1)
     return Poses(
         tuple(f"track_{number}" if animals is None else str(number) for number in ids),
-        (HEAD, *body, TAIL, CENTRE),
+        (HEAD, *(f"body_{n}" for n in range(1, body_points + 1)), TAIL, CENTRE),
         frames,
         np.searchsorted(ids, rows["individual"].to_numpy()),
         rows["frame"].to_numpy(np.int64),
         np.concatenate([places, centre[:, None]], axis=1),
-        np.concatenate([sure.repeat(body_points + 2, 1), np.ones_like(sure)], axis=1),
+        np.concatenate([confidence, np.ones((len(rows), 1))], axis=1),
     )
+
+
+def deeplabcut(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
+    """Yield tables in DeepLabCut's layout, `block` frames each, a row per frame of the clip.
+
+    Columns: x, y (px) and likelihood (0 … 1) of every keypoint of every individual.
+    """
+    columns = pd.MultiIndex.from_product(
+        [[SCORER], poses.individuals, poses.keypoints, ["x", "y", "likelihood"]],
+        names=["scorer", "individuals", "bodyparts", "coords"],
+    )
+    for start, cells in iterate_blocks(poses, block):
+        frames = np.arange(start, start + len(cells))
+        yield pd.DataFrame(cells.reshape(len(cells), -1), frames, columns)

@@ -10,8 +10,8 @@ decision, with the other fish where they are then.
 
 import math
 from collections import deque
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -21,16 +21,91 @@ from finloop.animate.company import Company, Plans
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route, place
 from finloop.animate.rule import Rule
-from finloop.edit.build import edit_columns
-from finloop.edit.schema import Goal
-from finloop.live.choice import DecisionRecord, PathTask, Request, RuleTask
-from finloop.live.modes import Modes
-
-Floats = NDArray[np.float64]
+from finloop.animate.state import State
+from finloop.base.arrays import Floats
+from finloop.edit.build import EditInputs, edit_columns
+from finloop.edit.schema import AS_PREDICTED, JUMP, PATH, PLAY, Goal
+from finloop.edit.stretch import Stretch
+from finloop.social.rule import Shoaling
 
 HISTORY = 6000
 """How many ticks back the tank can go."""
 _DRAG_S = 0.08  # the shortest stretch while a goal is dragged
+
+
+class Modes(NamedTuple):
+    """The modes of a tank: by name the player of each, and what its edit lists are built from."""
+
+    players: Mapping[str, AnyPlayer]
+    sources: Mapping[str, EditInputs]
+
+    @classmethod
+    def from_players(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
+        """Return the modes of players by name; each can also draw the sprites of the others."""
+        widest = max((one.sources for one in players.values()), key=lambda s: len(s.sprite_scale))
+        return cls(players, {
+            mode: replace(
+                one.sources, sprite_scale=widest.sprite_scale, sprite_after=widest.sprite_after,
+                orientations=widest.orientations,
+                joins=replace(one.sources.joins, bodies=widest.joins.bodies),
+            )
+            for mode, one in players.items()
+        })  # fmt: skip
+
+
+class PathTask(NamedTuple):
+    """A path to follow (route). begun: whether the fish has reached the path's beginning."""
+
+    route: Route
+    begun: bool = False
+
+
+class RuleTask(NamedTuple):
+    """A rule to follow: in a group, by zones (shoaling), or behind a fish (leader: its name)."""
+
+    shoaling: Shoaling | None = None
+    leader: str | None = None
+
+
+class Request(NamedTuple):
+    """What a fish is sent for at a tick: its mode, and a path or a rule to follow, or None.
+
+    cut_after: ticks after which the present stretch is cut, 0 for never.
+    """
+
+    mode: str
+    path_task: PathTask | None
+    rule_task: RuleTask | None
+    cut_after: int
+
+
+@dataclass(frozen=True)
+class DecisionRecord:
+    """A decision, and all that it was made from.
+
+    tick: the first one of the stretch; state, draws: of the fish and of the random generator before
+    the decision; goal: a goal, path or rule, None where the fish wandered; stretch: the result.
+    """
+
+    tick: int
+    mode: str
+    state: State
+    draws: Mapping[str, Any]
+    goal: Goal | Route | Rule | None
+    stretch: Stretch
+
+    @property
+    def follows_plan(self) -> bool:
+        """Return whether the stretch carries on the plan of an earlier decision."""
+        moves = self.stretch.decision.reason in (PLAY, JUMP, AS_PREDICTED)
+        return bool(self.state.path.runs) and self.stretch.options is None and moves
+
+    @property
+    def name(self) -> str:
+        """Return the name of the goal, path or rule; "" for a fish that wanders."""
+        if isinstance(self.goal, Route):
+            return PATH
+        return self.goal.name if self.goal else ""
 
 
 class Row(NamedTuple):
@@ -77,18 +152,14 @@ _EDIT = [name for name in Row._fields if name not in Row._field_defaults]
 
 Ghost = Callable[[Row], bool]
 """Whether the two pictures of a cross-fade, as in a row, are too unlike to be mixed."""
-
-
 Others = Callable[["LiveFish", int], dict[str, Floats]]
 """The planned paths of the other fish of the tank, by name, from a tick on."""
 
 
 class LiveFish:
-    """One fish of the live tank.
+    """One fish of the live tank. born: the tank's tick that is its first; name: of its goals.
 
-    `born`: the tick of the tank that is its first; `name`: of its goals; `others`: returns the
-    planned paths of the other fish, by name, from a tick of the tank on, each as by
-    `LiveFish.path_from`.
+    others: returns the planned paths of the other fish, each as `LiveFish.path_from` does.
     """
 
     def __init__(
@@ -98,17 +169,15 @@ class LiveFish:
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.path_task: PathTask | None = None
-        self.order: RuleTask | None = None
+        self.rule_task: RuleTask | None = None
         self.reached = False
-        self._modes, self._rng, self._ghost = modes, rng, ghost
-        self._others = others
-        company = self._player.company(self._around(0), 0)
-        self._state = self._player.begin(rng, None, company)
+        self._modes, self._rng, self._ghost, self._others = modes, rng, ghost, others
+        self._state = self._player.begin(rng, None, self._player.company(self._other_paths(0), 0))
         self._drag = max(1, int(_DRAG_S * self._player.world.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
-        self._wishes = np.full(HISTORY, None, object)
-        self._choices: deque[DecisionRecord] = deque()
+        self._requests = np.full(HISTORY, None, object)
+        self._decisions: deque[DecisionRecord] = deque()
         self._plan = np.zeros(0, ROW)  # the last stretch, and how much of it has been played:
         self._plan_poses = np.zeros(0, object)
         self._played = 0
@@ -135,24 +204,21 @@ class LiveFish:
 
         Its columns are x, y px, heading and number of the picture, as in `Company`.
         """
-        last = self._choices[-1].stretch
+        last = self._decisions[-1].stretch
         return last.remaining_path(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
-    def _around(self, tick: int) -> Floats:
-        """Return the other fish (n, m, 4), as `Plans.others` does, from one of its own ticks on."""
+    def _other_paths(self, tick: int) -> Floats:
+        """Return the paths of the other fish (n, m, 4), as `Plans.others`, from its own tick on."""
         ways = list(self._others(self, self.born + tick).values())
         return Plans.from_paths(ways, tick).others(-1, tick)
 
-    def wish_at(self, tick: int) -> Request:
+    def request_at(self, tick: int) -> Request:
         """Return what the fish was sent for at a tick of the tank that is known."""
-        wish: Request = self._wishes[tick % HISTORY]
-        return wish
+        request: Request = self._requests[tick % HISTORY]
+        return request
 
-    def places(self, ticks: range) -> Floats:
-        """Return where the fish was, (n, 2) px, at those ticks of a range that are known.
-
-        ticks: of the tank, up to the present one; the ticks too long ago are left out.
-        """
+    def past_places(self, ticks: range) -> Floats:
+        """Return where the fish was, (n, 2) px, at those ticks of the tank that are still known."""
         known = np.arange(ticks.start, ticks.stop, ticks.step)
         known = known[known >= self._oldest] % HISTORY
         return np.column_stack([self._ring["x_px"][known], self._ring["y_px"][known]])
@@ -161,25 +227,25 @@ class LiveFish:
     def _oldest(self) -> int:
         return max(self.born, self.last_tick - HISTORY + 1)
 
-    def choice(self, tick: int) -> DecisionRecord | None:
+    def decision_at(self, tick: int) -> DecisionRecord | None:
         """Return the decision in force at a tick of the tank; None where it is not known."""
         row = self.row_at(tick)
         if row is None:
             return None
-        return next((one for one in reversed(self._choices) if one.tick == row.decided), None)
+        return next((one for one in reversed(self._decisions) if one.tick == row.decided), None)
 
-    def plan_of(self, choice: DecisionRecord) -> DecisionRecord:
-        """Return the decision that made the plan `choice` carries on: often `choice` itself."""
-        earlier = (one for one in reversed(self._choices) if one.tick <= choice.tick)
-        return next((one for one in earlier if not one.follows_plan), choice)
+    def planning_decision(self, decision: DecisionRecord) -> DecisionRecord:
+        """Return the decision that made the plan which a decision carries on, often itself."""
+        earlier = (one for one in reversed(self._decisions) if one.tick <= decision.tick)
+        return next((one for one in earlier if not one.follows_plan), decision)
 
-    def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
-        """Send the fish to a goal (place: x, y px), or None to wander, from the next tick on.
+    def send(self, goal_px: tuple[float, float] | None, drag: bool = False) -> None:
+        """Send the fish to a goal (x, y px) from the next tick on; None lets it wander.
 
         drag: whether the goal is being dragged; then the present stretch may go on for a moment.
         """
-        self.goal = self._goal(*place) if place else None
-        self.path_task, self.order, self.reached = None, None, False
+        self.goal = self._make_goal(*goal_px) if goal_px else None
+        self.path_task, self.rule_task, self.reached = None, None, False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
 
     def follow(self, route: Route) -> None:
@@ -188,13 +254,13 @@ class LiveFish:
         self.send((float(x), float(y)))
         self.path_task = PathTask(route)
 
-    def obey(self, order: RuleTask) -> None:
-        """Let the fish swim by a rule (order) from the next tick on."""
-        if order != self.order:
+    def follow_rule(self, rule_task: RuleTask) -> None:
+        """Let the fish swim by a rule from the next tick on."""
+        if rule_task != self.rule_task:
             self.send(None)
-            self.order = order
+            self.rule_task = rule_task
 
-    def _goal(self, x: float, y: float) -> Goal:
+    def _make_goal(self, x: float, y: float) -> Goal:
         return Goal(self.name, x, y, self._player.world.touch_px)
 
     def switch(self, mode: str) -> None:
@@ -210,36 +276,33 @@ class LiveFish:
         """
         self._was_ghost = self._ghost_before
         self._cut_after, self._played = 0, self._played - 1
-        if self._played:
-            self._decide_anew()
-        else:
-            self._decide_first_anew()
-        self._go_on()
+        self._decide_anew()
+        self._record_tick()
 
     def advance(self) -> None:
         """Advance the fish by one tick."""
         self._ghost_before = self._was_ghost
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
-            self._decide_anew()
+            self._cut_after = 0
+            if self._played < len(self._plan):
+                self._decide_anew()
         if self._played == len(self._plan):
             self._decide(self._target())
-        self._go_on()
+        self._record_tick()
 
-    def _go_on(self) -> None:
+    def _record_tick(self) -> None:
+        """Play the next row of the plan, and keep it with the present request."""
+        row = Row._make((*self._plan[self._played].item(), self._plan_poses[self._played]))
         self._played += 1
-        now = self._played - 1
-        row = Row._make((*self._plan[now].item(), self._plan_poses[now]))
         # A hidden partner stays hidden: two unlike fish on top of each other look like ghosts.
         self._was_ghost = row.weight > 0 and (self._was_ghost or self._ghost(row))
-        last = self._choices[-1]
+        last = self._decisions[-1]
         if self._played == len(self._plan):
             self._arrive(last)
-        goal = self.goal
-        self._poses[self.last_tick % HISTORY] = row.pose
-        self._wishes[self.last_tick % HISTORY] = Request(
-            self.mode, self.path_task, self.order, self._cut_after
-        )
-        self._ring[self.last_tick % HISTORY] = row._replace(
+        goal, slot = self.goal, self.last_tick % HISTORY
+        self._poses[slot] = row.pose
+        self._requests[slot] = Request(self.mode, self.path_task, self.rule_task, self._cut_after)
+        self._ring[slot] = row._replace(
             weight=0.0 if self._was_ghost else row.weight,
             goal_x_px=goal.x_px if goal else math.nan,
             goal_y_px=goal.y_px if goal else math.nan,
@@ -248,17 +311,18 @@ class LiveFish:
         )[:-1]
 
     def _target(self) -> Goal | Route | Rule | None:
+        """Return what the next decision is made for; None: the fish wanders."""
         if self.path_task is not None and self.path_task.begun:
             return self.path_task.route
-        if self.order is not None:
-            others = self._others(self, self.born + self._state.fish.tick)
-            if self.order.leader in others:
-                return Rule.from_leader(others[self.order.leader][0])
-            if self.order.shoaling is not None and others:
-                here = np.stack([way[0, :3] for way in others.values()])
-                return Rule.by_zones(here, self.order.shoaling)
-            return None
-        return None if self.reached else self.goal
+        if self.rule_task is None:
+            return None if self.reached else self.goal
+        others = self._others(self, self.born + self._state.fish.tick)
+        if self.rule_task.leader in others:
+            return Rule.from_leader(others[self.rule_task.leader][0])
+        if self.rule_task.shoaling is not None and others:
+            here = np.stack([way[0, :3] for way in others.values()])
+            return Rule.by_zones(here, self.rule_task.shoaling)
+        return None
 
     def _arrive(self, last: DecisionRecord) -> None:
         """End the last stretch: a goal may be reached, a path begun, or done."""
@@ -277,90 +341,76 @@ class LiveFish:
 
         It swims the same as then, unless it is sent elsewhere.
         """
-        row, choice = self.row_at(tick), self.choice(tick)
-        if row is None or choice is None:
+        row, decision = self.row_at(tick), self.decision_at(tick)
+        if row is None or decision is None:
             return
-        while self._choices.pop().tick > choice.tick:
+        while self._decisions.pop().tick > decision.tick:
             pass
-        self.mode, self._state, self._rng.bit_generator.state = (
-            choice.mode, choice.state, choice.draws,
-        )  # fmt: skip
-        self._decide(choice.goal, choice.state.fish.company)
-        self._played = tick - choice.tick + 1
+        self.mode, self._state = decision.mode, decision.state
+        self._rng.bit_generator.state = decision.draws
+        self._decide(decision.goal, decision.state.fish.company)
+        self._played = tick - decision.tick + 1
         self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached = None, row.reached
-        self.mode, self.path_task, self.order, self._cut_after = self._wishes[tick % HISTORY]
+        self.mode, self.path_task, self.rule_task, self._cut_after = self.request_at(tick)
         if not math.isnan(row.goal_x_px):
-            self.goal = self._goal(row.goal_x_px, row.goal_y_px)
+            self.goal = self._make_goal(row.goal_x_px, row.goal_y_px)
 
     def _decide_anew(self) -> None:
-        """Forget what was planned beyond the tick on screen, and plan again."""
-        self._cut_after = 0
-        if not 0 < self._played < len(self._plan):
-            return
-        last, old = self._choices[-1], self._memory()
-        player = self._modes.players[last.mode]
-        stretch, self._state = player.cut(last.state, last.stretch, self._played)
-        self._choices[-1] = replace(last, stretch=stretch)
-        self._plan = self._plan[: self._played]
+        """Plan again after the played part of the last stretch, or from that stretch's beginning.
+
+        The old plan stays if the new one is not clear of the other fish, which rely on the old one.
+        """
+        last = self._decisions.pop()
+        old = self._state, self._plan, self._plan_poses, self._played
+        draws = self._rng.bit_generator.state
+        if self._played:
+            player = self._modes.players[last.mode]
+            stretch, self._state = player.cut(last.state, last.stretch, self._played)
+            self._decisions.append(replace(last, stretch=stretch))
+        else:
+            self._state, self._rng.bit_generator.state = last.state, last.draws
         self._decide(self._target())
-        self._keep_clear(last, old)
-
-    def _decide_first_anew(self) -> None:
-        last, old = self._choices[-1], self._memory()
-        self._choices.pop()
-        self._state, self._rng.bit_generator.state = last.state, last.draws
-        self._plan = self._plan[:0]
-        self._decide(self._target())
-        self._keep_clear(last, old)
-
-    def _memory(self) -> tuple[Any, ...]:
-        """Return what a decision changes, beside the choices."""
-        plan = self._plan, self._plan_poses, self._played
-        return self._state, self._rng.bit_generator.state, plan
-
-    def _keep_clear(self, last: DecisionRecord, old: tuple[Any, ...]) -> None:
-        """Take a decision back if it is not clear of the other fish, which rely on the old plan."""
-        choice = self._choices[-1]
-        if not self._player.is_clear(choice.state, choice.stretch):
-            self._choices.pop()
-            if self._choices and self._choices[-1].tick == last.tick:
-                self._choices.pop()  # the part of the old plan that was played
-            self._choices.append(last)
-            self._state, self._rng.bit_generator.state, plan = old
-            self._plan, self._plan_poses, self._played = plan
+        new = self._decisions[-1]
+        if not self._player.is_clear(new.state, new.stretch):
+            while self._decisions and self._decisions[-1].tick >= last.tick:
+                self._decisions.pop()
+            self._decisions.append(last)
+            self._state, self._plan, self._plan_poses, self._played = old
+            self._rng.bit_generator.state = draws
 
     def _decide(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
-        """Plan the next stretch. known: of the other fish, when it was planned before."""
+        """Plan the next stretch. known: the other fish, where it was planned before."""
         if known is None:
-            state = self._player.with_others(self._state, self._around(self._state.fish.tick))
+            state = self._player.with_others(self._state, self._other_paths(self._state.fish.tick))
         else:
             state = self._state._replace(fish=replace(self._state.fish, company=known))
         draws = self._rng.bit_generator.state
         stretch, self._state = self._player.plan(state, goal, self._rng)
         begins = self.born + state.fish.tick
-        self._choices.append(DecisionRecord(begins, self.mode, state, draws, goal, stretch))
-        while len(self._choices) > 1 and self._choices[1].tick <= begins - HISTORY:
-            self._choices.popleft()
-        (self._plan, self._plan_poses), self._played = self._rows(), 0
+        self._decisions.append(DecisionRecord(begins, self.mode, state, draws, goal, stretch))
+        while len(self._decisions) > 1 and self._decisions[1].tick <= begins - HISTORY:
+            self._decisions.popleft()
+        self._plan, self._plan_poses, self._played = *self._draw_last_stretch(), 0
 
-    def _rows(self) -> tuple[NDArray[np.void], NDArray[Any]]:
+    def _draw_last_stretch(self) -> tuple[NDArray[np.void], NDArray[Any]]:
         """Return the drawn rows of the last stretch, and their poses.
 
         They depend on earlier rows that have not died away: on more of them where the film rests.
         """
         ticks, moved, recent = 0, 0, deque[DecisionRecord]()
-        joins, last = self._player.joins, self._choices[-1]
-        for choice in reversed(self._choices):
-            recent.appendleft(choice)
-            ticks += len(choice.stretch.way)
-            if choice is not last:
-                moved += joins.moving(choice.stretch.kind, choice.stretch.number)
+        joins, last = self._player.joins, self._decisions[-1]
+        for one in reversed(self._decisions):
+            recent.appendleft(one)
+            ticks += len(one.stretch.way)
+            if one is not last:
+                moved += joins.moving(one.stretch.kind, one.stretch.number)
             if moved > joins.reach:
                 break
         stretches, names = [one.stretch for one in recent], [one.name for one in recent]
         columns = edit_columns(stretches, names, ticks, self._modes.sources[self.mode])
-        rows = np.zeros(len(stretches[-1].way), ROW)
+        first = ticks - len(last.stretch.way)
+        rows = np.zeros(ticks - first, ROW)
         for column in _EDIT:
-            rows[column] = columns[column][ticks - len(rows) :]
-        return rows, columns["pose"][ticks - len(rows) :]
+            rows[column] = columns[column][first:]
+        return rows, columns["pose"][first:]

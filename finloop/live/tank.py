@@ -9,12 +9,11 @@ from finloop.animate.arena import goal_name
 from finloop.animate.paths import lay_path
 from finloop.animate.protocols import AnyPlayer
 from finloop.animate.world import World
+from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
-from finloop.live.choice import RuleTask
-from finloop.live.fish import Floats, Ghost, LiveFish
-from finloop.live.modes import Modes
+from finloop.live.fish import Ghost, LiveFish, Modes, RuleTask
 from finloop.social.leader import contradiction
 from finloop.social.rule import require_rule
 
@@ -50,7 +49,7 @@ class LiveTank:
         self.shoaling = next((one.shoaling for one in players.values() if one.shoaling), None)
         self._ghost, self._draws, self._born = ghost, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
-        self.count(fish)
+        self.set_fish_count(fish)
 
     @property
     def world(self) -> World:
@@ -58,14 +57,14 @@ class LiveTank:
         return self.players[self.mode].world
 
     @property
-    def rate_hz(self) -> float:
-        """Return the ticks per second of film."""
-        return self.world.motion.rate_hz
-
-    @property
     def oldest(self) -> int:
         """Return the first tick that the tank can go back to."""
         return max(0, self.tick - play_fish.HISTORY + 1)
+
+    @property
+    def most_fish(self) -> int | None:
+        """Return the largest number of fish that the present mode can move; None: any number."""
+        return self.players[self.mode].most_fish
 
     def advance(self) -> None:
         """Advance the tank and its fish by one tick."""
@@ -79,34 +78,33 @@ class LiveTank:
         if self.tick > fish.born + 1:
             fish.renew()
 
-    @property
-    def most_fish(self) -> int | None:
-        """Return the largest number of fish that the present mode can move; None: any number."""
-        return self.players[self.mode].most_fish
-
-    def count(self, fish: int) -> None:
+    def set_fish_count(self, fish: int) -> None:
         """Set the number of fish, as far as there is room: new ones come, or the last ones go.
 
         FinloopError where the mode moves fewer fish.
         """
         if self.most_fish is not None and fish > self.most_fish:
-            raise self._paper_alone(f"{fish} fish", self.mode)
+            raise _paper_error(f"{fish} fish", self.mode)
         del self.fish[fish:]
         while len(self.fish) < fish:
             rng = self._draws.spawn(1)[0] if self._born else self._draws
             self._born += 1
             name = goal_name(len(self.fish))
             try:
-                one = LiveFish(
-                    self._modes, self.mode, self.tick, name, rng, self._ghost, self._others
+                new = LiveFish(
+                    self._modes, self.mode, self.tick, name, rng, self._ghost, self._other_paths
                 )
             except FinloopError:
                 return
-            one.advance()
-            self.fish.append(one)
+            new.advance()
+            self.fish.append(new)
 
-    def _others(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
+    def _other_paths(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
         return {other.name: other.path_from(tick) for other in self.fish if other is not fish}
+
+    def _select(self, which: int | None) -> list[LiveFish]:
+        """Return fish number `which`, from 0, if there is one; None: all fish."""
+        return self.fish if which is None else self.fish[which : which + 1]
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
         """Send fish number `which`, or None for all, to the place nearest to x, y px it can touch.
@@ -116,20 +114,12 @@ class LiveTank:
         near = self.world.tank.into(x, y)
         if np.hypot(near[0] - x, near[1] - y) > self.world.touch_px:
             x, y = near
-        for number in self._fish_numbers(which):
-            self.fish[number].send((float(x), float(y)), drag)
-
-    def _paper_alone(self, what: str, mode: str) -> FinloopError:
-        """Return the error that a mode of the paper cannot do a request."""
-        return FinloopError(
-            f"mode {mode} cannot do {what}",
-            "one fish that is sent to goals, or wanders, as in the paper",
-            "switch to mode matching first",
-        )
+        for fish in self._select(which):
+            fish.send((float(x), float(y)), drag)
 
     def _refuse_in_paper(self, what: str) -> None:
         if self.most_fish is not None:
-            raise self._paper_alone(what, self.mode)
+            raise _paper_error(what, self.mode)
 
     def follow(self, which: int | None, places: Sequence[tuple[float, float]]) -> None:
         """Send fish number `which`, or None for all, along a drawn path.
@@ -142,19 +132,19 @@ class LiveTank:
         world = self.world
         x, y = np.array([world.tank.into(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
-        closed = bool(gap <= world.touch_px and reach > 2 * world.touch_px)
         if reach <= world.touch_px:
             self.send(which, float(x[-1]), float(y[-1]))
             return
+        closed = bool(gap <= world.touch_px and reach > 2 * world.touch_px)
         line = Line("the drawn path", x, y, PX, closed=closed)
         route = lay_path(line, world.tank, world.motion, None).route
-        for number in self._fish_numbers(which):
-            self.fish[number].follow(route)
+        for fish in self._select(which):
+            fish.follow(route)
 
     def drop(self, which: int | None) -> None:
         """Let fish number `which`, or None for all, forget its goal, path or rule, and wander."""
-        for number in self._fish_numbers(which):
-            self.fish[number].send(None)
+        for fish in self._select(which):
+            fish.send(None)
 
     def shoal(self, which: int | None) -> None:
         """Let fish number `which`, or None for all, swim in a group.
@@ -163,8 +153,8 @@ class LiveTank:
         """
         self._refuse_in_paper("company")
         rule = require_rule(self.shoaling)
-        for number in self._fish_numbers(which):
-            self.fish[number].obey(RuleTask(rule))
+        for fish in self._select(which):
+            fish.follow_rule(RuleTask(rule))
 
     def lead(self, which: int | None, leader: int) -> None:
         """Let fish number `which`, or None for all others, follow fish number `leader`, from 0.
@@ -174,28 +164,30 @@ class LiveTank:
         self._refuse_in_paper("a leader")
         if leader >= len(self.fish):
             return
-        followers = [one for one in self._fish_numbers(which) if which is not None or one != leader]
-        for number in followers:
-            if said := contradiction(self.leaders, number + 1, leader + 1):
+        ahead = self.fish[leader]
+        followers = [one for one in self._select(which) if which is not None or one is not ahead]
+        for follower in followers:
+            number = self.fish.index(follower) + 1
+            if problem := contradiction(self.leaders, number, leader + 1):
                 raise FinloopError(
-                    said,
+                    problem,
                     "a leader that follows none of its followers",
                     "choose another leader, or first send this one to a goal or let it wander",
                 )
-        for number in followers:
-            self.fish[number].obey(RuleTask(leader=self.fish[leader].name))
+        for follower in followers:
+            follower.follow_rule(RuleTask(leader=ahead.name))
 
     @property
     def leaders(self) -> dict[int, int]:
         """Return the number of each follower's leader, by number of the follower, both from 1."""
         numbers = {fish.name: number for number, fish in enumerate(self.fish, 1)}
         return {
-            number: numbers[fish.order.leader]
+            number: numbers[fish.rule_task.leader]
             for number, fish in enumerate(self.fish, 1)
-            if fish.order is not None and fish.order.leader in numbers
+            if fish.rule_task is not None and fish.rule_task.leader in numbers
         }
 
-    def weigh(self, weights: tuple[float, float, float]) -> None:
+    def set_zone_weights(self, weights: tuple[float, float, float]) -> None:
         """Set the weights of repulsion, alignment and attraction, for all fish in a group."""
         if self.shoaling is None:
             return
@@ -203,8 +195,8 @@ class LiveTank:
         zones = replace(self.shoaling.zones, **dict(zip(names, weights, strict=True)))
         self.shoaling = replace(self.shoaling, zones=zones)
         for fish in self.fish:
-            if fish.order is not None and fish.order.shoaling is not None:
-                fish.order = RuleTask(self.shoaling)
+            if fish.rule_task is not None and fish.rule_task.shoaling is not None:
+                fish.rule_task = RuleTask(self.shoaling)
 
     def describe_lack(self, mode: str) -> str:
         """Return why the tank cannot switch to a mode now, as a sentence; "" if it can."""
@@ -221,17 +213,15 @@ class LiveTank:
         FinloopError if the mode moves fewer fish. In a mode of the paper, paths and rules are
         dropped.
         """
-        if mode in self.players:
-            most = self.players[mode].most_fish
-            if self.describe_lack(mode):
-                raise self._paper_alone(f"{len(self.fish)} fish", mode)
-            if most is not None:
-                for fish in self.fish:
-                    if fish.path_task is not None or fish.order is not None:
-                        fish.send(None)
-            self.mode = mode
-            for fish in self.fish:
-                fish.switch(mode)
+        if mode not in self.players:
+            return
+        if self.describe_lack(mode):
+            raise _paper_error(f"{len(self.fish)} fish", mode)
+        self.mode = mode
+        for fish in self.fish:
+            if self.most_fish is not None and (fish.path_task or fish.rule_task):
+                fish.send(None)
+            fish.switch(mode)
 
     def back_to(self, tick: int) -> None:
         """Set the tank back to a past tick, to swim on from there; forget what came after."""
@@ -240,10 +230,14 @@ class LiveTank:
         for fish in self.fish:
             fish.back_to(self.tick)
         self.mode = self.fish[0].mode
-        orders = [fish.order.shoaling for fish in self.fish if fish.order is not None]
-        self.shoaling = next((one for one in orders if one is not None), self.shoaling)
+        rules = [fish.rule_task.shoaling for fish in self.fish if fish.rule_task is not None]
+        self.shoaling = next((one for one in rules if one is not None), self.shoaling)
 
-    def _fish_numbers(self, which: int | None) -> range:
-        if which is None:
-            return range(len(self.fish))
-        return range(which, which + 1) if which < len(self.fish) else range(0)
+
+def _paper_error(request: str, mode: str) -> FinloopError:
+    """Return the error that a mode of the paper cannot do a request."""
+    return FinloopError(
+        f"mode {mode} cannot do {request}",
+        "one fish that is sent to goals, or wanders, as in the paper",
+        "switch to mode matching first",
+    )

@@ -12,24 +12,25 @@ as a tracker's clock may run a little faster or slower than the session's.
 
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from finloop.base.arrays import Floats
-from finloop.stimulus.parts import Animals as Settings
-from finloop.stimulus.rules import MOST_DELAY_S, Aim, TankGeometry
-from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, calibration, parse_sightings
+from finloop.stimulus.protocol import MOST_DELAY_S, Animals
+from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, fit_calibration, parse_sightings
 
-Verdict = Literal[
-    "taken", "outside", "clock", "malformed", "late", "rival", "crowd", "unwanted"
-]  # fmt: skip
+PlacePx = tuple[float, float]
+"""A place in the tank's picture: x, y px, y down."""
+Verdict = Literal["taken", "outside", "clock", "malformed", "late", "rival", "crowd", "unwanted"]
 """The verdict on a tracker's message.
 
 taken; outside: taken, and moved into the tank; clock: taken, though the tracker's clock jumped;
 malformed: no message; late: not later than the last; rival: of another tracker, while the first
 one is active; crowd: of more animals than allowed; unwanted: the protocol has no animals."""
-_TAKEN = ("taken", "outside", "clock")
+TAKEN: tuple[Verdict, ...] = ("taken", "outside", "clock")
+"""The verdicts on a sighting that counts, so that its animal is present."""
 
 _JUMP_S = 1.0  # a message earlier or later than others by more is of another clock
 _BINS, _BIN_S = 5, 1.0  # number and duration of the bins of the smallest difference
@@ -40,19 +41,16 @@ _TURN = 0.25  # body lengths that an animal goes before its heading is taken fro
 _SPEED_S = 0.2  # an animal's speed is that of the last so many seconds
 
 
-class Heard(NamedTuple):
-    """The verdict on one sighting of a tracker, or on a message without a valid sighting.
+class TankGeometry(NamedTuple):
+    """The tank as rules need it: its width and height, and the body length of a fish, px.
 
-    id: of the animal; None where the verdict is malformed or unwanted.
+    into: returns the place nearest to x, y (px) where the centre of a fish can be.
     """
 
-    verdict: Verdict
-    id: str | None = None
-
-    @property
-    def is_present(self) -> bool:
-        """Return whether the sighting was taken, so that its animal is present now."""
-        return self.verdict in _TAKEN
+    width: float
+    height: float
+    length_px: float
+    into: Callable[[float, float], PlacePx]
 
 
 class Animal(NamedTuple):
@@ -74,31 +72,27 @@ class LiveAnimals:
     """All live animals, from trackers' messages. FinloopError if the calibration is invalid.
 
     settings: `animals` of the protocol, None where it has none; mm_per_px: mm of the real world per
-    px of the tank's picture, if known.
+    px of the tank's picture, if known; gap_s: time without messages after which an animal is lost.
     """
 
     def __init__(
-        self, settings: Settings | None, tank: TankGeometry, mm_per_px: float | None
+        self, settings: Animals | None, tank: TankGeometry, mm_per_px: float | None
     ) -> None:
-        self._tank, self._settings = tank, settings
-        self.calibration = None if settings is None else calibration(settings, mm_per_px)
+        self._tank = tank
+        self.calibration = None if settings is None else fit_calibration(settings, mm_per_px)
+        self.gap_s = 0.0 if settings is None else settings.gap_s
         self._tracks: dict[str, _AnimalTrack] = {}
 
-    @property
-    def gap_s(self) -> float:
-        """Return the time without messages, s, after which an animal is lost."""
-        return 0.0 if self._settings is None else self._settings.gap_s
-
-    def hear(self, text: str | bytes | None, source: str, arrived_s: float) -> list[Heard]:
+    def receive(self, text: str | bytes | None, source: str, arrived_s: float) -> list[Verdict]:
         """Take a tracker's message; return a verdict per sighting, or one if no sighting is valid.
 
         text: JSON (`finloop.stimulus.tracker`); source: its sender; arrived_s: session time, s.
         """
         if self.calibration is None:
-            return [Heard("unwanted")]
+            return ["unwanted"]
         sightings = parse_sightings(text)
         if sightings is None:
-            return [Heard("malformed")]
+            return ["malformed"]
         return [self._take(one, source, arrived_s) for one in sightings]
 
     def recent_animals(self, now_s: float) -> list[Animal]:
@@ -113,7 +107,7 @@ class LiveAnimals:
         """Return the animals heard of in the last `gap_s` seconds, at their last places, by id."""
         return [one for one in self.recent_animals(now_s) if now_s - one.heard_s <= self.gap_s]
 
-    def past(self, id: str, time_s: float) -> tuple[float, float] | None:
+    def past(self, id: str, time_s: float) -> PlacePx | None:
         """Return where an animal was (x, y px) at a session time, interpolated between sightings.
 
         None before the first sighting, more than 60 s before the last one, and where the animal was
@@ -122,24 +116,24 @@ class LiveAnimals:
         track = self._tracks.get(id)
         return None if track is None else track.past(time_s, self.gap_s)
 
-    def _take(self, one: Sighting, source: str, arrived_s: float) -> Heard:
-        name = str(one.id)
+    def _take(self, sighting: Sighting, source: str, arrived_s: float) -> Verdict:
+        name = str(sighting.id)
         track = self._tracks.get(name)
         if track is None:
-            if not self._room(arrived_s):
-                return Heard("crowd", name)
+            if not self._make_room(arrived_s):
+                return "crowd"
             track = self._tracks[name] = _AnimalTrack(source, self._tank.length_px)
         silence = arrived_s - track.heard_s
         if track.source != source and silence <= self.gap_s:
-            return Heard("rival", name)
-        jumped = track.keep_time(one.t, arrived_s, source)
+            return "rival"
+        jumped = track.keep_time(sighting.t, arrived_s, source)
         if jumped is None:
-            return Heard("late", name)
-        x, y, heading, outside = self._place_in_tank(one)
-        track.add(one.t, (x, y), heading, arrived_s, silence > self.gap_s)
-        return Heard("clock" if jumped else "outside" if outside else "taken", name)
+            return "late"
+        place, heading, outside = self._place_in_tank(sighting)
+        track.add(sighting.t, place, heading, arrived_s, silence > self.gap_s)
+        return "clock" if jumped else "outside" if outside else "taken"
 
-    def _room(self, now_s: float) -> bool:
+    def _make_room(self, now_s: float) -> bool:
         """Return whether one more animal fits; the one lost longest makes room."""
         if len(self._tracks) < MOST_AT_ONCE:
             return True
@@ -149,22 +143,21 @@ class LiveAnimals:
         del self._tracks[name]
         return True
 
-    def _place_in_tank(self, one: Sighting) -> tuple[float, float, float | None, bool]:
-        """Return x, y, heading_rad in the tank, and whether the place had to be moved there.
+    def _place_in_tank(self, sighting: Sighting) -> tuple[PlacePx, float | None, bool]:
+        """Return place and heading (rad) in the tank, and whether the place had to be moved there.
 
         An animal may be nearer to a wall than the middle of a fish can. So only what is outside the
         picture, or a body length away from any place of a fish, is moved.
         """
         assert self.calibration is not None
-        x, y = self.calibration.place(one.x, one.y)
+        x, y = self.calibration.place(sighting.x, sighting.y)
         heading = None
-        if one.heading is not None:
-            heading = self.calibration.heading_rad(one.x, one.y, one.heading)
+        if sighting.heading is not None:
+            heading = self.calibration.heading_rad(sighting.x, sighting.y, sighting.heading)
         within = -0.5 <= x <= self._tank.width - 0.5 and -0.5 <= y <= self._tank.height - 0.5
         near = self._tank.into(x, y)
-        if within and math.hypot(near[0] - x, near[1] - y) <= self._tank.length_px:
-            return x, y, heading, False
-        return *near, heading, True
+        outside = not within or math.hypot(near[0] - x, near[1] - y) > self._tank.length_px
+        return near if outside else (x, y), heading, outside
 
 
 class _AnimalTrack:
@@ -179,7 +172,7 @@ class _AnimalTrack:
         self._bins: deque[tuple[int, float]] = deque(maxlen=_BINS)  # least differences
         self._offset = 0.0  # the session's time less the tracker's
         self._t = -math.inf  # the last of the tracker's times
-        self._back = 0.0  # beginning of its unbroken track, the tracker's time
+        self._begin = 0.0  # beginning of its unbroken track, the tracker's time
         self._refused: float | None = None  # a time of a clock that may have been put back
         self._anchor = (0.0, 0.0)  # where its motion last gave the heading
 
@@ -203,7 +196,7 @@ class _AnimalTrack:
         if other or jumped or not known:
             self._past.shift(self._offset - difference, t)
             self._bins.clear()
-            self.source, self._back = source, t
+            self.source, self._begin = source, t
         number = math.floor(arrived_s / _BIN_S)
         if self._bins and self._bins[-1][0] == number:
             difference = min(difference, self._bins.pop()[1])
@@ -212,11 +205,11 @@ class _AnimalTrack:
         return jumped
 
     def add(
-        self, t: float, place: Aim, heading: float | None, arrived_s: float, back: bool
-    ) -> None:  # fmt: skip
-        """Add a place at a tracker's time. back: whether the animal was lost before."""
-        if back:
-            self.heading, self._anchor, self._back = None, place, t
+        self, t: float, place: PlacePx, heading: float | None, arrived_s: float, was_lost: bool
+    ) -> None:
+        """Add a place at a tracker's time, with the tracker's heading, if it sends one."""
+        if was_lost:
+            self.heading, self._anchor, self._begin = None, place, t
         x, y = place[0] - self._anchor[0], place[1] - self._anchor[1]
         if math.hypot(x, y) >= _TURN * self._length_px:
             self.heading, self._anchor = math.atan2(-y, x), place
@@ -224,9 +217,9 @@ class _AnimalTrack:
             self.heading = heading
         self.place, self.heard_s, self._t = place, arrived_s, t
         self._past.add(t, place)
-        self.speed = self._past.speed(t - _SPEED_S, self._back)
+        self.speed = self._past.speed(t - _SPEED_S, self._begin)
 
-    def past(self, time_s: float, gap_s: float) -> Aim | None:
+    def past(self, time_s: float, gap_s: float) -> PlacePx | None:
         """Return a place, as `LiveAnimals.past` does."""
         if time_s > self._offset + self._t:
             return self.place if time_s - self.heard_s <= gap_s else None
@@ -244,50 +237,50 @@ class _Past:
     def _valid_rows(self) -> Floats:
         return self._rows[self._first : self._end]
 
-    def add(self, t: float, place: Aim) -> None:
+    def add(self, t: float, place: PlacePx) -> None:
         """Add a place, later than all; replace the last one where they come too close together."""
-        own = self._valid_rows
-        if len(own) > 1 and t - own[-2, 0] < 2 * _SPACE_S:
+        rows = self._valid_rows
+        if len(rows) > 1 and t - rows[-2, 0] < 2 * _SPACE_S:
             self._end -= 1
         elif self._end == len(self._rows):
-            self._rows[: _SAMPLES - 1] = own[1 - _SAMPLES :]
+            self._rows[: _SAMPLES - 1] = rows[1 - _SAMPLES :]
             self._first, self._end = 0, _SAMPLES - 1
         self._rows[self._end] = t, *place
         self._end += 1
         self._first = max(self._first, self._end - _SAMPLES)
 
-    def shift(self, by_s: float, before: float) -> None:
-        """Go on by another clock, `by_s` ahead; keep what was before a time of that."""
-        own = self._valid_rows
-        own[:, 0] += by_s
-        self._end = self._first + int(np.searchsorted(own[:, 0], before))
+    def shift(self, by_s: float, end: float) -> None:
+        """Go on by another clock, `by_s` ahead; forget what is at or after a time `end` of that."""
+        rows = self._valid_rows
+        rows[:, 0] += by_s
+        self._end = self._first + int(np.searchsorted(rows[:, 0], end))
 
-    def interpolate(self, t: float, gap_s: float) -> Aim | None:
+    def interpolate(self, t: float, gap_s: float) -> PlacePx | None:
         """Return the place at a time; None before the first, after the last, in a longer gap."""
-        own = self._valid_rows
-        after = int(np.searchsorted(own[:, 0], t - _ALIKE_S))
-        if after == len(own):
+        rows = self._valid_rows
+        after = int(np.searchsorted(rows[:, 0], t - _ALIKE_S))
+        if after == len(rows):
             return None
-        t1, x1, y1 = own[after].tolist()
+        t1, x1, y1 = rows[after].tolist()
         if t1 - t <= _ALIKE_S:
             return x1, y1
         if after == 0:
             return None
-        t0, x0, y0 = own[after - 1].tolist()
+        t0, x0, y0 = rows[after - 1].tolist()
         if t1 - t0 > gap_s:
             return None
         share = (t - t0) / (t1 - t0)
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
 
-    def speed(self, since: float, whole: float) -> float:
+    def speed(self, since: float, begin: float) -> float:
         """Return px/s from the first place since a time (at most the last but one) to the last.
 
-        whole: beginning of the unbroken track. 0 where there is no other place.
+        begin: of the unbroken track. 0 where there is no other place.
         """
-        own = self._valid_rows
-        first, least = np.searchsorted(own[:, 0], [since - _ALIKE_S, whole]).tolist()
-        first = max(min(first, len(own) - 2), least)
-        if first >= len(own) - 1:
+        rows = self._valid_rows
+        first, least = np.searchsorted(rows[:, 0], [since - _ALIKE_S, begin]).tolist()
+        first = max(min(first, len(rows) - 2), least)
+        if first >= len(rows) - 1:
             return 0.0
-        t, x, y = (own[-1] - own[first]).tolist()
+        t, x, y = (rows[-1] - rows[first]).tolist()
         return math.hypot(x, y) / t if t > 0 else 0.0

@@ -3,60 +3,60 @@
 import asyncio
 import contextlib
 import json
-import math
+from collections import deque
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
-from finloop.live.message import Message
+from finloop.live.message import StrictModel
+from finloop.live.web import GONE, cancel_task, receive_messages
 from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
-from finloop.stimulus.listing import demands
-from finloop.stimulus.numbers import percentiles
-from finloop.stimulus.serve import cancel_task
+from finloop.stimulus.listing import requirements
 from finloop.stimulus.session import Session
 
 _EVERY_S = 0.1
 
 
-class Button(Message):
+class Button(StrictModel):
     """A request to start, to stop after this trial, to abort now, or to skip this trial."""
 
     do: Literal["start", "stop", "abort", "skip"]
 
 
-class Note(Message):
+class Note(StrictModel):
     """A request to write a text of the experimenter into the log."""
 
     do: Literal["note"]
     text: Annotated[str, Field(min_length=1, max_length=2000)]
 
 
-class DeskKeyPress(Message):
+class DeskKeyPress(StrictModel):
     """A message that a key was pressed on the experimenter's page."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-_ASKED: TypeAdapter[Any] = TypeAdapter(
+_REQUEST: TypeAdapter[Button | Note | DeskKeyPress] = TypeAdapter(
     Annotated[Button | Note | DeskKeyPress, Field(discriminator="do")]
 )
 
 
-def handle_request(session: Session, text: str | None) -> bool:
+def handle_request(session: Session, text: str | bytes | None) -> bool:
     """Carry out a request of the experimenter's page, a JSON text; return whether it was valid."""
     try:
-        asked = _ASKED.validate_json(text or "")
+        request = _REQUEST.validate_json(text or "")
     except (ValidationError, UnicodeError):
         return False
-    match asked:
+    match request:
         case Button():
-            getattr(session, asked.do)()
+            getattr(session, request.do)()
         case Note():
-            session.note(asked.text)
+            session.note("note", text=request.text)
         case DeskKeyPress():
-            session.key(asked.key)
+            session.press_key(request.key)
     return True
 
 
@@ -65,27 +65,35 @@ def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
 
     whole: whether to add what never changes in a session.
     """
-    numbers, now = session.numbers, session.clock.read_time()
+    counts, now = session.counts, session.clock.read_time()
     waits = session.plan.start_key or session.plan.start_message
+    shown = () if session.shown is None else session.shown[session.shown[:, PICTURE] >= 0]
     status: dict[str, Any] = {
-        "phase": session.phase, "now": round(now, 2), "trial": session.at,
-        "left_s": session.left_s(now), "done": session.done, "start": waits or "auto",
+        "phase": session.phase, "now": round(now, 2), "trial": session.trial_index,
+        "left_s": session.remaining_s(now), "done": session.done, "start": waits or "auto",
         "display": session.display, "displays": session.displays, "stopping": session.stopping,
-        "frames": numbers.frames, "dropped": numbers.dropped, "late": numbers.late,
+        "frames": counts.frames, "dropped": counts.dropped, "late": counts.late,
         "latency": {
-            name: None if math.isnan((pair := percentiles(values))[0])
-            else [round(part, 2) for part in pair]
-            for name, values in (
-                ("planned_ms", numbers.planned), ("drawn_ms", numbers.drawn),
-                ("tick_ms", numbers.ticks),
-            )
+            name: _percentiles(getattr(counts, name))
+            for name in ("planned_ms", "drawn_ms", "tick_ms")
         },
-        "fish": _fish(session), "animals": _animals(session, now), "heard": dict(numbers.heard),
-        "messages": list(session.messages),
+        "fish": [
+            [round(float(value), 2) for value in fish[[X, Y, HEADING, SIZE, ALPHA]]]
+            for fish in shown
+        ],
+        "animals": [
+            [
+                one.id, round(one.x, 1), round(one.y, 1),
+                None if one.heading_rad is None else round(one.heading_rad, 2),
+                round(now - one.heard_s, 2),
+            ]
+            for one in session.animals.recent_animals(now)
+        ],
+        "heard": dict(counts.verdicts), "messages": list(session.messages),
     }  # fmt: skip
     if whole:
         status |= {
-            "demands": list(demands(session.plan)),
+            "demands": list(requirements(session.plan)),
             "calibrated": session.plan.display.calibrated, "gap_s": session.animals.gap_s,
             "mm_per_px": session.scene.mm_per_px, "protocol": session.plan.name,
             "seed": session.plan.seed, "file": session.name,
@@ -96,47 +104,28 @@ def session_status(session: Session, whole: bool = True) -> dict[str, Any]:
     return status
 
 
-def _fish(session: Session) -> list[list[float]]:
-    if session.shown is None:
-        return []
-    seen = session.shown[session.shown[:, PICTURE] >= 0]
-    return [
-        [round(float(part), 2) for part in row] for row in seen[:, [X, Y, HEADING, SIZE, ALPHA]]
-    ]
+def _percentiles(values: deque[float]) -> list[float] | None:
+    """Return the median and the 99th percentile of values, rounded; None if there are none."""
+    if not values:
+        return None
+    return [round(float(one), 2) for one in np.percentile(np.array(values), [50, 99])]
 
 
-def _animals(session: Session, now: float) -> list[list[Any]]:
-    return [
-        [
-            one.id,
-            round(one.x, 1),
-            round(one.y, 1),
-            None if one.heading_rad is None else round(one.heading_rad, 2),
-            round(now - one.heard_s, 2),
-        ]
-        for one in session.animals.recent_animals(now)
-    ]
-
-
-async def attend(session: Session, connection: WebSocket) -> None:
+async def serve_experimenter(session: Session, connection: WebSocket) -> None:
     """Serve an experimenter's page until it disconnects: take requests, send the status."""
-    tells = asyncio.create_task(_tell(session, connection))
+
+    async def send_status() -> None:
+        with contextlib.suppress(*GONE):
+            whole = True
+            while True:
+                await connection.send_text(json.dumps(session_status(session, whole)))
+                whole = False
+                await asyncio.sleep(_EVERY_S)
+
+    sending = asyncio.create_task(send_status())
     try:
-        while True:
-            content = await connection.receive()
-            if content["type"] == "websocket.disconnect":
-                break
-            if not handle_request(session, content.get("text")):
-                session.numbers.bad += 1
-            await asyncio.sleep(0)
+        async for text in receive_messages(connection):
+            if not handle_request(session, text):
+                session.counts.bad += 1
     finally:
-        await cancel_task(tells)
-
-
-async def _tell(session: Session, connection: WebSocket) -> None:
-    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
-        whole = True
-        while True:
-            await connection.send_text(json.dumps(session_status(session, whole)))
-            whole = False
-            await asyncio.sleep(_EVERY_S)
+        await cancel_task(sending)

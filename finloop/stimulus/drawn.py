@@ -27,16 +27,15 @@ States = NDArray[np.float32]
 """States (…, F) of fish, or (ticks, fish, F) of a motion."""
 
 
-def drawn_of(rows: Sequence[Any], bodies: Bodies) -> States:
+def drawn_states(rows: Sequence[Any], bodies: Bodies) -> States:
     """Return the states (fish, F) of one tick's rows, from an edit list or the live tank.
 
     A picture that is drawn as filmed has the film's own posture; two that are cross-faded have a
     mixed one, too. So both have the shape of the visible fish.
     """
-    body = _bodies(rows, bodies, "", [row.source for row in rows])
     mixed = np.array([row.weight > 0 for row in rows], bool)
-    others = [row.partner if fades else row.source for row, fades in zip(rows, mixed, strict=True)]
-    partner = _bodies(rows, bodies, "partner_", others, mixed)
+    body = _picture_bodies(rows, bodies, np.zeros_like(mixed))
+    partner = _picture_bodies(rows, bodies, mixed)
     weight = np.where(mixed, [row.weight for row in rows], 0.0)
     codes, other = bodies.codes(body), bodies.codes(partner)
     codes = codes + weight[:, None] * (other - codes)
@@ -57,21 +56,23 @@ def drawn_of(rows: Sequence[Any], bodies: Bodies) -> States:
     return states
 
 
-def _bodies(
-    rows: Sequence[Any], bodies: Bodies, side: str, numbers: list[int], of: Any = True
-) -> Body:
-    """Return the bodies of the pictures of all rows, or of their partners where `of` is true."""
-    which = np.broadcast_to(of, len(rows))
-    at = [side if mixed else "" for mixed in which]
+def _picture_bodies(rows: Sequence[Any], bodies: Bodies, of_partner: NDArray[np.bool_]) -> Body:
+    """Return the bodies in the rows' pictures, in their partners' where `of_partner` is true."""
 
-    def column(name: str) -> list[Any]:
-        return [getattr(row, part + name) for row, part in zip(rows, at, strict=True)]
+    def column(name: str, partner: str) -> list[Any]:
+        names = [partner if chosen else name for chosen in of_partner]
+        return [getattr(row, name) for row, name in zip(rows, names, strict=True)]
 
-    frame = np.array([kind == FRAME for kind in column("kind")], bool)
-    turn = np.array(column("rotation_deg"), float)
+    kinds, orientations = (
+        column("kind", "partner_kind"),
+        column("orientation", "partner_orientation"),
+    )
+    frame = np.array([kind == FRAME for kind in kinds], bool)
     line = [
         0.0 if still else float(bodies.line_deg(int(orientation), 0.0))
-        for orientation, still in zip(column("orientation"), frame, strict=True)
+        for orientation, still in zip(orientations, frame, strict=True)
     ]
-    mirrored = np.array(column("mirrored"), bool)
-    return bodies.picture_bodies(frame, np.array(numbers, np.intp), turn + np.array(line), mirrored)
+    turn = np.array(column("rotation_deg", "partner_rotation_deg"), float) + np.array(line)
+    numbers = np.array(column("source", "partner"), np.intp)
+    mirrored = np.array(column("mirrored", "partner_mirrored"), bool)
+    return bodies.picture_bodies(frame, numbers, turn, mirrored)

@@ -25,65 +25,44 @@ _TAGS = frozenset(b"ifdhs")  # types of arguments; the library logs others that 
 _BUNDLE = b"#bundle\0"
 _HEAD = len(_BUNDLE) + 8  # bytes of a bundle before its parts: the mark, a time
 
-Hear = Callable[[str | None, str], None]
+Receive = Callable[[str | None, str], None]
 """Takes a text, None if it is invalid, and its sender."""
 
 
-def guard_input(hear: Hear, fail: Callable[[BaseException], None]) -> Hear:
-    """Return `hear` with its errors passed to `fail`; asyncio would end the input silently."""
+async def receive_datagrams(
+    sock: socket.socket, kind: str, receive: Receive, token: str | None
+) -> None:
+    """Pass the messages that arrive at a bound UDP socket on until cancelled; raise its errors.
 
-    def heard(text: str | None, source: str) -> None:
-        try:
-            hear(text, source)
-        except Exception as error:
-            fail(error)
-
-    return heard
-
-
-async def open_udp(sock: socket.socket, hear: Hear, token: str | None) -> asyncio.BaseTransport:
-    """Pass JSON texts that arrive at a bound UDP socket to `hear`; closing the transport ends it.
-
-    token: what each message must show; None: nothing.
+    kind: "udp" for JSON texts, "osc" for OSC; token: what each message must show; None: nothing.
     """
-    return await _open(sock, lambda content: [json_of(content, token)], "udp", hear)
+    failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
+    class Datagrams(asyncio.DatagramProtocol):
+        def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
+            texts = parse_osc(data, token) if kind == "osc" else [parse_json(data, token)]
+            try:
+                for text in texts:
+                    receive(text, f"{kind}://{addr[0]}:{addr[1]}")
+            except Exception as error:  # asyncio would only log it
+                if not failed.done():
+                    failed.set_exception(error)
 
-async def open_osc(sock: socket.socket, hear: Hear, token: str | None) -> asyncio.BaseTransport:
-    """Pass OSC messages at a bound UDP socket to `hear` as JSON; closing the transport ends it.
-
-    token: what each message must show; None: nothing.
-    """
-    return await _open(sock, lambda content: osc_of(content, token), "osc", hear)
-
-
-async def _open(
-    sock: socket.socket, texts: Callable[[bytes], list[str | None]], name: str, hear: Hear
-) -> asyncio.BaseTransport:
     sock.setblocking(False)
     loop = asyncio.get_running_loop()
-    made = await loop.create_datagram_endpoint(lambda: _Datagrams(texts, name, hear), sock=sock)
-    return made[0]
+    transport, _ = await loop.create_datagram_endpoint(Datagrams, sock=sock)
+    try:
+        await failed
+    finally:
+        transport.close()
 
 
-class _Datagrams(asyncio.DatagramProtocol):
-    def __init__(
-        self, texts: Callable[[bytes], list[str | None]], name: str, hear: Hear
-    ) -> None:  # fmt: skip
-        self._texts, self._name, self._hear = texts, name, hear
-
-    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-        source = f"{self._name}://{addr[0]}:{addr[1]}"
-        for text in self._texts(data):
-            self._hear(text, source)
-
-
-def json_of(content: bytes | str, token: str | None) -> str | None:
+def parse_json(content: bytes, token: str | None) -> str | None:
     """Return the JSON text of a datagram without its token; None if it or the token is invalid."""
     if len(content) > LONGEST:
         return None
     try:
-        text = content if isinstance(content, str) else content.decode()
+        text = content.decode()
         if token is None:
             return text
         message = json.loads(text)
@@ -91,29 +70,29 @@ def json_of(content: bytes | str, token: str | None) -> str | None:
         if not items or not all(isinstance(item, dict) for item in items):
             return None
         tokens = [item.pop("token", None) for item in items]
-        return json.dumps(message) if _same(tokens[0], token) else None
+        return json.dumps(message) if _is_token(tokens[0], token) else None
     except (ValueError, RecursionError):
         return None
 
 
-def _same(claim: Any, token: str) -> bool:
+def _is_token(claim: Any, token: str) -> bool:
     """Return whether a claim is the token, in constant time."""
     text = claim if isinstance(claim, str) else ""
     return hmac.compare_digest(text.encode(), token.encode())
 
 
-def osc_of(content: bytes, token: str | None) -> list[str | None]:
+def parse_osc(content: bytes, token: str | None) -> list[str | None]:
     """Return the JSON texts of an OSC packet, one a message, None for an invalid one.
 
     An invalid packet gives [None]. token: what each message must show; None: nothing.
     """
-    parts = [content] if not content.startswith(_BUNDLE) else list(_parts(content))
+    parts = [content] if not content.startswith(_BUNDLE) else list(_split_bundle(content))
     if len(content) > LONGEST or not 0 < len(parts) <= MOST_AT_ONCE:
         return [None]
-    return [_text(part, token) for part in parts]
+    return [_parse_osc_message(part, token) for part in parts]
 
 
-def _parts(bundle: bytes) -> Iterator[bytes]:
+def _split_bundle(bundle: bytes) -> Iterator[bytes]:
     """Yield the parts of a bundle, each preceded by its length.
 
     The library would log each part that it does not know, and descend into bundles of bundles.
@@ -125,7 +104,7 @@ def _parts(bundle: bytes) -> Iterator[bytes]:
         yield bundle[begin:at]
 
 
-def _text(part: bytes, token: str | None) -> str | None:
+def _parse_osc_message(part: bytes, token: str | None) -> str | None:
     tags = part[len(ADDRESS) : part.find(b"\0", len(ADDRESS))]
     if not part.startswith(ADDRESS) or tags[:1] != b"," or not set(tags[1:]) <= _TAGS:
         return None
@@ -133,7 +112,7 @@ def _text(part: bytes, token: str | None) -> str | None:
         arguments = list(OscMessage(part).params)
     except (ParseError, ValueError):
         return None
-    if token is not None and not (arguments and _same(arguments.pop(0), token)):
+    if token is not None and not (arguments and _is_token(arguments.pop(0), token)):
         return None
     if len(arguments) == 1 and isinstance(arguments[0], str):
         return arguments[0]

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from finloop.stimulus.order import Trial, source
-from finloop.stimulus.parts import Change, Look, Motion
-from finloop.stimulus.protocol import Protocol
+from finloop.stimulus.order import Trial, source_trial
+from finloop.stimulus.protocol import Condition, Protocol
 
 _ORDERS = {"given": "in the order given", "shuffled": "shuffled", "blocks": "in blocks"}
 _KEYS = {" ": "space bar", "Enter": "enter key"}
@@ -12,21 +11,21 @@ _TEXT = ("condition", "motion", "look", "change")
 """Columns of words, aligned to the left."""
 
 
-def listing(protocol: Protocol, order: tuple[Trial, ...]) -> str:
+def list_trials(protocol: Protocol, trials: tuple[Trial, ...]) -> str:
     """Return a text that lists a protocol's duration, requirements, conditions and trials."""
-    seconds = sum(trial.seconds for trial in order) + protocol.pause_s * (len(order) - 1)
+    seconds = sum(trial.seconds for trial in trials) + protocol.pause_s * (len(trials) - 1)
     waits = "" if protocol.start == "auto" else " and the waits for a start"
     return "\n".join([
-        f"{protocol.name}: {len(order)} trials, {_ORDERS[protocol.order]}; seed {protocol.seed}",
+        f"{protocol.name}: {len(trials)} trials, {_ORDERS[protocol.order]}; seed {protocol.seed}",
         f"{protocol.fish} fish, animated by mode matching",
-        f"takes {_clock(seconds)}{waits}",
-        "", *(f"required: {what}" for what in demands(protocol)),
-        "", *_conditions(protocol), *_twins(protocol),
-        "", *_trials(protocol, order),
+        f"takes {_clock_time(seconds)}{waits}",
+        "", *(f"required: {what}" for what in requirements(protocol)),
+        "", *_condition_lines(protocol),
+        "", *_trial_lines(protocol, trials),
     ])  # fmt: skip
 
 
-def demands(protocol: Protocol) -> Iterator[str]:
+def requirements(protocol: Protocol) -> Iterator[str]:
     """Yield a phrase for each requirement of a start: display, tracker, key, message, receivers."""
     display, animals = protocol.display, protocol.animals
     yield "a calibrated display" if display.calibrated else "any display, calibrated or not"
@@ -44,73 +43,61 @@ def demands(protocol: Protocol) -> Iterator[str]:
         yield f"a receiver of the trigger at the {trigger.at} of each trial: {trigger.to}"
 
 
-def _conditions(protocol: Protocol) -> Iterator[str]:
-    return _table(
-        ("condition", "seconds", "motion", "look", "change"),
-        [
-            (name, f"{one.seconds:g}", _motion(one.motion), _look(one.look), _change(one.change))
-            for name, one in protocol.conditions.items()
-        ],
-    )
-
-
-def _twins(protocol: Protocol) -> Iterator[str]:
-    groups: dict[str, list[str]] = {}
+def _condition_lines(protocol: Protocol) -> Iterator[str]:
+    """Yield a table of the conditions, and which of them show the very same motion."""
+    rows, groups = [], dict[str, list[str]]()
     for name, condition in protocol.conditions.items():
+        rows.append((name, f"{condition.seconds:g}", *_describe_condition(condition)))
         if condition.motion.kind not in ("rule", "again"):
             groups.setdefault(condition.motion.text, []).append(name)
+    yield from _table(("condition", "seconds", "motion", "look", "change"), rows)
     for names in groups.values():
         if len(names) > 1:
             yield f"the very same motion in each repeat: {', '.join(names)}"
 
 
-def _trials(protocol: Protocol, order: tuple[Trial, ...]) -> Iterator[str]:
-    begin, rows = 0.0, []
-    for trial in order:
-        of = source(protocol, order, trial)
-        seed = str(trial.seed) if of is None else f"as trial {of.number}"
-        seconds = f"{trial.seconds:g}"
-        numbers = str(trial.number), _clock(begin), str(trial.block), str(trial.repeat)
-        rows.append((*numbers, trial.condition, seconds, seed))
-        begin += trial.seconds + protocol.pause_s
-    when = "from" if protocol.start == "auto" else "from, at the earliest"
-    return _table(("trial", when, "block", "repeat", "condition", "seconds", "seed"), rows)
-
-
-def _motion(motion: Motion) -> str:
+def _describe_condition(condition: Condition) -> tuple[str, str, str]:
+    """Return a condition's motion, look and change in words."""
+    motion, look, change = condition.motion, condition.look, condition.change
     match motion.kind:
         case "goal" | "goals":
             places = motion.goals or [motion.goal or ()]
             first = [f"({', '.join(f'{part:g}' for part in place)})" for place in places[:3]]
-            return "to " + ", ".join(first) + f" and {len(places) - 3} more" * (len(places) > 3)
+            moves = "to " + ", ".join(first) + f" and {len(places) - 3} more" * (len(places) > 3)
         case "path":
-            return f"along {motion.path}"
+            moves = f"along {motion.path}"
         case "again":
-            return f"that of {motion.again} again"
+            moves = f"that of {motion.again} again"
         case "company":
-            return "in a group"
+            moves = "in a group"
         case "wander":
-            return "wanders"
-    assert motion.rule is not None
-    values = motion.rule.model_dump(mode="json", exclude_defaults=True)
-    more = [f"{key} {value}" for key, value in values.items() if key != "rule"]
-    return ", ".join([str(motion.rule.rule), *more])
+            moves = "wanders"
+        case _:
+            assert motion.rule is not None
+            values = motion.rule.model_dump(mode="json", exclude_defaults=True)
+            more = [f"{key} {value}" for key, value in values.items() if key != "rule"]
+            moves = ", ".join([str(motion.rule.rule), *more])
+    looks: list[str] = [look.shape]
+    looks += [f"contrast {look.contrast:g}"] * (look.contrast != 1)
+    looks += [f"size {look.size:g}"] * (look.size != 1)
+    looks += [f"colour {'-'.join(map(str, look.colour or ()))}"] * (look.colour is not None)
+    changes: list[str] = []
+    if change is not None:
+        changes += ["still"] * change.still + ["reversed"] * change.reversed
+        changes += [f"{change.speed:g} times as fast"] * (change.speed != 1)
+    return moves, ", ".join(looks), ", ".join(changes) or "none"
 
 
-def _look(look: Look) -> str:
-    words: list[str] = [look.shape]
-    words += [f"contrast {look.contrast:g}"] * (look.contrast != 1)
-    words += [f"size {look.size:g}"] * (look.size != 1)
-    words += [f"colour {'-'.join(map(str, look.colour or ()))}"] * (look.colour is not None)
-    return ", ".join(words)
-
-
-def _change(change: Change | None) -> str:
-    if change is None:
-        return "none"
-    words = ["still"] * change.still + ["reversed"] * change.reversed
-    words += [f"{change.speed:g} times as fast"] * (change.speed != 1)
-    return ", ".join(words) or "none"
+def _trial_lines(protocol: Protocol, trials: tuple[Trial, ...]) -> Iterator[str]:
+    begin, rows = 0.0, []
+    for trial in trials:
+        source = source_trial(protocol, trials, trial)
+        seed = str(trial.seed) if source is None else f"as trial {source.number}"
+        numbers = str(trial.number), _clock_time(begin), str(trial.block), str(trial.repeat)
+        rows.append((*numbers, trial.condition, f"{trial.seconds:g}", seed))
+        begin += trial.seconds + protocol.pause_s
+    when = "from" if protocol.start == "auto" else "from, at the earliest"
+    yield from _table(("trial", when, "block", "repeat", "condition", "seconds", "seed"), rows)
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
@@ -124,7 +111,6 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
         yield "  ".join(cells).rstrip()
 
 
-def _clock(seconds: float) -> str:
+def _clock_time(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}"
+    return f"{minutes // 60}:{minutes % 60:02}:{rest:02}"

@@ -22,12 +22,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.io.journal import Journal
-from finloop.stimulus.drawn import FIELDS
+from finloop.stimulus.drawn import FIELDS, States
 from finloop.stimulus.tracker import LONGEST
 
 FORMAT = 1
@@ -49,7 +48,6 @@ SESSION = Schema(
     Column("posture", "float32", "1", nullable=True, length=ANY),
     *columns("string", "1", "source", "text", "verdict", nullable=True),
 )
-_MOST_TEXT = LONGEST  # characters that are kept of an input: all of a valid one
 
 
 class Log:
@@ -62,7 +60,7 @@ class Log:
     def __init__(self, path: Path, header: dict[str, Any]) -> None:
         self._journal = Journal(path, SESSION, json.dumps(header))
         self._entries: list[dict[str, Any]] = []
-        self._frames: list[tuple[int, NDArray[np.float64], NDArray[np.float32]]] = []
+        self._frames: list[tuple[int | None, Floats, States]] = []
         self._lock, self._keeping = threading.Lock(), threading.Lock()
         self.trial: int | None = None
 
@@ -80,15 +78,15 @@ class Log:
 
     def input(self, time_s: float, source: str, text: str, verdict: str) -> None:
         """Add a tracker's message: its arrival (session time, s), sender, text and verdict."""
-        self.entry("input", time_s, source=source, text=text[:_MOST_TEXT], verdict=verdict)
+        self.entry("input", time_s, source=source, text=text[:LONGEST], verdict=verdict)
 
-    def frame(self, facts: NDArray[np.float64], drawn: NDArray[np.float32]) -> None:
+    def frame(self, facts: Floats, drawn: States) -> None:
         """Add a displayed frame: its FRAME_FIELDS numbers, and the states (fish, F) of its fish.
 
         facts: number, intended, shown, drawn (s), seq, dropped, count of fish, digest.
         """
         with self._lock:
-            self._frames.append((-1 if self.trial is None else self.trial, facts, drawn))
+            self._frames.append((self.trial, facts, drawn))
 
     def keep(self) -> None:
         """Write all new entries to the disk; call it in a thread, as a disk may be slow."""
@@ -110,53 +108,49 @@ class Log:
         self.keep()
         self._journal.close()
 
-    def _frame_rows(self, frames: list[Any]) -> pa.RecordBatch:
-        facts = np.stack([facts for _, facts, _ in frames])
-        number, intended, shown, drawn, seq, dropped, _, digest = facts.T
+    def _frame_rows(self, frames: list[tuple[int | None, Floats, States]]) -> pa.RecordBatch:
+        number, intended, shown, drawn, seq, dropped, _, digest = np.stack(
+            [facts for _, facts, _ in frames]
+        ).T
         return self._batch(
-            len(facts), kind="frame", trial=_trials(frames), time_s=shown, number=number,
-            intended_s=intended, drawn_s=drawn, seq=seq, dropped=dropped, digest=digest,
+            len(frames), kind="frame", trial=[trial for trial, _, _ in frames], time_s=shown,
+            number=number, intended_s=intended, drawn_s=drawn, seq=seq, dropped=dropped,
+            digest=digest,
         )  # fmt: skip
 
-    def _fish_rows(self, frames: list[Any]) -> list[pa.RecordBatch]:
+    def _fish_rows(self, frames: list[tuple[int | None, Floats, States]]) -> list[pa.RecordBatch]:
         counts = [len(drawn) for _, _, drawn in frames]
         if not sum(counts):
             return []
         facts = np.stack([facts for _, facts, _ in frames]).repeat(counts, axis=0)
         drawn = np.concatenate([drawn for _, _, drawn in frames if len(drawn)])
-        trials = [trial for trial, count in zip(_trials(frames), counts, strict=True)
-                  for _ in range(count)]  # fmt: skip
         posture = drawn[:, len(FIELDS) :]
         start = np.arange(len(drawn) + 1, dtype=np.int32) * posture.shape[1]
         return [self._batch(
-            len(drawn), kind="fish", trial=trials, time_s=facts[:, 2], number=facts[:, 0],
+            len(drawn), kind="fish", time_s=facts[:, 2], number=facts[:, 0],
+            trial=[trial for trial, _, drawn in frames for _ in drawn],
             fish=np.concatenate([np.arange(count) for count in counts]),
             posture=pa.ListArray.from_arrays(start, posture.ravel()),
             **dict(zip(FIELDS, drawn.T, strict=False)),
         )]  # fmt: skip
 
     def _batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
-        schema, given = self._journal.schema, {"kind": [kind] * rows, **values}
-        return pa.RecordBatch.from_arrays(
-            [_array(given.get(field.name), field.type, rows) for field in schema], schema=schema
-        )
+        """Return a record batch of rows of one kind; columns without values are empty."""
+        schema, arrays = self._journal.schema, []
+        for field in schema:
+            column = {"kind": [kind] * rows, **values}.get(field.name)
+            if isinstance(column, np.ndarray):
+                column = pa.array(np.ascontiguousarray(column))
+            if column is None:
+                arrays.append(pa.nulls(rows, field.type))
+            elif isinstance(column, pa.Array):
+                arrays.append(column.cast(field.type))
+            else:
+                arrays.append(pa.array(column, field.type))
+        return pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
-def _trials(frames: list[Any]) -> list[int | None]:
-    return [None if trial < 0 else trial for trial, _, _ in frames]
-
-
-def _array(values: Any, kind: pa.DataType, rows: int) -> pa.Array:
-    if values is None:
-        return pa.nulls(rows, kind)
-    if isinstance(values, pa.Array):
-        return values.cast(kind)
-    if isinstance(values, np.ndarray):
-        return pa.array(np.ascontiguousarray(values)).cast(kind)
-    return pa.array(values, kind)
-
-
-def frames_of(message: bytes, width: int) -> list[tuple[Floats, NDArray[np.float32]]]:
+def parse_frames(message: bytes, width: int) -> list[tuple[Floats, States]]:
     """Return the displayed frames in a page's message: FRAME_FIELDS facts, states (fish, width).
 
     width: values of a fish's state. ValueError where the message holds no such records.
@@ -176,7 +170,7 @@ def frames_of(message: bytes, width: int) -> list[tuple[Floats, NDArray[np.float
     return frames
 
 
-def digest_of(states: NDArray[np.float32]) -> int:
+def digest_states(states: States) -> int:
     """Return a digest of states of fish, a whole number of 62 bits."""
-    whole = hashlib.blake2b(np.ascontiguousarray(states, "<f4").tobytes(), digest_size=8)
-    return int.from_bytes(whole.digest(), "little") >> 2
+    digest = hashlib.blake2b(np.ascontiguousarray(states, "<f4").tobytes(), digest_size=8)
+    return int.from_bytes(digest.digest(), "little") >> 2

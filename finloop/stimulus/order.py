@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 from numpy.random import PCG64
 
-from finloop.stimulus.parts import Trigger
-from finloop.stimulus.protocol import Protocol, motion_seed
+from finloop.stimulus.protocol import Protocol, Trigger, motion_seed
 
 Node = tuple[str, int]
 """A condition, and the number of its repeat from 0."""
@@ -39,23 +38,23 @@ class Trial(NamedTuple):
 
 def trials(protocol: Protocol) -> tuple[Trial, ...]:
     """Return all trials of a protocol in the order in which they are shown."""
-    names, draws = list(protocol.conditions), _Draws(protocol.seed)
+    names, bits = list(protocol.conditions), PCG64(protocol.seed)
     if protocol.order == "given":
         order = names * protocol.repeats
     elif protocol.order == "shuffled":
-        order = [name for name, _ in _draw_order(_predecessors(protocol, protocol.repeats), draws)]
+        order = [name for name, _ in _draw_order(_predecessors(protocol, protocol.repeats), bits)]
     else:
-        order = list(_blocks(protocol, draws))
+        order = list(_draw_blocks(protocol, bits))
     size = len(order) if protocol.order == "shuffled" else len(names)
-    repeats, made = dict.fromkeys(names, 0), []
+    repeats, listed = dict.fromkeys(names, 0), []
     for number, name in enumerate(order):
         repeats[name] = repeat = repeats[name] + 1
         seconds, seed = protocol.conditions[name].seconds, motion_seed(protocol, name, repeat)
-        made.append(Trial(number + 1, number // size + 1, repeat, name, seconds, seed))
-    return tuple(made)
+        listed.append(Trial(number + 1, number // size + 1, repeat, name, seconds, seed))
+    return tuple(listed)
 
 
-def source(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
+def source_trial(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
     """Return the trial whose motion a trial repeats, the latest before it; None if there is none.
 
     order: all trials, none of them skipped.
@@ -73,31 +72,24 @@ def trigger_text(trigger: Trigger, trial: Trial) -> str:
     )  # fmt: skip
 
 
-class _Draws:
-    """Draws whole numbers from a seed. PCG64's bits are the same in every version of NumPy."""
-
-    def __init__(self, seed: int) -> None:
-        self._bits = PCG64(seed)
-
-    def below(self, most: int) -> int:
-        """Draw one of 0..most - 1, all equally likely."""
-        while (bits := int(self._bits.random_raw())) >= _WORD - _WORD % most:
-            pass
-        return bits % most
+def _draw_below(bits: PCG64, most: int) -> int:
+    """Draw one of 0..most - 1, all equally likely; the same in every version of NumPy."""
+    while (drawn := int(bits.random_raw())) >= _WORD - _WORD % most:
+        pass
+    return drawn % most
 
 
 def _predecessors(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
     """Return for every trial the one that must come before it, if any."""
-    return {
-        (name, repeat): (name, repeat - 1) if repeat else (again, 0) if again else None
-        for name, again in (
-            (name, condition.motion.again) for name, condition in protocol.conditions.items()
-        )
-        for repeat in range(repeats)
-    }
+    before: dict[Node, Node | None] = {}
+    for name, condition in protocol.conditions.items():
+        again = condition.motion.again
+        before[name, 0] = (again, 0) if again else None
+        before |= {(name, repeat): (name, repeat - 1) for repeat in range(1, repeats)}
+    return before
 
 
-def _draw_order(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
+def _draw_order(before: dict[Node, Node | None], bits: PCG64) -> list[Node]:
     """Draw a random order of all nodes of a forest, each after its predecessor."""
     after: dict[Node | None, list[Node]] = {}
     for node, parent in before.items():
@@ -110,7 +102,7 @@ def _draw_order(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
         sizes[node] = 1 + sum(sizes[one] for one in after.get(node, []))
     free, order = list(after.get(None, [])), list[Node]()
     while free:
-        at, chance = 0, draws.below(sum(sizes[node] for node in free))
+        at, chance = 0, _draw_below(bits, sum(sizes[node] for node in free))
         while chance >= sizes[free[at]]:
             chance -= sizes[free[at]]
             at += 1
@@ -119,15 +111,15 @@ def _draw_order(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
     return order
 
 
-def _blocks(protocol: Protocol, draws: _Draws) -> Iterator[str]:
+def _draw_blocks(protocol: Protocol, bits: PCG64) -> Iterator[str]:
     """Yield block after block; only in the first one a yoked condition must wait for its source."""
-    block = [name for name, _ in _draw_order(_predecessors(protocol, 1), draws)]
+    block = [name for name, _ in _draw_order(_predecessors(protocol, 1), bits)]
     yield from block
     for _ in range(protocol.repeats - 1):
         rest, last = list(protocol.conditions), block[-1]
         others = [name for name in rest if name != last] or rest
-        block = [others[draws.below(len(others))]]
+        block = [others[_draw_below(bits, len(others))]]
         rest.remove(block[0])
         while rest:
-            block.append(rest.pop(draws.below(len(rest))))
+            block.append(rest.pop(_draw_below(bits, len(rest))))
         yield from block

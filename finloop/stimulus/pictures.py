@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Picture
 from finloop.edit.schema import FRAME
@@ -29,7 +28,13 @@ class PagePicture(NamedTuple):
     posture: Floats
 
 
-def typical(pictures: Iterable[PagePicture]) -> dict[str, Any]:
+def named_pictures(states: States) -> list[int]:
+    """Return the rows of the film whose pictures states (…, F) name, each once, in order."""
+    numbers = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
+    return [number for number in numbers if number >= 0]
+
+
+def typical_fish(pictures: Iterable[PagePicture]) -> dict[str, Any]:
     """Return the medians, over pictures, of a fish's area and of its darkest colour.
 
     Dots and silhouettes share them, so that they do not flicker. area: share of the fish's squared
@@ -42,9 +47,9 @@ def typical(pictures: Iterable[PagePicture]) -> dict[str, Any]:
         solid = one.pixels[alpha > 127].astype(float)
         solid = solid[:, :-1] * 255 / solid[:, -1:]
         light = solid @ _LIGHT if solid.shape[1] == 3 else solid[:, 0]
-        some = np.argsort(light, kind="stable")[: max(1, round(len(light) / 20))]
-        if len(some):
-            colours.append(np.broadcast_to(np.minimum(solid[some].mean(axis=0), 255), 3))
+        if len(light):
+            darkest = np.argsort(light, kind="stable")[: max(1, round(len(light) / 20))]
+            colours.append(np.broadcast_to(np.minimum(solid[darkest].mean(axis=0), 255), 3))
     dark = np.median(colours, axis=0) if colours else np.zeros(3)
     return {"area": float(np.median(areas)), "dark": [round(float(part), 1) for part in dark]}
 
@@ -66,15 +71,14 @@ class PagePictures:
         height, width = (int(np.ceil(side * self._shrink)) + 1 for side in sides)
         return height, width
 
-    def typical(self) -> dict[str, Any]:
-        """Return a typical fish's area and darkest colour, as `typical` does, of the film."""
+    def typical_fish(self) -> dict[str, Any]:
+        """Return the area and darkest colour of a typical fish of the film (`typical_fish`)."""
         count = len(self._gallery.shelves[FRAME].centres_px)
-        return typical(self(number) for number in range(0, count, max(1, count // _SAMPLE)))
+        return typical_fish(self(number) for number in range(0, count, max(1, count // _SAMPLE)))
 
     def load_pictures(self, states: States) -> dict[int, PagePicture]:
         """Return all pictures that states (…, F) name, by their rows of the film."""
-        named = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
-        return {number: self(number) for number in named if number >= 0}
+        return {number: self(number) for number in named_pictures(states)}
 
     def __call__(self, number: int) -> PagePicture:
         """Return the picture of a row of the film. FinloopError if its file is damaged."""
@@ -82,23 +86,18 @@ class PagePictures:
         assert bodies is not None
         cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
         pose = bodies.poses.pose[number]
-        pixels, share = shrink_picture(cutout.pixels, self._shrink)
-        x, y = ((at + 0.5) * size - 0.5 for at, size in zip(
-            (x_px - cutout.x0_px, y_px - cutout.y0_px), share, strict=True))  # fmt: skip
+        pixels, share = _shrink_picture(cutout.pixels, self._shrink)
+        x = (x_px - cutout.x0_px + 0.5) * share[0] - 0.5
+        y = (y_px - cutout.y0_px + 0.5) * share[1] - 0.5
         size_px = float(pose.size_px) * float(np.sqrt(share[0] * share[1]))
         return PagePicture(pixels, (x, y, float(pose.heading_rad), size_px), pose.posture)
 
 
-def shrink_picture(
-    pixels: NDArray[np.uint8], share: float
-) -> tuple[NDArray[np.uint8], tuple[float, float]]:
-    """Return a picture (h, w, c) shrunk to `share` of its size, and its exact scale in x and y.
-
-    Each new pixel is the mean of those it covers. From a share of 1 on nothing changes.
-    """
+def _shrink_picture(pixels: Picture, share: float) -> tuple[Picture, tuple[float, float]]:
+    """Return a picture (h, w, c) shrunk to a share of its size, and its exact scale in x and y."""
     if share >= 1:
         return pixels, (1.0, 1.0)
     height, width = pixels.shape[:2]
     to = max(1, round(width * share)), max(1, round(height * share))
-    made = cv2.resize(pixels, to, interpolation=cv2.INTER_AREA)
-    return np.asarray(made, np.uint8).reshape(to[1], to[0], -1), (to[0] / width, to[1] / height)
+    small = cv2.resize(pixels, to, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.uint8).reshape(to[1], to[0], -1), (to[0] / width, to[1] / height)

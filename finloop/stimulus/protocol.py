@@ -1,8 +1,7 @@
 """A protocol: what is shown to animals, in which conditions, how often, and in which order.
 
-It is a YAML file that `load_protocol` reads; examples/protocol.yaml is one. Every field has its
-unit and range here. Types are strict, unknown keys are refused, and all problems of a file are
-reported at once, each with its line.
+It is a YAML file that `finloop.stimulus.protocol_file` reads; examples/protocol.yaml is one. Every
+field has its meaning, unit and range here. Types are strict, and unknown keys are refused.
 
 Conditions with the same motion show the very same motion: the seed of a trial's motion depends only
 on the protocol's seed, the motion's own text and the number of the repeat. So a control differs
@@ -11,57 +10,251 @@ from its stimulus in its look or its change, and in nothing else.
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
-from difflib import get_close_matches
+import re
 from pathlib import Path
+from string import Formatter
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag, ValidationError
+from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from finloop.base.errors import FinloopError
-from finloop.stimulus.parts import (
-    Animals,
-    Change,
-    Condition,
-    Display,
-    Look,
-    Motion,
-    Name,
-    Part,
-    Start,
-    Trigger,
-)
-from finloop.stimulus.rules import RuleSpec
-from finloop.stimulus.tracker import Pair, calibration
-from finloop.stimulus.yaml_text import Place, Text, read_yaml
+from finloop.live.message import StrictModel
+from finloop.stimulus.tracker import TrackerSettings
 
 MOST_FISH = 64
 MOST_TRIALS = 10_000
-MOST_BYTES = 1_000_000
-MOST_FISH_SECONDS = 100_000
-"""The longest motion that is planned before it is shown, so that it fits into memory."""
-LINES = (".csv", ".parquet", ".svg")
-"""Kinds of files that hold a path."""
-Problem = tuple[Place, str]
-"""A place, and what is wrong there."""
-_MODELS: dict[str | int, type[BaseModel]] = {
-    "display": Display, "animals": Animals, "start": Start, "triggers": Trigger,
-    "points": Pair, "motion": Motion, "rule": RuleSpec, "look": Look, "change": Change,
-}  # fmt: skip
-_HARMLESS = {"version": 1, "name": "-", "seed": 0, "fish": 2, "animals": {}, "order": "shuffled"}
-"""Values in place of wrong ones; they contradict nothing."""
-_WORDS = {
-    "missing": "has no value",
-    "dict_type": "should be keys with values",
-    "model_type": "should be keys with values",
-    "model_attributes_type": "should be keys with values",
-    "tuple_type": "should be a list",
+MOST_DELAY_S = 60.0
+"""How long ago the place may be that a fish copies."""
+KEYS = {"space": " ", "enter": "Enter"}
+"""Names of keys, and their names in the browser."""
+TRIGGER_WORDS = ("trial", "condition", "block", "repeat", "at")
+"""Names that a trigger's text may contain in braces."""
+NEAREST = "nearest"
+"""The name of the live animal that is nearest to the fish."""
+_FIELDS_OF_RULES = {
+    "distance": ("keep distance", "follow", "lead", "avoid"),
+    "delay_s": ("copy",),
+    "axis": ("mirror",),
 }
-"""Complaints of pydantic in the words of a protocol."""
 
 
-class Protocol(Part):
-    """All that is shown, and in which order. Made by `load_protocol` or `protocol_of`."""
+def _check_printable(text: str) -> str:
+    if not text.isprintable() or text != text.strip():
+        raise ValueError("should be printable text without spaces around it")
+    return text
+
+
+def _check_receiver(to: str) -> str:
+    udp = re.fullmatch(r"udp://[A-Za-z0-9.-]+:([0-9]{1,5})", to)
+    if to != "socket" and not (udp and 0 < int(udp[1]) < 65_536):
+        raise ValueError("should be socket, or udp://host:port")
+    return to
+
+
+def _browser_key(name: str) -> str:
+    """Return the browser's name of a key; a name of the browser stays."""
+    key = KEYS.get(name, name)
+    if key not in KEYS.values() and (len(key) != 1 or not key.isprintable()):
+        raise ValueError(f"should be {', '.join(KEYS)}, or one character")
+    return key
+
+
+def _check_template(text: str) -> str:
+    try:
+        parts = list(Formatter().parse(text))
+    except ValueError:
+        parts = [("", "", "", None)]
+    if any(name not in (*TRIGGER_WORDS, None) or form or kind for _, name, form, kind in parts):
+        words = ", ".join(f"{{{word}}}" for word in TRIGGER_WORDS)
+        raise ValueError(f"may name {words} in braces; write any other brace twice: {{{{ and }}}}")
+    return text
+
+
+Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_check_printable)]
+File = Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_check_printable)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Place = tuple[Share, Share]
+Level = Annotated[int, Field(ge=0, le=255)]
+
+
+class RuleSpec(StrictModel):
+    """How the fish react to a live animal."""
+
+    rule: Literal["approach", "keep distance", "follow", "lead", "avoid", "copy", "mirror"]
+    """approach: to the animal; keep distance: at `distance` from it, on the line from it to the
+    fish; follow: `distance` behind it; lead: `distance` ahead of it; avoid: away while it is
+    nearer than that; copy: to where it was some time ago; mirror: to its mirror image."""
+    animal: Annotated[str, Field(min_length=1, max_length=40)] = NEAREST
+    """The tracker's id of an animal, or nearest: the one nearest to the fish."""
+    distance: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """Body lengths, above 0..100; of keep distance, follow, lead and avoid."""
+    delay_s: Annotated[float, Field(ge=0, le=MOST_DELAY_S)] = 1.0
+    """How long ago the animal was where the fish swims to, s, 0..60; of copy."""
+    axis: Literal["x", "y", "centre"] = "centre"
+    """What is mirrored about the tank's middle: x (left and right change places), y (top and
+    bottom), or centre (both); of mirror."""
+    renew: Annotated[float, Field(ge=0, le=10)] = 0.25
+    """Body lengths, 0..10, by which the place must move before the fish decides anew."""
+
+    @model_validator(mode="after")
+    def _refuse_unused_values(self) -> "RuleSpec":
+        """Refuse a value that the rule does not use: the user would expect an effect."""
+        for name, rules in _FIELDS_OF_RULES.items():
+            given = getattr(self, name) != RuleSpec.model_fields[name].default
+            if given and self.rule not in rules:
+                raise ValueError(f"{name} is of {', '.join(rules)}; {self.rule} has none")
+        return self
+
+
+class Motion(StrictModel):
+    """What the fish do: exactly one of these fields is given."""
+
+    goal: Place | None = None
+    """All fish swim to one goal, then wander: x, y, shares (0..1) of the tank's width and height
+    from the upper left."""
+    goals: Annotated[tuple[Place, ...], Field(min_length=1, max_length=500)] | None = None
+    """Goals one after the other, then the fish wander: 1..500 places as `goal` has them."""
+    path: File | None = None
+    """Along a path: a file .csv, .parquet or .svg, relative to the protocol's folder. Places are
+    shares of the tank unless the columns name a unit."""
+    rule: RuleSpec | None = None
+    """By a rule towards a live animal; the motion is known only as it is shown."""
+    company: Literal[True] | None = None
+    """In a group with the other fish on the display, as the film's fish are: true."""
+    wander: Literal[True] | None = None
+    """Wander: true."""
+    again: Name | None = None
+    """The very motion of the latest trial of another condition: its name (yoked)."""
+    _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _check_one_motion(self) -> "Motion":
+        if len(self._kinds) != 1:
+            raise ValueError(
+                f"should be exactly one of {', '.join(Motion.model_fields)}; "
+                f"it is {' and '.join(self._kinds) or 'none'}"
+            )
+        return self
+
+    @property
+    def _kinds(self) -> list[str]:
+        return [name for name in Motion.model_fields if getattr(self, name) is not None]
+
+    @property
+    def file(self) -> Path:
+        """Return the path's file, in the protocol's folder."""
+        return self._folder / (self.path or "")
+
+    @property
+    def kind(self) -> str:
+        """Return the name of the one field that is given."""
+        return self._kinds[0]
+
+    @property
+    def text(self) -> str:
+        """Return the motion as JSON text, the same for motions that are the same."""
+        values = self.model_dump(mode="json", exclude_defaults=True)
+        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+
+
+class Look(StrictModel):
+    """How a fish is drawn; its motion stays the same."""
+
+    shape: Literal["fish", "dot", "silhouette"] = Field(default="fish", alias="as")
+    """The fish as filmed, a dot of the fish's area, or the fish's outline, filled."""
+    contrast: Annotated[float, Field(ge=0, le=4)] = 1.0
+    """0..4 times that of the film; 0 is the background."""
+    size: Annotated[float, Field(ge=0.1, le=10)] = 1.0
+    """0.1..10 times as long; the path stays the same."""
+    colour: tuple[Level, Level, Level] | None = None
+    """Red, green, blue (0..255) of a dot or a silhouette; null: the darkest of the fish."""
+
+    @model_validator(mode="after")
+    def _check_colour(self) -> "Look":
+        if self.colour is not None and self.shape == "fish":
+            raise ValueError("colour is of a dot or a silhouette; a fish has its own")
+        return self
+
+    @property
+    def message(self) -> dict[str, Any]:
+        """Return the look for the display's page, ready for JSON: as, contrast, size, colour."""
+        return self.model_dump(mode="json", by_alias=True)
+
+
+class Change(StrictModel):
+    """A change of a motion that is known before it is shown."""
+
+    speed: Annotated[float, Field(ge=0.1, le=8)] = 1.0
+    """0.1..8 times as fast."""
+    reversed: bool = False
+    """Backwards in time: the last tick first, the fish tail first."""
+    still: bool = False
+    """The first moment is held."""
+
+    @model_validator(mode="after")
+    def _check_movement(self) -> "Change":
+        if self.still and (self.reversed or self.speed != 1):
+            raise ValueError("what is still has no speed and no direction; leave out one of them")
+        return self
+
+
+class Condition(StrictModel):
+    """What is shown in a trial: a motion, how it is changed, and how the fish look."""
+
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)]
+    """Duration of a trial, s, 0.1..86400, fades included. A motion at twice the speed is shown as
+    long, and gets twice as far."""
+    motion: Motion
+    """What the fish do."""
+    look: Look = Look()
+    """How the fish are drawn."""
+    change: Change | None = None
+    """The change of the motion; null: none."""
+
+
+class Display(StrictModel):
+    """What a protocol requires of the display."""
+
+    fish_mm: Annotated[float, Field(gt=0, le=10_000)] | None = None
+    """Length of a fish on the display, mm, above 0; null: from the display's calibration."""
+    calibrated: bool = True
+    """Whether the display must be calibrated."""
+
+
+class Animals(TrackerSettings):
+    """Live animals reported by a tracker: its unit, y axis, points, and when an animal is lost."""
+
+    gap_s: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """An animal without messages for this time, s, above 0..60, is lost."""
+
+
+class Start(StrictModel):
+    """What starts a trial that does not start by itself: a key, or a message."""
+
+    key: Annotated[str, AfterValidator(_browser_key)] | None = None
+    """A key that is pressed at the display: space, enter, or one character."""
+    message: Name | None = None
+    """The name of a message of the network, {"do":"trigger","name":…}: up to 80 characters."""
+
+    @model_validator(mode="after")
+    def _check_one_start(self) -> "Start":
+        if (self.key is None) == (self.message is None):
+            raise ValueError("should be exactly one of key, message")
+        return self
+
+
+class Trigger(StrictModel):
+    """A message that is sent when a trial starts or ends."""
+
+    at: Literal["start", "end"]
+    """When it is sent."""
+    to: Annotated[str, AfterValidator(_check_receiver)]
+    """udp://host:port, or socket: all programs connected to the WebSocket of the animals."""
+    text: Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_check_template)]
+    """1..1000 characters; {trial}, {condition}, {block}, {repeat} and {at} are filled in."""
+
+
+class Protocol(StrictModel):
+    """All that is shown, and in which order. Made by `load_protocol` or `parse_protocol`."""
 
     version: Literal[1]
     """Version of this format: 1."""
@@ -105,11 +298,6 @@ class Protocol(Part):
         return None if self.start == "auto" else self.start.message
 
     @property
-    def keys(self) -> list[str]:
-        """Return the keys with a meaning at the display, by their names in the browser."""
-        return [self.start_key] if self.start_key else []
-
-    @property
     def looks(self) -> list[Look]:
         """Return all looks of the conditions, each once; a state names a look by its index."""
         looks: list[Look] = []
@@ -126,221 +314,3 @@ def motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
     motion = protocol.conditions[condition].motion.text
     text = json.dumps([protocol.seed, motion, repeat])
     return int.from_bytes(hashlib.sha256(text.encode()).digest()) >> (256 - 53)
-
-
-def load_protocol(path: Path) -> Protocol:
-    """Read a protocol from a YAML file; FinloopError lists all that is wrong, line by line."""
-    text = _read(path)
-    if text.values is None:
-        raise _refusal(str(path), text.problems)
-    protocol, problems = _check_values(text.values, path.parent)
-    problems = sorted(problems, key=lambda problem: text.line(problem[0]))
-    lines = [f"line {text.line(at)}: {_format_problem(at, what)}" for at, what in problems]
-    if protocol is None or text.problems or lines:
-        raise _refusal(str(path), text.problems + lines)
-    return protocol
-
-
-def protocol_of(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
-    """Return the protocol with the values of a YAML file; FinloopError lists all that is wrong.
-
-    folder: where its relative paths begin.
-    """
-    protocol, problems = _check_values(values, folder)
-    if protocol is None or problems:
-        raise _refusal("what was given", [_format_problem(*problem) for problem in problems])
-    return protocol
-
-
-def _refusal(name: str, problems: list[str]) -> FinloopError:
-    return FinloopError(
-        f"{name} is no protocol:\n    " + "\n    ".join(problems),
-        "a protocol as in docs/stimulus.md; examples/protocol.yaml is one",
-        "correct these places",
-    )
-
-
-def _read(path: Path) -> Text:
-    try:
-        with path.open("rb") as file:
-            raw = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise FinloopError(
-            f"{path} cannot be read ({error.strerror})",
-            "a protocol, a YAML file",
-            "correct its name",
-        ) from error
-    if len(raw) > MOST_BYTES:
-        return Text(None, {}, [f"larger than {MOST_BYTES / 1e6:g} MB"])
-    try:
-        return read_yaml(raw.decode())
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        return Text(None, {}, [f"line {line}: no UTF-8; save it as UTF-8"])
-
-
-def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
-    """Return the protocol, None where types are wrong, and every problem with its place."""
-    protocol, problems = None, list[Problem]()
-    try:
-        protocol = _parse_protocol(values)
-    except ValidationError as error:
-        problems = [_problem(dict(detail)) for detail in error.errors(include_url=False)]
-    # The valid parts are checked for contradictions, whatever is wrong elsewhere.
-    sound = protocol or _sound(values, [place for place, _ in problems])
-    if sound is not None:
-        for condition in sound.conditions.values():
-            condition.motion._folder = folder
-        problems += contradictions(sound, list(values["conditions"]))
-    return protocol, problems
-
-
-def _parse_protocol(values: Any) -> Protocol:
-    return Protocol.model_validate_json(json.dumps(values))
-
-
-def _sound(values: Any, places: list[Place]) -> Protocol | None:
-    """Return a protocol without what is wrong at some places; None where nothing is left."""
-    if not isinstance(values, dict) or not isinstance(values.get("conditions"), dict):
-        return None
-    wrong = {place[0] for place in places if place}
-    bad = {place[1] for place in places if place[:1] == ("conditions",) and len(place) > 1}
-    kept = {key: value for key, value in values.items() if key not in wrong}
-    kept |= {key: value for key, value in _HARMLESS.items() if key in wrong}
-    kept["conditions"] = {
-        name: one for name, one in values["conditions"].items() if name not in bad
-    }
-    try:
-        return _parse_protocol(kept)
-    except ValidationError:
-        return None
-
-
-_GONE: dict[Place, str] = {("mode",): "leave it out: the stimulus is always of mode matching"}
-"""Removed keys of protocols, and what to do about them."""
-
-
-def _problem(detail: dict[str, Any]) -> Problem:
-    """Return a complaint of pydantic in plain words, with its place."""
-    place: Place = tuple(step for step in detail["loc"] if step != "[key]")
-    if place[:1] == ("start",):
-        place = place[:1] + place[2:]  # without the name of the alternative
-    if detail["type"] == "extra_forbidden" and place in _GONE:
-        return place, f"unknown; {_GONE[place]}"
-    if detail["type"] == "extra_forbidden":
-        names = [field.alias or name for name, field in _model(place).model_fields.items()]
-        near = get_close_matches(str(place[-1]), names, 1)
-        return place, "unknown; " + (
-            f"did you mean {near[0]}?" if near else f"known: {', '.join(names)}"
-        )
-    said = str(detail["msg"]).removeprefix("Value error, ").removeprefix("Input ")
-    said = _WORDS.get(detail["type"], said)
-    came = json.dumps(detail["input"], ensure_ascii=False)
-    came = came if len(came) <= 60 else came[:57] + "..."
-    # A complaint about a group of keys itself names the value.
-    of_keys = detail["type"] == "missing" or (detail["type"] == "value_error" and came[:1] == "{")
-    return place, said if of_keys else f"{said}, got {came}"
-
-
-def _model(place: Place) -> type[BaseModel]:
-    if place[0] == "conditions" and len(place) == 3:
-        return Condition
-    around = [step for step in place[:-1] if step in _MODELS]
-    return _MODELS[around[-1]] if around else Protocol
-
-
-def _format_problem(place: Place, what: str) -> str:
-    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
-    return f"{where.removeprefix('.')}: {what}" if where else what
-
-
-def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
-    """Yield the place and a description of each problem between fields that are valid alone.
-
-    names: of all conditions of the file, valid or not.
-    """
-    if len(names) * protocol.repeats > MOST_TRIALS:
-        yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
-    if protocol.display.fish_mm is not None and not protocol.display.calibrated:
-        yield ("display", "fish_mm"), "requires a calibrated display (calibrated: true)"
-    if protocol.animals is not None:
-        try:
-            calibration(protocol.animals, 1.0)  # whether the film has a scale is not known yet
-        except FinloopError as error:
-            yield ("animals",), f"{' '.join(error.came.split())}; wanted: {error.wanted}"
-    for name, condition in protocol.conditions.items():
-        place = ("conditions", name)
-        if 2 * protocol.fade_s > condition.seconds:
-            yield (*place, "seconds"), f"should be at least two fades of {protocol.fade_s:g} s"
-        for at, what in _motion_problems(protocol, condition):
-            yield (*place, *at), what
-        if condition.motion.again is not None:
-            for at, what in _repeat_problems(protocol, names, name):
-                yield (*place, *at), what
-
-
-def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Problem]:
-    """Yield the problems of a condition's motion, at places within the condition."""
-    motion, change = condition.motion, condition.change or Change()
-    if motion.rule is not None:
-        if protocol.animals is None:
-            yield ("motion", "rule"), "requires live animals; describe them under animals"
-        if condition.change is not None:
-            yield ("change",), "requires a motion that is known beforehand; a rule's is not"
-    elif not change.still and (
-        protocol.fish * condition.seconds * change.speed > MOST_FISH_SECONDS
-    ):
-        yield (
-            ("seconds",),
-            (
-                f"is too long for {protocol.fish} fish: a motion that is planned beforehand has at "
-                f"most {MOST_FISH_SECONDS} s of all fish together"
-            ),
-        )
-    if motion.company and protocol.fish < 2:
-        yield ("motion", "company"), "requires at least two fish; there is one"
-    if motion.path is not None:
-        if motion.file.suffix.lower() not in LINES:
-            yield ("motion", "path"), f"should be a file {', '.join(LINES)}, got {motion.path}"
-        elif not _is_file(motion.file):
-            yield ("motion", "path"), f"there is no file {motion.file}"
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a name too long for the disk
-        return False
-
-
-def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
-    """Yield the problems of a condition that repeats the motion of another one (yoked)."""
-    condition = protocol.conditions[name]
-    source = condition.motion.again or ""
-    if source not in names:
-        near = get_close_matches(source, names, 1)
-        more = f"; did you mean {near[0]}?" if near else ""
-        yield ("motion", "again"), f"there is no condition {source}{more}"
-        return
-    if name in (chain := _chain(protocol, name)):
-        circle = " shows ".join([name, *chain])
-        yield ("motion", "again"), f"never has a motion of its own: {circle} again"
-        return
-    if protocol.order == "given" and names.index(source) > names.index(name):
-        what = f"comes before {source} in the order given; list it after, or shuffle"
-        yield ("motion", "again"), what
-    of, change = protocol.conditions.get(source), condition.change or Change()
-    wanted = 0.0 if change.still else condition.seconds * change.speed
-    if of is not None and wanted > of.seconds:
-        what = f"takes {wanted:g} s of the motion of {source}, which lasts {of.seconds:g} s"
-        yield ("seconds",), what
-
-
-def _chain(protocol: Protocol, name: str) -> list[str]:
-    chain: list[str] = []
-    while (one := protocol.conditions.get(name)) and (again := one.motion.again):
-        if again in chain:
-            break
-        chain.append(again)
-        name = again
-    return chain

@@ -3,17 +3,18 @@
 It is for rehearsals, and can have the faults of a network and a tracker.
 """
 
+import asyncio
 import json
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, TANK, Line
-from finloop.stimulus.rules import TankGeometry
+from finloop.stimulus.animals import TankGeometry
 from finloop.stimulus.tracker import PX, Calibration
 
 NAME = "recorded"
@@ -35,37 +36,38 @@ class ConnectionFaults(NamedTuple):
     every_s: float = 10.0
 
 
-def messages(
-    line: Line, rate_hz: float | None, tank: TankGeometry, spoiled: ConnectionFaults | None = None,
-    calibration: Calibration = PX, mm_per_px: float | None = None,
+NO_FAULTS = ConnectionFaults()
+
+
+def track_messages(
+    line: Line, rate_hz: float | None, tank: TankGeometry,
+    faults: ConnectionFaults = NO_FAULTS, calibration: Calibration = PX,
+    mm_per_px: float | None = None,
 ) -> Iterator[tuple[float, str]]:  # fmt: skip
     """Yield a tracker's messages about a recorded track: arrival (s from its beginning), JSON text.
 
     They come in order of arrival. line: places with times; rate_hz: messages per second, None: one
-    at each time of the line; spoiled: faults, None: none; calibration: of the imitated tracker.
-    FinloopError if the line has no times, or is in mm and the film's scale is not known.
+    at each time of the line; calibration: of the imitated tracker. FinloopError if the line has no
+    times, or is in mm and the film's scale is not known.
     """
-    time_s, way = _sample_track(line, rate_hz, _px_of(line, tank, mm_per_px))
-    spoiled = spoiled or ConnectionFaults()
-    rng = np.random.default_rng(spoiled.seed)
-    lost = rng.random(len(time_s)) < spoiled.loss
-    since = time_s % (spoiled.every_s + spoiled.gap_s)
-    lost |= since >= spoiled.every_s
-    due_s = time_s + spoiled.jitter_s * rng.random(len(time_s))
+    time_s, track = _sample_track(line, rate_hz, _unit_px(line, tank, mm_per_px))
+    rng = np.random.default_rng(faults.seed)
+    lost = rng.random(len(time_s)) < faults.loss
+    lost |= time_s % (faults.every_s + faults.gap_s) >= faults.every_s
+    due_s = time_s + faults.jitter_s * rng.random(len(time_s))
     for number in np.argsort(due_s, kind="stable"):
-        if not lost[number]:
-            yield float(due_s[number]), _text(float(time_s[number]), way[number], calibration)
+        if lost[number]:
+            continue
+        x, y, heading = track[number].tolist()
+        place = calibration.to_tracker(x, y, math.radians(heading))
+        facts = {"t": float(time_s[number]), "id": NAME}
+        facts |= dict(zip(("x", "y", "heading"), place, strict=True))
+        known = {name: fact for name, fact in facts.items() if fact == fact}  # no NaN
+        yield float(due_s[number]), json.dumps(known)
 
 
-def _text(t: float, place: Floats, calibration: Calibration) -> str:
-    """Return a message. place: x, y, heading_deg in the tank; the heading may be NaN."""
-    x, y, heading = place.tolist()
-    to_x, to_y, to_heading = calibration.back(x, y, math.radians(heading))
-    facts = {"t": t, "id": NAME, "x": to_x, "y": to_y, "heading": to_heading}
-    return json.dumps({name: fact for name, fact in facts.items() if fact == fact})
-
-
-def _px_of(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
+def _unit_px(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[float, float]:
+    """Return how many px of the tank's picture the line's unit is, along x and along y."""
     if line.unit == TANK:
         return tank.width - 1, tank.height - 1
     if line.unit != MM:
@@ -82,7 +84,7 @@ def _px_of(line: Line, tank: TankGeometry, mm_per_px: float | None) -> tuple[flo
 def _sample_track(
     line: Line, rate_hz: float | None, px: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Return times from 0 on, and at each x, y in px, heading_deg (n, 3)."""
+    """Return times from 0 on, and at each x, y in px, heading_deg (n, 3), which may be NaN."""
     if line.time_s is None:
         raise FinloopError(
             f"{line.name} has no times",
@@ -91,8 +93,45 @@ def _sample_track(
         )
     time_s = line.time_s - line.time_s[0]
     heading = np.full(len(time_s), np.nan) if line.heading_deg is None else line.heading_deg
-    way = np.column_stack([line.x * px[0], line.y * px[1], np.unwrap(heading, period=360)])
+    track = np.column_stack([line.x * px[0], line.y * px[1], np.unwrap(heading, period=360)])
     if rate_hz is None:
-        return time_s, way
+        return time_s, track
     ticks = np.arange(int(time_s[-1] * rate_hz + 1e-6) + 1) / rate_hz
-    return ticks, np.column_stack([np.interp(ticks, time_s, column) for column in way.T])
+    return ticks, np.column_stack([np.interp(ticks, time_s, column) for column in track.T])
+
+
+def repeat_messages(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
+    """Yield a track's messages (arrival in s, JSON text) for ever, a second between rounds."""
+    begin = 0.0
+    while messages:
+        for due, text in messages:
+            message = json.loads(text)
+            yield begin + due, json.dumps(message | {"t": begin + message["t"]})
+        begin += messages[-1][0] + 1.0
+
+
+class DryClock:
+    """The clock of a session without a display: a wait ends at once, at the time waited for.
+
+    messages: of trackers, each with its session time (s); receive: takes text and sender of each,
+    at its time.
+    """
+
+    def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:
+        self._now, self._messages = 0.0, iter(messages)
+        self._next = next(self._messages, None)
+        self.receive: Callable[[str, str], Any] = lambda text, source: None
+
+    def read_time(self) -> float:
+        """Return the present time, s."""
+        return self._now
+
+    async def until(self, time_s: float) -> None:
+        """Pass on the messages that are due until a time, s, and set the clock to it."""
+        while self._next is not None and self._next[0] <= time_s:
+            due, text = self._next
+            self._next = next(self._messages, None)
+            self._now = max(self._now, due)
+            self.receive(text, "recorded")
+        self._now = max(self._now, time_s)
+        await asyncio.sleep(0)

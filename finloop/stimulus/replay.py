@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,25 +11,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
 from finloop.io.journal import header_text
-from finloop.stimulus.animals import LiveAnimals
-from finloop.stimulus.course import (
-    Reaction,
-    States,
-    TrialContext,
-    collect_motion,
-    cue_of,
-    plan_motion,
-    repeat_motion,
-)
-from finloop.stimulus.drawn import FIELDS
-from finloop.stimulus.log import FORMAT, SESSION, digest_of
+from finloop.stimulus.animals import TAKEN, LiveAnimals
+from finloop.stimulus.drawn import FIELDS, States
+from finloop.stimulus.log import FORMAT, SESSION, digest_states
+from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
 from finloop.stimulus.order import Trial
 from finloop.stimulus.protocol import Protocol
 
+_NO_FISH = np.zeros((0, len(FIELDS)), np.float32)
 _WANTED = "the .parquet file of a session, whole, of this version"
 
 
@@ -87,24 +80,25 @@ class Frame(NamedTuple):
     states: States
 
 
-def frames_of(record: Record) -> Iterator[Frame]:
+def recorded_frames(record: Record) -> Iterator[Frame]:
     """Yield every displayed frame of a session, with the states of its fish."""
     columns = ["kind", "time_s", "number", "digest", "fish", *FIELDS, "posture"]
     heads: list[tuple[int, float, int]] = []
-    fish: dict[int, list[NDArray[np.float32]]] = {}
-    for part in record.file.iter_batches(columns=columns):
-        for number, state in _fish(part):
-            fish.setdefault(number, []).append(state)
+    fish: dict[int, list[States]] = {}
+    for part in chain(record.file.iter_batches(columns=columns), [None]):
+        if part is not None:
+            for number, state in _fish_states(part):
+                fish.setdefault(number, []).append(state)
         for head in heads:  # the fish of a frame are in its own part, or in the next one
-            yield _make_frame(*head, fish)
-        frame = part.filter(pc.equal(part["kind"], "frame"))
-        values = [frame[name].to_pylist() for name in ("number", "time_s", "digest")]
-        heads = list(zip(*values, strict=True))
-    for head in heads:
-        yield _make_frame(*head, fish)
+            states = fish.pop(head[0], [])
+            yield Frame(*head, np.stack(states) if states else _NO_FISH)
+        if part is not None:
+            frames = part.filter(pc.equal(part["kind"], "frame"))
+            values = [frames[name].to_pylist() for name in ("number", "time_s", "digest")]
+            heads = list(zip(*values, strict=True))
 
 
-def _fish(part: pa.RecordBatch) -> Iterator[tuple[int, NDArray[np.float32]]]:
+def _fish_states(part: pa.RecordBatch) -> Iterator[tuple[int, States]]:
     """Yield the states (F,) of fish in a part of the table, with the numbers of their frames."""
     rows = part.filter(pc.equal(part["kind"], "fish"))
     if not rows.num_rows:
@@ -115,10 +109,7 @@ def _fish(part: pa.RecordBatch) -> Iterator[tuple[int, NDArray[np.float32]]]:
     yield from zip(rows["number"].to_pylist(), states, strict=True)
 
 
-def _make_frame(number: int, shown: float, digest: int, fish: dict[int, Any]) -> Frame:
-    states = fish.pop(number, [])
-    made = np.stack(states) if states else np.zeros((0, len(FIELDS)), np.float32)
-    return Frame(number, shown, digest, made)
+# --- planned again
 
 
 class ReplanResult(NamedTuple):
@@ -128,70 +119,45 @@ class ReplanResult(NamedTuple):
     different: int
 
 
-def plan_again(record: Record, scene: TrialContext, plan: Protocol) -> ReplanResult:
+def plan_again(record: Record, scene: TrialContext, protocol: Protocol) -> ReplanResult:
     """Plan a session again from its logged inputs; return how many ticks differ from the log's.
 
-    scene: of the same film and parameters; plan: the protocol in the session's header.
+    scene: of the same film and parameters; protocol: the one in the session's header.
     """
-    again = _Again(scene, plan)
+    animals = LiveAnimals(protocol.animals, scene.tank, scene.mm_per_px)
+    motions: dict[str, States] = {}
+    reaction: ReactiveMotion | None = None
+    known: States | None = None  # states of a motion that is known beforehand
+    anew: States | None = None  # the last tick, planned again as an animal had moved
+    ticks = different = 0
     for row in record.rows("trial", "tick", "input"):
-        again.take(row)
-    return ReplanResult(again.ticks, again.different)
-
-
-class _Again:
-    def __init__(self, scene: TrialContext, plan: Protocol) -> None:
-        self.ticks = self.different = 0
-        self._scene, self._plan = scene, plan
-        self._animals = LiveAnimals(plan.animals, scene.tank, scene.mm_per_px)
-        self._reaction: Reaction | None = None
-        self._motions: dict[str, States] = {}
-        self._states: States | None = None  # states of a motion that is known beforehand
-        self._anew: States | None = None
-        self._condition = ""
-
-    def take(self, row: dict[str, Any]) -> None:
         if row["kind"] == "trial":
             facts = json.loads(row["text"])
             if facts["what"] == "start":
-                self._begin(facts)
-            else:
-                self._end()
+                trial = Trial(**{key: facts[key] for key in Trial._fields})
+                setup = TrialSetup.from_protocol(protocol, trial)
+                reaction = known = None
+                if setup.condition.motion.rule is not None:
+                    reaction = ReactiveMotion(scene, setup, animals)
+                else:
+                    motion = motions[trial.condition] = plan_motion(scene, setup, motions)
+                    known = setup.apply_look_and_fade(motion, scene.rate_hz)
+            elif reaction is not None:
+                if (whole := reaction.whole) is not None:
+                    motions[facts["condition"]] = whole
+                reaction = None
         elif row["kind"] == "input":
             if row["verdict"] != "malformed":
-                heard = self._animals.hear(row["text"], row["source"], row["time_s"])
-                if self._reaction is not None and any(one.is_present for one in heard):
-                    self._anew = self._reaction.react(row["time_s"])
+                verdicts = animals.receive(row["text"], row["source"], row["time_s"])
+                if reaction is not None and not set(TAKEN).isdisjoint(verdicts):
+                    anew = reaction.replan_tick(row["time_s"])
         else:
-            self._compare(row)
-
-    def _begin(self, facts: dict[str, Any]) -> None:
-        name = self._condition = facts["condition"]
-        cue = cue_of(self._plan, Trial(**{key: facts[key] for key in Trial._fields}))
-        condition = cue.condition
-        self._reaction = self._states = None
-        if condition.motion.rule is not None:
-            self._reaction = Reaction(self._scene, cue, facts["seed"], self._animals)
-            return
-        source = condition.motion.again
-        motion = (
-            plan_motion(self._scene, cue, facts["seed"])
-            if source is None else repeat_motion(self._scene, cue, self._motions[source])
-        )  # fmt: skip
-        self._motions[name], self._states = motion, cue.apply_look_and_fade(motion, self._scene)
-
-    def _end(self) -> None:
-        if self._reaction is not None and self._reaction.states:
-            self._motions[self._condition] = collect_motion(self._reaction.states)
-        self._reaction = None
-
-    def _compare(self, row: dict[str, Any]) -> None:
-        states = None
-        if self._states is not None:
-            states = self._states[row["number"]]
-        elif row["verdict"] == "anew":
-            states, self._anew = self._anew, None
-        elif self._reaction is not None:
-            states = self._reaction.tick(row["time_s"])
-        self.ticks += 1
-        self.different += states is None or digest_of(states) != row["digest"]
+            if known is not None:
+                states: States | None = known[row["number"]]
+            elif row["verdict"] == "anew":
+                states, anew = anew, None
+            else:
+                states = None if reaction is None else reaction.plan_tick(row["time_s"])
+            ticks += 1
+            different += states is None or digest_states(states) != row["digest"]
+    return ReplanResult(ticks, different)

@@ -4,40 +4,49 @@
 - `/show` and WebSocket `/display`: the display's page (its messages: `feed`).
 - WebSocket `/animals`: messages of trackers; triggers are sent there, too.
 
-`finloop.live.door` decides who may connect. No client can make memory grow: a page that takes
-nothing for some seconds is disconnected, and reconnects by itself.
+No client can make memory grow: a page that takes nothing for some seconds is disconnected, and
+reconnects by itself. A replay, or a calibration, has a server with the display's page alone.
 """
 
 import asyncio
 import contextlib
-import gc
-import sys
+import socket
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 from pydantic import Field, TypeAdapter, ValidationError
-from starlette.applications import Starlette
-from starlette.requests import Request
-from starlette.responses import Response
-from starlette.routing import Route, WebSocketRoute
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
-from finloop.live.door import BUSY, MALFORMED, Door
-from finloop.live.message import Message
-from finloop.stimulus.display import DisplayCalibration
-from finloop.stimulus.feed import Feed, message
+from finloop.live.message import StrictModel
+from finloop.live.page import pack_message
+from finloop.live.web import (
+    BUSY,
+    GONE,
+    AccessPolicy,
+    AppServer,
+    SocketRoute,
+    cancel_task,
+    receive_messages,
+)
+from finloop.stimulus.desk import serve_experimenter
+from finloop.stimulus.display import DisplayCalibration, PixelRatio, Pixels, save_display
+from finloop.stimulus.drawn import POSTURE
+from finloop.stimulus.feed import Feed
+from finloop.stimulus.log import FRAME_FIELDS, parse_frames
+from finloop.stimulus.page import display_page, experimenter_page
+from finloop.stimulus.replay import Frame
+from finloop.stimulus.session import RealClock, Session
 
 MOST_PAGES, MOST_TRACKERS = 8, 64
 _WAITING = 4096  # messages that wait for a page before it is disconnected
-_SWITCH_S = 0.0005  # after which a thread that writes the log gives way
+_AHEAD = 8  # frames of a replay that are sent before the page has drawn them
+_SAVE_S = 0.5  # time between two writings of the log
 
 
-Pixels = Annotated[int, Field(ge=1, le=100_000)]
-Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
-
-
-class Ready(Message):
+class Ready(StrictModel):
     """A page's message that a display has connected.
 
     width, height: px of its window; ratio: device px per CSS px; renderer, agent: its graphics
@@ -47,44 +56,51 @@ class Ready(Message):
     do: Literal["ready"]
     width: Pixels
     height: Pixels
-    ratio: Annotated[float, Field(gt=0, le=20)]
+    ratio: PixelRatio
     renderer: Annotated[str, Field(max_length=400)]
     agent: Annotated[str, Field(max_length=400)]
 
 
-class Ping(Message):
+class Ping(StrictModel):
     """A page's request for the session's time. sent: ms of the page's clock."""
 
     do: Literal["ping"]
-    sent: Number
+    sent: Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
-class DisplayKeyPress(Message):
+class DisplayKeyPress(StrictModel):
     """A page's message that a key was pressed at the display."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-class CalibrationMessage(Message):
+class CalibrationMessage(StrictModel):
     """A page's message with the display's new calibration, to be stored."""
 
     do: Literal["display"]
     display: DisplayCalibration
 
 
-class Hidden(Message):
+class Hidden(StrictModel):
     """A page's message that it is now hidden behind another (`on`), or visible again."""
 
     do: Literal["hidden"]
     on: bool
 
 
-_SAID: TypeAdapter[Any] = TypeAdapter(
-    Annotated[
-        Ready | Ping | DisplayKeyPress | CalibrationMessage | Hidden, Field(discriminator="do")
-    ]
+DisplayMessage = Ready | Ping | DisplayKeyPress | CalibrationMessage | Hidden
+_MESSAGE: TypeAdapter[DisplayMessage] = TypeAdapter(
+    Annotated[DisplayMessage, Field(discriminator="do")]
 )
+
+
+def parse_display_message(text: str | None) -> DisplayMessage | None:
+    """Return the message in a display page's JSON text; None where it is invalid."""
+    try:
+        return _MESSAGE.validate_json(text or "")
+    except (ValidationError, UnicodeError):
+        return None
 
 
 class Screen:
@@ -92,9 +108,9 @@ class Screen:
 
     def __init__(self, connection: WebSocket) -> None:
         self.connection, self.ready = connection, False
-        self.waiting: asyncio.Queue[bytes | str] = asyncio.Queue(_WAITING)
+        self.waiting: asyncio.Queue[bytes] = asyncio.Queue(_WAITING)
 
-    def send(self, content: bytes | str) -> bool:
+    def send(self, content: bytes) -> bool:
         """Queue a message to the page; return whether there was room for it."""
         with contextlib.suppress(asyncio.QueueFull):
             self.waiting.put_nowait(content)
@@ -103,192 +119,281 @@ class Screen:
 
     async def deliver(self) -> None:
         """Send the queued messages until the page disconnects."""
-        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+        with contextlib.suppress(*GONE):
             while True:
-                content = await self.waiting.get()
-                if isinstance(content, str):
-                    await self.connection.send_text(content)
-                else:
-                    await self.connection.send_bytes(content)
+                await self.connection.send_bytes(await self.waiting.get())
 
 
 class DisplayHub:
-    """Takes the messages of display pages; the session, or a replay, overrides what it needs.
+    """Takes the messages of display pages; a session, a replay, a calibration add what they need.
 
     The page that came first is the display; the others mirror it, and their records of displayed
-    frames are ignored.
+    frames are ignored. read_time: returns the session time, s.
     """
 
-    feed: Feed
-
-    def __init__(self) -> None:
+    def __init__(self, feed: Feed, read_time: Callable[[], float] = time.perf_counter) -> None:
+        self.feed, self._read_time = feed, read_time
         self.screens: list[Screen] = []
-        self._beside: set[asyncio.Task[None]] = set()
+        self._background: set[asyncio.Task[None]] = set()
 
-    def beside(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run a task without waiting for it."""
-        task = asyncio.ensure_future(work)
-        self._beside.add(task)  # else it might be garbage-collected
-        task.add_done_callback(self._beside.discard)
+    def run_in_background(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run a task without waiting for it, and without the errors of a client that has left."""
 
-    def session_time(self) -> float:
-        """Return the present session time, s."""
-        return time.perf_counter()
+        async def suppress_gone() -> None:
+            with contextlib.suppress(*GONE):
+                await work
+
+        task = asyncio.ensure_future(suppress_gone())
+        self._background.add(task)  # else it might be garbage-collected
+        task.add_done_callback(self._background.discard)
 
     def send(self, content: bytes) -> None:
         """Send a message to all display pages; disconnect those that are stuck."""
-        for screen in [one for one in self.screens if one.ready]:
+        for screen in [screen for screen in self.screens if screen.ready]:
             if not screen.send(content):
                 self.screens.remove(screen)
-                self.beside(_end(screen.connection))
+                self.run_in_background(screen.connection.close(BUSY, "too slow"))
 
-    def handle_message(self, screen: Screen, wish: Any) -> None:
-        """Answer a parsed message of a display page, or pass it to the method for its kind."""
-        match wish:
+    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page; None: an invalid one."""
+        match message:
             case Ready():
                 for content in self.feed.begin():
                     screen.send(content)
                 screen.ready = True
-                self.came(wish)
             case Ping():
-                screen.send(message("pong", sent=wish.sent, now=self.session_time()))
-            case DisplayKeyPress():
-                self.key(wish.key)
-            case CalibrationMessage():
-                self.store_calibration(wish.display)
-            case Hidden():
-                self.set_hidden(wish.on)
+                pong = {"kind": "pong", "sent": message.sent, "now": self._read_time()}
+                screen.send(pack_message(pong))
 
-    def came(self, ready: Ready) -> None:
-        """Handle a display that has connected. ready: what its page reports."""
+    def handle_frames(self, content: bytes) -> None:
+        """Take a page's records of displayed frames (`finloop.stimulus.log.parse_frames`)."""
 
     def handle_disconnect(self) -> None:
         """Handle a display that has disconnected."""
 
-    def key(self, key: str) -> None:
-        """Handle a key press at the display. key: its name in the browser."""
+    async def serve_display(self, connection: WebSocket) -> None:
+        """Serve a display page until it disconnects: pass on its messages and those to it."""
+        screen = Screen(connection)
+        self.screens.append(screen)
+        delivering = asyncio.create_task(screen.deliver())
+        try:
+            async for content in receive_messages(connection):
+                if not isinstance(content, bytes):
+                    self.handle_message(screen, parse_display_message(content))
+                elif self.screens[:1] == [screen]:  # the others are mirrors
+                    self.handle_frames(content)
+        finally:
+            if screen in self.screens:
+                self.screens.remove(screen)
+            if screen.ready:
+                self.handle_disconnect()
+            await cancel_task(delivering)
 
-    def store_calibration(self, display: DisplayCalibration) -> None:
-        """Store a calibration of the display."""
 
-    def set_hidden(self, on: bool) -> None:
-        """Note that a page is hidden, or visible again."""
+class SessionHub(DisplayHub):
+    """Connects a session with its display pages and its trackers.
 
-    def frames(self, content: bytes) -> None:
-        """Take a page's records of displayed frames (see `finloop.stimulus.log.frames_of`)."""
+    name: of the display; store: the file that its calibration is written to.
+    """
 
-    def bad(self) -> None:
-        """Count an invalid message of a page."""
+    def __init__(self, session: Session, name: str, store: Path) -> None:
+        super().__init__(session.feed, session.clock.read_time)
+        self.session, self._name, self._store = session, name, store
+        self._programs: set[WebSocket] = set()
 
-
-async def attend(stage: DisplayHub, connection: WebSocket) -> None:
-    """Serve a display page until it disconnects: pass on its messages and those to it."""
-    screen = Screen(connection)
-    stage.screens.append(screen)
-    delivers = asyncio.create_task(screen.deliver())
-    try:
-        while True:
-            content = await connection.receive()
-            if content["type"] == "websocket.disconnect":
-                if content.get("code") in MALFORMED:
-                    stage.bad()
-                break
-            if content.get("bytes") is not None:
-                if stage.screens[:1] == [screen]:  # the others are mirrors
-                    stage.frames(content["bytes"])
-            else:
-                wish = parse_message(content.get("text"))
-                if wish is None:
-                    stage.bad()
+    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page, and tell the session of it."""
+        super().handle_message(screen, message)
+        match message:
+            case None:
+                self.session.counts.bad += 1
+            case Ready():
+                known = self.feed.facts.get("display")
+                self.session.add_display({
+                    "name": self._name, **message.model_dump(exclude={"do"}),
+                    "calibrated": bool(known), "refresh_hz": known["refresh_hz"] if known else None,
+                    "calibration": known,
+                })  # fmt: skip
+            case DisplayKeyPress():
+                self.session.press_key(message.key)
+            case CalibrationMessage():
+                if self.session.phase in ("running", "waiting"):
+                    what = "a calibration in the middle of a session is refused"
                 else:
-                    stage.handle_message(screen, wish)
-            await asyncio.sleep(0)  # a page that floods waits for the others
-    finally:
-        if screen in stage.screens:
-            stage.screens.remove(screen)
-        if screen.ready:
-            stage.handle_disconnect()
-        await cancel_task(delivers)
+                    what = "the display was calibrated"
+                    save_display(self._store, message.display)
+                    self.feed.facts["display"] = message.display.model_dump(mode="json")
+                self.session.report_problem(what)
+            case Hidden():
+                self.session.set_hidden(message.on)
 
+    def handle_frames(self, content: bytes) -> None:
+        """Pass a page's records of displayed frames to the session."""
+        self.session.record_frames(content)
 
-def parse_message(text: str | None) -> Any:
-    """Return the message in a display page's JSON text; None where it is invalid."""
-    try:
-        return _SAID.validate_json(text or "")
-    except (ValidationError, UnicodeError):
+    def handle_disconnect(self) -> None:
+        """Tell the session that a display has disconnected."""
+        self.session.remove_display()
+
+    async def serve_tracker(self, connection: WebSocket) -> None:
+        """Serve a tracker at the WebSocket /animals until it disconnects: pass its messages on."""
+        client = connection.client
+        source = f"ws://{client.host}:{client.port}" if client else "ws"
+        self._programs.add(connection)
+        try:
+            async for content in receive_messages(connection):
+                if content is not None:
+                    self.session.receive(content, source)
+        finally:
+            self._programs.discard(connection)
+
+    def send_trigger(self, to: str, text: str) -> str | None:
+        """Send a trigger's text to udp://host:port, or by `socket` to all programs at /animals.
+
+        Returns what went wrong, if anything.
+        """
+        if to == "socket":
+            for connection in self._programs:
+                self.run_in_background(connection.send_text(text))
+            return None
+        parts = urlsplit(to)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            out.setblocking(False)
+            try:
+                out.sendto(text.encode(), (parts.hostname, parts.port))
+            except OSError as error:
+                return str(error)
         return None
 
 
-async def cancel_task(task: "asyncio.Task[None]") -> None:
-    """Cancel a task, and wait until it has ended."""
-    task.cancel()
-    with contextlib.suppress(asyncio.CancelledError):
-        await task
+class CalibrationHub(DisplayHub):
+    """Calibrates a display without a session.
 
-
-async def _end(connection: WebSocket) -> None:
-    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
-        await connection.close(BUSY, "too slow")
-
-
-Handler = Callable[[WebSocket], Coroutine[Any, Any, None]]
-
-
-def app(
-    door: Door, pages: dict[str, str], sockets: dict[str, tuple[Handler, int, bool]],
-    tasks: Callable[[], list[Coroutine[Any, Any, None]]], fail: Callable[[Any], None],
-) -> Starlette:  # fmt: skip
-    """Return a web application of pages, WebSockets and tasks that run beside them.
-
-    pages: HTML by path; sockets: by path the handler of a WebSocket, the largest number of
-    connections, and whether programs that are no pages may open one; tasks: returns what runs
-    beside; fail: called with the error that ended a task.
+    store: the file that the calibration is written to; done: called when it is stored.
     """
-    open_now = dict.fromkeys(sockets, 0)
 
-    def page_of(path: str) -> Route:
-        async def answer(request: Request) -> Response:
-            return door.page(request, pages[path])
+    def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
+        super().__init__(feed)
+        self._store, self._done = store, done
 
-        return Route(path, answer)
+    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page, and store a calibration."""
+        super().handle_message(screen, message)
+        if isinstance(message, CalibrationMessage):
+            save_display(self._store, message.display)
+            self.feed.facts["display"] = message.display.model_dump(mode="json")
+            self._done()
 
-    def socket_of(path: str) -> WebSocketRoute:
-        attends, most, programs = sockets[path]
 
-        async def answer(connection: WebSocket) -> None:
-            if not await door.opens(connection, programs):
-                return
-            if open_now[path] >= most:
-                await connection.close(BUSY, "too many")
-                return
-            open_now[path] += 1
-            try:
-                await attends(connection)
-            finally:
-                open_now[path] -= 1
+class Replay(DisplayHub):
+    """Replays a session's frames on a display, and compares what is drawn with the session's log.
 
-        return WebSocketRoute(path, answer)
+    quick: as fast as the page draws, not at the rate of the session. shown, compared: how many
+    frames were drawn again, and had their pixels compared; different: numbers of the frames whose
+    states or pixels differ from the log's.
+    """
 
-    def done(task: "asyncio.Task[None]") -> None:
-        if not task.cancelled() and task.exception() is not None:
-            fail(task.exception())
+    def __init__(self, feed: Feed, frames: Iterator[Frame], quick: bool) -> None:
+        super().__init__(feed)
+        self._frames, self._quick = frames, quick
+        self._waiting: dict[int, Frame] = {}  # for being drawn, by number
+        self._connected, self._drawn = asyncio.Event(), asyncio.Event()
+        self.shown, self.compared = 0, 0
+        self.different: list[int] = []
 
-    @contextlib.asynccontextmanager
-    async def lives(_: Starlette) -> AsyncIterator[None]:
-        gc.collect()
-        gc.freeze()  # present objects are not scanned again, which takes time
-        switches = sys.getswitchinterval()
-        sys.setswitchinterval(_SWITCH_S)
-        running = [asyncio.create_task(one) for one in tasks()]
-        for task in running:
-            task.add_done_callback(done)
-        yield
-        for task in running:
-            task.cancel()
-        if running:
-            await asyncio.wait(running)
-        sys.setswitchinterval(switches)
-        gc.unfreeze()
+    def handle_message(self, screen: Screen, message: DisplayMessage | None) -> None:
+        """Answer a message of a display page; begin the replay once a display has connected."""
+        super().handle_message(screen, message)
+        if isinstance(message, Ready):
+            self._connected.set()
 
-    routes = [*map(page_of, pages), *map(socket_of, sockets)]
-    return Starlette(routes=routes, lifespan=lives)
+    def handle_frames(self, content: bytes) -> None:
+        """Compare a page's records of frames that were drawn again with the session's."""
+        with contextlib.suppress(ValueError):
+            for facts, states in parse_frames(content, POSTURE + self.feed.facts["posture"]):
+                number, digest = int(facts[0]), int(facts[FRAME_FIELDS - 1])
+                frame = self._waiting.pop(number, None)
+                if frame is None:
+                    continue
+                known = bool(frame.digest and digest)
+                self.shown += 1
+                self.compared += known
+                changed = frame.states.tobytes() != states.tobytes()
+                if changed or (known and frame.digest != digest):
+                    self.different.append(number)
+            self._drawn.set()
+
+    async def run(self) -> None:
+        """Send all frames once a display has connected; return when drawn, or 10 s later."""
+        await self._connected.wait()
+        async for frame in self._pace_frames():
+            await self._wait_until_drawn(_AHEAD if self._quick else None)
+            self._waiting[frame.number] = frame
+            for content in self.feed.frame(frame.number, frame.states):
+                self.send(content)
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._wait_until_drawn(1), 10)
+
+    async def _wait_until_drawn(self, fewer_than: int | None) -> None:
+        """Wait until fewer frames than this wait for being drawn; None: do not wait."""
+        while fewer_than is not None and len(self._waiting) >= fewer_than:
+            self._drawn.clear()
+            await self._drawn.wait()
+
+    async def _pace_frames(self) -> AsyncIterator[Frame]:
+        clock, first = RealClock(), None
+        for frame in self._frames:
+            first = frame.shown_s if first is None else first
+            if not self._quick:
+                await clock.until(frame.shown_s - first)
+            yield frame
+
+
+# --- servers
+
+
+def session_server(
+    listens: socket.socket, policy: AccessPolicy, hub: SessionHub,
+    inputs: Callable[[], list[Coroutine[Any, Any, None]]], started: Callable[[], None],
+) -> AppServer:  # fmt: skip
+    """Return the server of a session: both pages, the trackers' WebSocket, all its tasks.
+
+    inputs: returns tasks that receive trackers' messages; started: called once it can be reached.
+    """
+    session = hub.session
+
+    async def serve_desk(connection: WebSocket) -> None:
+        await serve_experimenter(session, connection)
+
+    async def save_log() -> None:
+        while True:
+            await asyncio.sleep(_SAVE_S)
+            session.check_wall_clock(time.time())
+            await asyncio.to_thread(session.log.keep)
+
+    sockets = [
+        SocketRoute("/experimenter", serve_desk, MOST_PAGES),
+        SocketRoute("/display", hub.serve_display, MOST_PAGES),
+        SocketRoute("/animals", hub.serve_tracker, MOST_TRACKERS, programs=True),
+    ]
+    pages = {"/": experimenter_page(), "/show": display_page()}
+    return AppServer(
+        listens, policy, pages, sockets, lambda: [session.run(), save_log(), *inputs()], started
+    )
+
+
+def display_server(
+    listens: socket.socket, policy: AccessPolicy, hub: CalibrationHub | Replay,
+    started: Callable[[], None],
+) -> AppServer:  # fmt: skip
+    """Return the server of a replay or a calibration, on one display; it ends after a replay."""
+
+    async def replay() -> None:
+        if isinstance(hub, Replay):
+            await hub.run()
+            server.should_exit = True
+
+    sockets = [SocketRoute("/display", hub.serve_display, 1)]
+    pages = {"/": display_page()}
+    server = AppServer(listens, policy, pages, sockets, lambda: [replay()], started)
+    return server

@@ -8,43 +8,67 @@ moves, the last tick is planned again at once, and the page goes on from what it
 import asyncio
 import gc
 import json
-from collections import deque
+import time
+from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Protocol
+from typing import Any
 
-from finloop.stimulus.animals import Heard, LiveAnimals
-from finloop.stimulus.course import (
-    Reaction,
-    States,
-    TrialContext,
-    collect_motion,
-    cue_of,
-    plan_motion,
-    repeat_motion,
-)
+from finloop.stimulus.animals import TAKEN, LiveAnimals
+from finloop.stimulus.drawn import States
 from finloop.stimulus.feed import EARLY_S, Feed
-from finloop.stimulus.log import FRAME_FIELDS, Log, digest_of, frames_of
-from finloop.stimulus.numbers import Numbers
+from finloop.stimulus.log import Log, digest_states, parse_frames
+from finloop.stimulus.motion import ReactiveMotion, TrialContext, TrialSetup, plan_motion
 from finloop.stimulus.order import Trial, trigger_text
-from finloop.stimulus.protocol import Protocol as Plan
-from finloop.stimulus.trigger import trigger_of
+from finloop.stimulus.protocol import Protocol
+from finloop.stimulus.recorded import DryClock
+from finloop.stimulus.tracker import parse_trigger
 
 _AHEAD_S, _AHEAD = 0.008, 0.25  # s, ticks, that ticks are planned before the page needs them
 _FIRST_S = 0.3  # from the beginning of a trial to its first tick: time to send its pictures
 _JUMP_S = 0.5  # a larger change of wall clock against session clock is a jump
+_RECENT = 512  # latencies kept of each kind
 
 
-class Clock(Protocol):
-    """The session's clock, which counts seconds."""
+class RealClock:
+    """Seconds since its creation. A wait ends within a tenth of a millisecond of its time."""
+
+    def __init__(self) -> None:
+        self._zero = time.perf_counter()
 
     def read_time(self) -> float:
         """Return the present time, s."""
-        ...
+        return time.perf_counter() - self._zero
 
     async def until(self, time_s: float) -> None:
-        """Wait until a session time, s; return at once if it is past."""
-        ...
+        """Wait until a time, s since the clock's creation."""
+        while (left := time_s - self.read_time()) > 0:
+            # The loop's own timer may be a millisecond late: wait for the rest step by step.
+            await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
+
+
+def _recent() -> deque[float]:
+    return deque(maxlen=_RECENT)
+
+
+@dataclass
+class SessionCounts:
+    """The last latencies of a running session, ms, and its counts of frames and messages.
+
+    planned_ms, drawn_ms: from an input to the planned reaction, and to the frame that shows it;
+    tick_ms: how much later ticks were planned than due; frames, dropped, late: displayed, missed,
+    and drawn too late; bad: invalid messages of pages; verdicts: on messages of trackers.
+    """
+
+    planned_ms: deque[float] = field(default_factory=_recent)
+    drawn_ms: deque[float] = field(default_factory=_recent)
+    tick_ms: deque[float] = field(default_factory=_recent)
+    frames: int = 0
+    dropped: int = 0
+    late: int = 0
+    bad: int = 0
+    verdicts: Counter[str] = field(default_factory=Counter)
 
 
 class Session:
@@ -55,44 +79,46 @@ class Session:
     """
 
     def __init__(
-        self, scene: TrialContext, plan: Plan, trials: tuple[Trial, ...], feed: Feed, log: Log,
-        clock: Clock,
+        self, scene: TrialContext, plan: Protocol, trials: tuple[Trial, ...], feed: Feed, log: Log,
+        clock: RealClock | DryClock,
     ) -> None:  # fmt: skip
         self.scene, self.plan, self.trials = scene, plan, trials
         self.feed, self.log, self.clock = feed, log, clock
         self.animals = LiveAnimals(plan.animals, scene.tank, scene.mm_per_px)
-        self.numbers = Numbers()
+        self.counts = SessionCounts()
         self._send: Callable[[bytes], None] = lambda content: None
-        self._out: Callable[[str, str], str | None] = lambda to, text: None
+        self._send_trigger: Callable[[str, str], str | None] = lambda to, text: None
         self.phase = "ready"  # waiting, planning, running, pause, done
-        self.at = -1  # the trial's index
+        self.trial_index = -1
         self.done: dict[int, str] = {}
-        self.patient = True  # whether trials wait for keys and messages
+        self.waits_for_starts = True  # whether trials wait for keys and messages
         self.displays = 0
         self.display: dict[str, Any] | None = None  # facts about it
         self.name = self.link = ""  # of the session's file, and the address of the display's page
         self.messages: deque[str] = deque(maxlen=50)
         self.shown: States | None = None  # what was displayed last
         self._motions: dict[str, States] = {}  # of the latest trial of each condition
-        self._reaction: Reaction | None = None
+        self._reaction: ReactiveMotion | None = None
         self._seq, self._due, self._tick = 0, 0.0, -1
         self._waits: dict[int, tuple[float, float]] = {}  # by seq: an input, and when it counts
         self._ends: float | None = None  # when the trial ends
         self._first = self._frame = 0  # numbers of a page's first frame, and of the last one
         self._intended = 0.0  # when that frame was due
-        self._wanted = {one.motion.again for one in plan.conditions.values()}  # motions to be kept
+        self._repeated = {one.motion.again for one in plan.conditions.values()}  # to be kept
         self._begun = asyncio.Event()
         self._permit = asyncio.Event()
         self.stopping = self._abort = self._skip = False
         self._wall: float | None = None
 
-    def attach(self, send: Callable[[bytes], None], out: Callable[[str, str], str | None]) -> None:
+    def attach(
+        self, send: Callable[[bytes], None], send_trigger: Callable[[str, str], str | None]
+    ) -> None:
         """Connect the outputs: display pages, and receivers of triggers.
 
-        send: sends a message to all display pages; out: takes a trigger's receiver and text, sends
-        it, and returns what went wrong.
+        send: sends a message to all display pages; send_trigger: sends a trigger to a receiver,
+        given its address and the text, and returns what went wrong.
         """
-        self._send, self._out = send, out
+        self._send, self._send_trigger = send, send_trigger
 
     # --- the experimenter, keys, triggers
 
@@ -104,126 +130,122 @@ class Session:
     def stop(self) -> None:
         """End the session after this trial."""
         self.stopping = True
-        self._note("stop")
+        self.note("stop")
         self.start()
 
     def abort(self) -> None:
         """End the session now."""
         self.stopping = self._abort = True
-        self._note("abort")
+        self.note("abort")
         self.start()
 
     def skip(self) -> None:
         """Skip the rest of this trial."""
         self._skip = True
-        self._note("skip")
+        self.note("skip")
         self._permit.set()
 
-    def note(self, text: str) -> None:
-        """Log a note of the experimenter."""
-        self._note("note", text=text)
-
-    def key(self, key: str) -> None:
+    def press_key(self, key: str) -> None:
         """Handle a key press at a display, or by the experimenter."""
-        self._note("key", key=key)
+        self.note("key", key=key)
         if self.phase == "waiting" and key == self.plan.start_key:
             self._permit.set()
 
-    def trouble(self, what: str, **facts: Any) -> None:
+    def note(self, what: str, **facts: Any) -> None:
+        """Log an event with the facts about it."""
+        self.log.event(self.clock.read_time(), what, **facts)
+
+    def report_problem(self, what: str, **facts: Any) -> None:
         """Show a problem to the experimenter, and log it with the facts about it."""
-        self._note(what, **facts)
+        self.note(what, **facts)
         words = ", ".join(f"{name} {value}" for name, value in facts.items())
         self.messages.append(
             f"{self.clock.read_time():.1f} s: {what}{': ' if words else ''}{words}"
         )
 
-    def _note(self, what: str, **facts: Any) -> None:
-        self.log.event(self.clock.read_time(), what, **facts)
-
     # --- live animals
 
-    def hear(self, text: str | bytes | None, source: str) -> None:
+    def receive(self, text: str | bytes | None, source: str) -> None:
         """Take a message of a tracker, or one that starts a trial; fish react before this returns.
 
         source: the sender.
         """
         arrived = self.clock.read_time()
-        name = trigger_of(text)
+        name = parse_trigger(text)
         if name is not None:
-            self._note("trigger", name=name, source=source)
+            self.note("trigger", name=name, source=source)
             if self.phase == "waiting" and name == self.plan.start_message:
                 self._permit.set()
             return
-        heard = self.animals.hear(text, source, arrived)
-        self.numbers.heard.update(one.verdict for one in heard)
+        verdicts = self.animals.receive(text, source, arrived)
+        self.counts.verdicts.update(verdicts)
         kept = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
-        self.log.input(arrived, source, kept, _verdicts(heard))
-        reaction = self._reaction
-        if reaction is None or not any(one.is_present for one in heard):
+        self.log.input(arrived, source, kept, " ".join(verdicts))
+        if self._reaction is None or set(TAKEN).isdisjoint(verdicts):
             return
-        states = reaction.react(arrived)
+        states = self._reaction.replan_tick(arrived)
         if states is not None:
             now = self.clock.read_time()
             self._emit(self._tick, self._due, states, now, cut=True)
             self._waits[self._seq] = arrived, self._due - 1 / self.scene.rate_hz
-            self.numbers.planned.append(1e3 * (now - arrived))
+            self.counts.planned_ms.append(1e3 * (now - arrived))
 
     # --- display
 
-    def frames(self, message: bytes) -> None:
+    def record_frames(self, message: bytes) -> None:
         """Log a page's records of displayed frames, and count missed and late ones."""
         try:
-            frames = frames_of(message, self.scene.width)
+            frames = parse_frames(message, self.scene.width)
         except ValueError:
-            self.numbers.bad += 1
+            self.counts.bad += 1
             return
-        for facts, drawn in frames:
-            facts = facts.copy()
+        for page_facts, drawn in frames:
+            facts = page_facts.copy()
             facts[0] += self._first
             self.log.frame(facts, drawn)
-            _, intended, _, drawn_s, seq, dropped, _, _ = facts[:FRAME_FIELDS]
-            self.numbers.frames += 1
-            self.numbers.dropped += int(dropped)
+            number, intended, _, drawn_s, seq, dropped, _, _ = facts
+            self.counts.frames += 1
+            self.counts.dropped += int(dropped)
             period = (intended - self._intended) / (dropped + 1)
-            self.numbers.late += int(facts[0] == self._frame + 1 and drawn_s > intended + period)
-            self._frame, self._intended = int(facts[0]), float(intended)
+            self.counts.late += int(number == self._frame + 1 and drawn_s > intended + period)
+            self._frame, self._intended = int(number), float(intended)
             self.shown = drawn
-            for waiting, (arrived, counts) in list(self._waits.items()):
-                if waiting <= seq and intended > counts:
-                    self.numbers.drawn.append(1e3 * (drawn_s - arrived))
+            for waiting, (arrived, counts_from) in list(self._waits.items()):
+                if waiting <= seq and intended > counts_from:
+                    self.counts.drawn_ms.append(1e3 * (drawn_s - arrived))
                     del self._waits[waiting]
 
-    def display_came(self, facts: dict[str, Any]) -> None:
+    def add_display(self, facts: dict[str, Any]) -> None:
         """Note that a display has connected, with facts about it.
 
         A page counts its frames from 0; the log's numbers go on.
         """
         self._first = (self._frame // 2 + 1) * 2 if self._frame else 0
         self.displays, self.display = self.displays + 1, facts | {"hidden": False}
-        self._note("display", **facts)
+        self.note("display", **facts)
 
-    def display_left(self) -> None:
+    def remove_display(self) -> None:
         """Note that a display has disconnected."""
         self.displays -= 1
         self.display = None if not self.displays else self.display
         if self.phase in ("running", "waiting"):
-            self.trouble("the display has gone", trial=self.trials[self.at].number)
+            self.report_problem("the display has gone", trial=self.trials[self.trial_index].number)
 
     def set_hidden(self, on: bool) -> None:
         """Note that the display's page is hidden behind another one, or visible again."""
         if self.display is not None:
             self.display["hidden"] = on
-        self.trouble("the display's page is hidden" if on else "the display's page is seen again")
+        self.report_problem(f"the display's page is {'hidden' if on else 'seen again'}")
 
-    def left_s(self, now: float) -> float | None:
+    def remaining_s(self, now: float) -> float | None:
         """Return how long the trial still lasts, s; None where none runs. now: session time, s."""
         return None if self._ends is None else round(max(0.0, self._ends - now), 1)
 
-    def look(self, wall_s: float) -> None:
+    def check_wall_clock(self, wall_s: float) -> None:
         """Report a jump of the computer's clock against the session's. wall_s: s since 1970."""
         wall = wall_s - self.clock.read_time()
         if self._wall is not None and abs(wall - self._wall) > _JUMP_S:
-            self.trouble("the computer's clock jumped", seconds=round(wall - self._wall, 3))
+            self.report_problem("the computer's clock jumped", seconds=round(wall - self._wall, 3))
         self._wall = wall
 
     # --- trials
@@ -231,106 +253,110 @@ class Session:
     async def run(self) -> None:
         """Run all trials, once `start` is called; return when the session has ended."""
         await self._begun.wait()
-        self._note("begin", wall=datetime.now().astimezone().isoformat())
+        self.note("begin", wall=datetime.now().astimezone().isoformat())
         gc.freeze()  # present objects are not scanned again after each trial
         try:
             for number, trial in enumerate(self.trials):
                 if self.stopping:
                     break
-                self.at = number
-                await self._try(trial)
+                self.trial_index = number
+                await self._run_trial(trial)
                 if not self.stopping and trial is not self.trials[-1]:
                     await self._wait(self.clock.read_time() + self.plan.pause_s)
         finally:
             gc.unfreeze()
         self.phase = "done"
-        self._note("end", wall=datetime.now().astimezone().isoformat())
+        self.note("end", wall=datetime.now().astimezone().isoformat())
 
-    async def _try(self, trial: Trial) -> None:
+    async def _run_trial(self, trial: Trial) -> None:
         self._skip, self.phase = False, "planning"
-        source = await self._prepare(trial)
-        await self._permission()
+        setup = TrialSetup.from_protocol(self.plan, trial)
+        known = await self._prepare(trial, setup)
+        waits = self.plan.start != "auto" and self.waits_for_starts
+        if waits and not (self._abort or self._skip):
+            self.phase = "waiting"
+            self._permit.clear()
+            await self._permit.wait()
         if self.stopping:
             return
         if not self._skip:
-            self._report(trial, "start")
-            self._report(trial, await self._show(trial, source))
+            self._report_trial(trial, "start", known is not None)
+            self._report_trial(trial, await self._show(trial, setup, known), known is not None)
         self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
         await asyncio.to_thread(self.log.keep)
         self.phase = "pause"
         gc.collect()  # the fish of the last trial refer to each other: free them now
 
-    async def _prepare(self, trial: Trial) -> States | None:
-        cue = cue_of(self.plan, trial)
-        motion = cue.condition.motion
+    async def _prepare(self, trial: Trial, setup: TrialSetup) -> States | None:
+        """Return a motion that is known beforehand, as it is shown, and send its first pictures.
+
+        None for fish that react to live animals. A trial whose motion was never shown is skipped.
+        """
+        motion = setup.condition.motion
         if motion.rule is not None:
             return None
-        if motion.again is None:
-            states = await asyncio.to_thread(plan_motion, self.scene, cue, trial.seed)
-        elif motion.again in self._motions:
-            states = repeat_motion(self.scene, cue, self._motions[motion.again])
-        else:
-            self.trouble("left out, as no trial was shown of", condition=motion.again)
+        if motion.again is not None and motion.again not in self._motions:
+            self.report_problem("left out, as no trial was shown of", condition=motion.again)
             self._skip = True
             return None
-        if trial.condition in self._wanted:
+        states = await asyncio.to_thread(plan_motion, self.scene, setup, self._motions)
+        if trial.condition in self._repeated:
             self._motions[trial.condition] = states
-        shown = cue.apply_look_and_fade(states, self.scene)
+        shown = setup.apply_look_and_fade(states, self.scene.rate_hz)
         for content in self.feed.pictures(shown[: self.scene.ticks(EARLY_S)]):
             self._send(content)  # before the trial begins
         return shown
 
-    async def _permission(self) -> None:
-        if self.plan.start == "auto" or not self.patient or self._abort or self._skip:
-            return
-        self.phase = "waiting"
-        self._permit.clear()
-        await self._permit.wait()
+    def _report_trial(self, trial: Trial, what: str, known: bool) -> None:
+        """Log that a trial starts or has ended, and send its triggers. what: "start", or its end.
 
-    def _report(self, trial: Trial, what: str) -> None:
-        rule = self.plan.conditions[trial.condition].motion.rule
-        now, facts = self.clock.read_time(), trial._asdict()
-        facts["early_s"] = self._early_s(rule is None)
-        self.log.trial = trial.number
-        self.log.entry("trial", now, number=trial.number, text=json.dumps({"what": what} | facts))
-        self.log.trial = None if what != "start" else trial.number
+        known: whether its motion is known beforehand.
+        """
+        now, number = self.clock.read_time(), trial.number
+        facts = {"what": what, **trial._asdict(), "early_s": self._early_s(known)}
+        self.log.trial = number
+        self.log.entry("trial", now, number=number, text=json.dumps(facts))
+        self.log.trial = number if what == "start" else None
         for trigger in self.plan.triggers:
             if (trigger.at == "start") == (what == "start"):
                 text = trigger_text(trigger, trial)
-                wrong = self._out(trigger.to, text)
-                self._note("trigger out", to=trigger.to, text=text)
+                wrong = self._send_trigger(trigger.to, text)
+                self.note("trigger out", to=trigger.to, text=text)
                 if wrong:
-                    self.trouble("a trigger was not sent", to=trigger.to, reason=wrong)
+                    self.report_problem("a trigger was not sent", to=trigger.to, reason=wrong)
 
-    async def _show(self, trial: Trial, source: States | None) -> str:
+    async def _show(self, trial: Trial, setup: TrialSetup, known: States | None) -> str:
+        """Show a trial tick by tick; return how it ended: end, skip or abort.
+
+        known: the motion, if it is known beforehand.
+        """
         self.phase, rate = "running", self.scene.rate_hz
         begin = self.clock.read_time() + _FIRST_S
-        ticks = self.scene.ticks(self.plan.conditions[trial.condition].seconds)
+        ticks = self.scene.ticks(setup.condition.seconds)
         self._ends = begin + ticks / rate
-        early = self._early_s(source is not None)
-        if source is None:
-            self._reaction = Reaction(
-                self.scene, cue_of(self.plan, trial), trial.seed, self.animals
-            )
-            self._reaction.keeps = trial.condition in self._wanted
+        early = self._early_s(known is not None)
+        keeps = trial.condition in self._repeated
+        reaction = None
+        if known is None:
+            reaction = ReactiveMotion(self.scene, setup, self.animals, keeps)
+        self._reaction = reaction
         for tick in range(ticks):
             due = begin + tick / rate
             await self.clock.until(due - early)
             if self._abort or self._skip:
                 break
             now = self.clock.read_time()
-            if source is not None:
-                self._emit(tick, due, source[tick], now)
-            else:
-                assert self._reaction is not None
+            if known is not None:
+                self._emit(tick, due, known[tick], now)
+            elif reaction is not None:
                 self._tick, self._due = tick, due
-                self._emit(tick, due, self._reaction.tick(now), now)
+                self._emit(tick, due, reaction.plan_tick(now), now)
             if tick > rate * early:
-                self.numbers.ticks.append(1e3 * (now - (due - early)))
+                self.counts.tick_ms.append(1e3 * (now - (due - early)))
         else:
             await self._wait(begin + ticks / rate)
-        if self._reaction is not None and self._reaction.keeps:
-            self._motions[trial.condition] = collect_motion(self._reaction.states)
+        if reaction is not None and keeps and (motion := reaction.whole) is not None:
+            self._motions[trial.condition] = motion
         self._reaction = self._ends = None
         self._waits.clear()
         self._send(self.feed.clear())
@@ -347,14 +373,11 @@ class Session:
             await self.clock.until(min(time_s, self.clock.read_time() + 0.1))
 
     def _emit(self, tick: int, due: float, states: States, now: float, cut: bool = False) -> None:
+        """Send a tick's states to the displays, and log them. cut: whether planned again."""
         self._seq += 1
         for message in self.feed.rows(self._seq, tick, due, states, cut):
             self._send(message)
         self.log.entry(
-            "tick", now, number=tick, intended_s=due, seq=self._seq, digest=digest_of(states),
+            "tick", now, number=tick, intended_s=due, seq=self._seq, digest=digest_states(states),
             verdict="anew" if cut else None,
         )  # fmt: skip
-
-
-def _verdicts(heard: list[Heard]) -> str:
-    return " ".join(one.verdict for one in heard)

@@ -16,7 +16,7 @@ from finloop.stimulus.log import SESSION
 from finloop.stimulus.replay import Record
 
 
-def table_of(record: Record) -> pd.DataFrame:
+def log_table(record: Record) -> pd.DataFrame:
     """Return a session's log as a table in its order, without the rows and columns of fish."""
     names = [name for name in SESSION.names if name not in (*FIELDS, "posture", "fish")]
     parts = [
@@ -30,22 +30,22 @@ def tick_errors_ms(table: pd.DataFrame) -> Floats:
     """Return how much later (n,), ms, each tick was planned than it should have been.
 
     Ticks that were planned again are left out, and the first ones, which are sent at once.
-    table: from `table_of`.
+    table: from `log_table`.
     """
-    starts = _texts(table[table["kind"] == "trial"])
+    starts = _parse_texts(table[table["kind"] == "trial"])
     early = {one["number"]: one["early_s"] for one in starts if one["what"] == "start"}
     ticks = table[(table["kind"] == "tick") & table["verdict"].isna()]
     wanted = ticks["intended_s"] - ticks["trial"].map(early)
     first = ticks.groupby("trial")["time_s"].transform("min")
     errors = 1e3 * (ticks["time_s"] - wanted)
-    return errors[wanted > first].to_numpy(float)  # the first ones are sent at once
+    return errors[wanted > first].to_numpy(float)
 
 
 def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
     """Return the times, ms, from an input to its tick planned again (n,), and to its frame (m,).
 
     The frame is the first that shows the tick; m ≤ n, as some are never shown. table: from
-    `table_of`; rate_hz: ticks per second.
+    `log_table`; rate_hz: ticks per second.
     """
     heard = table["time_s"].where(table["kind"] == "input").ffill()
     anew = (table["kind"] == "tick") & (table["verdict"] == "anew")
@@ -64,80 +64,78 @@ def reactions_ms(table: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
 
 def summary(record: Record, recovered: bool = False) -> str:
     """Return a session's summary as Markdown. recovered: whether the session was broken off."""
-    table, header = table_of(record), record.header
+    table, header = log_table(record), record.header
+    digest = hashlib.sha256(table["digest"][table["kind"] == "tick"].astype("int64").to_numpy())
+    lines = [
+        f"# {header['protocol']['name']}",
+        "",
+        f"- begun {header['begun']}, finloop {header['finloop']}, file `{record.path.name}`",
+        f"- seed {header['protocol']['seed']}; {header['protocol']['fish']} fish, ",
+        f"  film {header['film']}",
+        f"- all planned ticks: SHA-256 {digest.hexdigest()[:16]}",
+    ]
+    if header.get("dry"):
+        lines.append("- **a dry run: nothing was displayed**")
+    if recovered:
+        lines.append("- **recovered from its journal: the session did not end as it should**")
     parts = {
-        "Trials": _trials(table),
-        "Display": _display(table),
-        "Timing": _timing(table, header["rate_hz"]),
-        "Live animals": _inputs(table),
-        "Events": _events(table),
+        "Trials": _trial_lines(table),
+        "Display": _display_lines(table),
+        "Timing": _timing_lines(table, header["rate_hz"]),
+        "Live animals": _animal_lines(table),
+        "Events": _event_lines(table),
         "Software": (f"- {name} {version}" for name, version in header["software"].items()),
     }
-    lines = [f"# {header['protocol']['name']}", "", *_head(record, table, recovered)]
     for name, part in parts.items():
         lines += ["", f"## {name}", "", *part]
     return "\n".join(lines) + "\n"
 
 
-def _texts(rows: pd.DataFrame) -> list[dict[str, Any]]:
+def _parse_texts(rows: pd.DataFrame) -> list[dict[str, Any]]:
     return [json.loads(text) for text in rows["text"]]
 
 
-def _head(record: Record, table: pd.DataFrame, recovered: bool) -> Iterator[str]:
-    header = record.header
-    digest = hashlib.sha256(table["digest"][table["kind"] == "tick"].astype("int64").to_numpy())
-    yield f"- begun {header['begun']}, finloop {header['finloop']}, file `{record.path.name}`"
-    yield f"- seed {header['protocol']['seed']}; {header['protocol']['fish']} fish, "
-    yield f"  film {header['film']}"
-    yield f"- all planned ticks: SHA-256 {digest.hexdigest()[:16]}"
-    if header.get("dry"):
-        yield "- **a dry run: nothing was displayed**"
-    if recovered:
-        yield "- **recovered from its journal: the session did not end as it should**"
-
-
-def _trials(table: pd.DataFrame) -> Iterator[str]:
+def _trial_lines(table: pd.DataFrame) -> Iterator[str]:
     yield "| trial | condition | block | repeat | seed | from s | lasted s | ended | dropped |"
     yield "|---|---|---|---|---|---|---|---|---|"
-    rows = table[table["kind"] == "trial"]
-    frames = table[table["kind"] == "frame"]
+    rows, frames = table[table["kind"] == "trial"], table[table["kind"] == "frame"]
     dropped = frames.groupby("trial")["dropped"].sum()
+
+    def line(facts: dict[str, Any], begin: float, lasted: str, ended: str) -> str:
+        cells = [facts[name] for name in ("number", "condition", "block", "repeat", "seed")]
+        cells += [f"{begin:.2f}", lasted, ended, int(dropped.get(facts["number"], 0))]
+        return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+
     begun: dict[int, tuple[float, dict[str, Any]]] = {}
-    for time_s, facts in zip(rows["time_s"], _texts(rows), strict=True):
-        number = facts["number"]
+    for time_s, facts in zip(rows["time_s"], _parse_texts(rows), strict=True):
         if facts["what"] == "start":
-            begun[number] = time_s, facts
-            continue
-        begin, _ = begun.pop(number, (time_s, facts))
-        yield _trial(facts, begin, f"{time_s - begin:.2f}", dropped.get(number, 0))
+            begun[facts["number"]] = time_s, facts
+        else:
+            begin, _ = begun.pop(facts["number"], (time_s, facts))
+            yield line(facts, begin, f"{time_s - begin:.2f}", facts["what"])
     for begin, facts in begun.values():
-        yield _trial(facts | {"what": "never"}, begin, "?", dropped.get(facts["number"], 0))
+        yield line(facts, begin, "?", "never")
 
 
-def _trial(facts: dict[str, Any], begin: float, lasted: str, dropped: float) -> str:
-    cells = [facts[name] for name in ("number", "condition", "block", "repeat", "seed")]
-    cells += [f"{begin:.2f}", lasted, facts["what"], int(dropped)]
-    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
-
-
-def _display(table: pd.DataFrame) -> Iterator[str]:
-    events = _texts(table[table["kind"] == "event"])
-    shown = [one for one in events if one["what"] == "display"]
-    if not shown:
+def _display_lines(table: pd.DataFrame) -> Iterator[str]:
+    events = _parse_texts(table[table["kind"] == "event"])
+    displays = [one for one in events if one["what"] == "display"]
+    if not displays:
         yield "none"
-    for one in shown:
-        calibration = one.get("calibration") or {}
-        scale = calibration.get("px_per_mm")
-        yield f"- {one['name']}: {one['width']} × {one['height']} px, {one['renderer']}"
+    for display in displays:
+        calibration = display.get("calibration") or {}
+        size = f"{display['width']} × {display['height']} px"
+        yield f"- {display['name']}: {size}, {display['renderer']}"
         yield "  " + (
-            f"calibrated: {scale or '?'} px per mm, {calibration.get('refresh_hz', 0):.2f} Hz, "
+            f"calibrated: {calibration.get('px_per_mm') or '?'} px per mm, "
+            f"{calibration.get('refresh_hz', 0):.2f} Hz, "
             f"gamma {'table' if calibration.get('gamma') else 'as it is'}, corners "
             f"{'warped' if calibration.get('corners') else 'as they are'}"
-            if one["calibrated"] else "**not calibrated**"
+            if display["calibrated"] else "**not calibrated**"
         )  # fmt: skip
 
 
-def _timing(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
+def _timing_lines(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
     frames = table[table["kind"] == "frame"]
     if len(frames):
         trial = frames[frames["trial"].notna()]
@@ -149,24 +147,24 @@ def _timing(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
         late = (trial["drawn_s"] > trial["intended_s"] + period) & (trial["number"].diff() == 1)
         yield f"- drawn after the next frame was due: {int(late.sum())} frames"
         yield f"- shown against intended: SD {off.std():.2f} ms"
-        yield _spread("drawn after the browser began the frame", 1e3 * (
-            frames["drawn_s"] - frames["time_s"]).to_numpy(float))  # fmt: skip
+        drawing_ms = 1e3 * (frames["drawn_s"] - frames["time_s"]).to_numpy(float)
+        yield _percentile_line("drawn after the browser began the frame", drawing_ms)
     errors = tick_errors_ms(table)
     if len(errors):
         yield f"- ticks planned against the clock: SD {errors.std():.3f} ms ({len(errors)} ticks)"
     planned, drawn = reactions_ms(table, rate_hz)
     if len(planned):
-        yield _spread("input to planned reaction", planned)
+        yield _percentile_line("input to planned reaction", planned)
     if len(drawn):
-        yield _spread("input to drawn frame", drawn)
+        yield _percentile_line("input to drawn frame", drawn)
 
 
-def _spread(name: str, values: Floats) -> str:
-    median, most = np.percentile(values, [50, 99])
-    return f"- {name}: median {median:.2f} ms, 99th percentile {most:.2f} ms ({len(values)})"
+def _percentile_line(name: str, values_ms: Floats) -> str:
+    median, most = np.percentile(values_ms, [50, 99])
+    return f"- {name}: median {median:.2f} ms, 99th percentile {most:.2f} ms ({len(values_ms)})"
 
 
-def _inputs(table: pd.DataFrame) -> Iterator[str]:
+def _animal_lines(table: pd.DataFrame) -> Iterator[str]:
     rows = table[table["kind"] == "input"]
     if not len(rows):
         yield "none"
@@ -176,11 +174,11 @@ def _inputs(table: pd.DataFrame) -> Iterator[str]:
     yield "- positions: " + ", ".join(f"{name} {count}" for name, count in verdicts.items())
 
 
-def _events(table: pd.DataFrame) -> Iterator[str]:
+def _event_lines(table: pd.DataFrame) -> Iterator[str]:
     rows = table[table["kind"] == "event"]
-    for time_s, facts in zip(rows["time_s"], _texts(rows), strict=True):
-        more = ", ".join(
-            f"{name} {value}" for name, value in facts.items()
-            if name not in ("what", "calibration", "agent")
-        )  # fmt: skip
+    for time_s, facts in zip(rows["time_s"], _parse_texts(rows), strict=True):
+        shown = {
+            name: facts[name] for name in facts if name not in ("what", "calibration", "agent")
+        }
+        more = ", ".join(f"{name} {value}" for name, value in shown.items())
         yield f"- {time_s:.2f} s: {facts['what']}" + (f" ({more})" if more else "")

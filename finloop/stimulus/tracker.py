@@ -1,4 +1,4 @@
-"""The messages of a tracker, strictly parsed, and their places in the tank.
+"""The messages of trackers and other devices, strictly parsed, and their places in the tank.
 
 A message is JSON: one sighting of an animal, or a list of them,
 
@@ -10,52 +10,56 @@ it may be left out. A `token` is allowed; inputs that other machines reach requi
 """
 
 import math
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError
+from pydantic import Field, StringConstraints, TypeAdapter, ValidationError
 from skimage.transform import AffineTransform, ProjectiveTransform, SimilarityTransform
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
+from finloop.live.message import Number, StrictModel
 
 MOST_AT_ONCE = 64
 """The most sightings in a message, and the most animals at once."""
 LONGEST = 16_000  # bytes of a message
+_LONGEST_TRIGGER = 1000  # bytes
 MOST_PAIRS = 16  # pairs of points of a calibration
 _HORIZON = 1e-9  # least weight of a place
 _FLAT = 1e-3  # points whose triangle is smaller, as a share of their extent², are on one line
 
-Time = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
-Degrees = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
-Number = Annotated[int, Field(ge=0, lt=2**53)]
-Name = Annotated[str, StringConstraints(pattern=r"^[\w.: -]{1,40}$")]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+AnimalId = Number | Annotated[str, StringConstraints(pattern=r"^[\w.: -]{1,40}$")]
+Token = Annotated[str, StringConstraints(max_length=200)]
 
 
-class Strict(BaseModel):
-    """A model with exactly the named fields and types."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
-
-
-class Sighting(Strict):
+class Sighting(StrictModel):
     """A tracker's report of one animal at a moment; the module's text explains its fields.
 
     The ids 1 and "1" are the same animal.
     """
 
-    t: Time
-    id: Number | Name
+    t: Annotated[float, Field(ge=-1e11, le=1e11)]
+    id: AnimalId
     x: Coordinate
     y: Coordinate
-    heading: Degrees | None = None
-    token: Annotated[str, StringConstraints(max_length=200)] | None = None
+    heading: Annotated[float, Field(ge=-1e4, le=1e4)] | None = None
+    token: Token | None = None
 
 
-Sightings = Annotated[list[Sighting], Field(min_length=1, max_length=MOST_AT_ONCE)]
-_MESSAGE: TypeAdapter[Sighting | list[Sighting]] = TypeAdapter(Sighting | Sightings)
+class TriggerMessage(StrictModel):
+    """A device's message that begins a trial. name: as the protocol's `start` has it."""
+
+    do: Literal["trigger"]
+    name: Annotated[str, Field(max_length=80)]
+    token: Token = ""
+
+
+_SIGHTINGS: TypeAdapter[Sighting | list[Sighting]] = TypeAdapter(
+    Sighting | Annotated[list[Sighting], Field(min_length=1, max_length=MOST_AT_ONCE)]
+)
 
 
 def parse_sightings(text: str | bytes | None) -> list[Sighting] | None:
@@ -63,28 +67,38 @@ def parse_sightings(text: str | bytes | None) -> list[Sighting] | None:
     if text is None or len(text) > LONGEST:
         return None
     try:
-        message = _MESSAGE.validate_json(text)
+        message = _SIGHTINGS.validate_json(text)
     except (ValidationError, UnicodeError):
         return None
     return message if isinstance(message, list) else [message]
 
 
+def parse_trigger(text: str | bytes | None) -> str | None:
+    """Return the name in a message {"do": "trigger", "name": …}; None for any other text."""
+    if text is None or len(text) > _LONGEST_TRIGGER:
+        return None
+    try:
+        return TriggerMessage.model_validate_json(text).name
+    except (ValidationError, UnicodeError):
+        return None
+
+
 # --- calibration
 
 
-Pair2 = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]  # a list, in YAML and JSON
+PlaceXY = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]  # a list, in YAML and JSON
 
 
-class Pair(Strict):
+class Pair(StrictModel):
     """The same point twice: in the tracker's unit, and in px of the tank's picture."""
 
-    tracker: Pair2
+    tracker: PlaceXY
     """x, y in the tracker's unit."""
-    tank: Pair2
+    tank: PlaceXY
     """x, y in px of the tank's picture."""
 
 
-class TrackerSettings(Strict):
+class TrackerSettings(StrictModel):
     """What a tracker's places mean: their unit, the direction of y, and pairs of known points."""
 
     unit: Literal["px", "mm"] = "px"
@@ -105,8 +119,7 @@ class Calibration(NamedTuple):
     """Maps the tracker's places to px of the tank's picture.
 
     matrix (3, 3): homogeneous, positive weights where the tank is; up: whether the tracker's y
-    grows upwards; error_px: root mean square distance of the tracker's points from those of the
-    tank.
+    grows upwards; error_px: root mean square distance of its points from those of the tank.
     """
 
     matrix: tuple[Row3, Row3, Row3]
@@ -118,121 +131,112 @@ class Calibration(NamedTuple):
 
         A place behind the horizon of an oblique view is very far away.
         """
-        to_x, to_y, w = self._homogeneous_place(x, y)
-        w = max(w, _HORIZON)
-        return to_x / w, to_y / w
+        (a, b, c), (d, e, f), (g, h, i) = self.matrix
+        w = max(g * x + h * y + i, _HORIZON)
+        return (a * x + b * y + c) / w, (d * x + e * y + f) / w
 
     def heading_rad(self, x: float, y: float, heading_deg: float) -> float:
         """Return a tracker's heading, degrees, at its x, y as one in the tank's picture, rad."""
         angle = math.radians(heading_deg)
-        along, down = math.cos(angle), math.sin(angle) * (1 if self.up else -1)
-        right, below = self._map_direction(x, y, along, down)
+        down = math.sin(angle) * (1 if self.up else -1)
+        right, below = self._map_direction(x, y, math.cos(angle), down)
         return math.atan2(-below, right)
 
-    def back(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
+    def to_tracker(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
         """Return x, y (tracker's unit) and heading (degrees) of a place and heading in the tank."""
-        own = Calibration(_rows(np.linalg.inv(np.array(self.matrix))))
-        x, y = own.place(x_px, y_px)
-        along, down = own._map_direction(x_px, y_px, math.cos(heading_rad), -math.sin(heading_rad))
-        return x, y, math.degrees(math.atan2(down if self.up else -down, along))
+        back = Calibration(_to_rows(np.linalg.inv(np.array(self.matrix))))
+        x, y = back.place(x_px, y_px)
+        direction = math.cos(heading_rad), -math.sin(heading_rad)
+        right, down = back._map_direction(x_px, y_px, *direction)
+        return x, y, math.degrees(math.atan2(down if self.up else -down, right))
 
-    def _homogeneous_place(self, x: float, y: float) -> Row3:
-        (a, b, c), (d, e, f), (g, h, i) = self.matrix
-        return a * x + b * y + c, d * x + e * y + f, g * x + h * y + i
-
-    def _map_direction(self, x: float, y: float, along: float, down: float) -> tuple[float, float]:
+    def _map_direction(self, x: float, y: float, right: float, down: float) -> tuple[float, float]:
         """Map a direction at a place into the tank: the derivative of `place`, up to scale."""
         (a, b, _), (d, e, _), (g, h, _) = self.matrix
         to_x, to_y = self.place(x, y)
-        nearer = g * along + h * down  # by how much the view is larger there
-        return a * along + b * down - to_x * nearer, d * along + e * down - to_y * nearer
+        nearer = g * right + h * down  # by how much the view is larger there
+        return a * right + b * down - to_x * nearer, d * right + e * down - to_y * nearer
 
 
 PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 """The calibration of a tracker that sends px of the tank's picture."""
 
 
-def calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
+def fit_calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
     """Return what maps a tracker's places to the tank. FinloopError lists all that is wrong.
 
     mm_per_px: mm of the real world per px of the tank's picture, which the display also uses.
     """
-    problems = _problems(settings, mm_per_px)
-    fit = _fit(settings) if settings.points and not problems else None
-    if fit is not None:
-        return fit
-    if settings.points and not problems:
-        problems.append("no view of the tank shows these points: some are in the wrong order")
-    if problems:
+    problems = list(_calibration_problems(settings, mm_per_px))
+    if not problems and not settings.points:
+        scale = 1.0 if settings.unit == "px" or mm_per_px is None else 1 / mm_per_px
+        return Calibration(((scale, 0.0, 0.0), (0.0, scale, 0.0), (0.0, 0.0, 1.0)))
+    fit = None if problems else _fit_points(settings)
+    if fit is None:
+        problems = problems or [
+            "no view of the tank shows these points: some are in the wrong order"
+        ]
         raise FinloopError(
             "the tracker's calibration is invalid:\n    " + "\n    ".join(problems),
             "a unit; and no points, or 2 pairs at different places, 3 not on one line, or 4 or "
             "more that include the corners of a quadrangle",
             "correct the pairs {tracker: [x, y], tank: [x, y]}; corners of the tank are best",
         )
-    scale = 1.0 if settings.unit == "px" or mm_per_px is None else 1 / mm_per_px
-    return Calibration(((scale, 0.0, 0.0), (0.0, scale, 0.0), (0.0, 0.0, 1.0)))
+    return fit
 
 
-def _problems(settings: TrackerSettings, mm_per_px: float | None) -> list[str]:
-    count, problems = len(settings.points), []
-    if count == 0:
-        if settings.unit == "mm" and mm_per_px is None:
-            problems.append(
-                "the tracker sends mm, but neither the film's scale nor points are given"
-            )
-        if settings.y_axis == "up":
-            problems.append("y grows upwards, but no points define its origin")
-    elif count == 1:
-        problems.append("there is only one pair of points")
-    else:
-        for side in ("tracker", "tank"):
-            points = np.array([getattr(pair, side) for pair in settings.points])
-            if not _apart(points):
-                what = {2: "are the same", 3: "lie on one line"}.get(count, "lie on lines, or meet")
-                problems.append(f"the {count} points of the {side} {what}: {points.tolist()}")
-    return problems
+def _calibration_problems(settings: TrackerSettings, mm_per_px: float | None) -> Iterator[str]:
+    count = len(settings.points)
+    if count == 0 and settings.unit == "mm" and mm_per_px is None:
+        yield "the tracker sends mm, but neither the film's scale nor points are given"
+    if count == 0 and settings.y_axis == "up":
+        yield "y grows upwards, but no points define its origin"
+    if count == 1:
+        yield "there is only one pair of points"
+    for side in ("tracker", "tank"):
+        points = np.array([getattr(pair, side) for pair in settings.points])
+        if count > 1 and not _are_apart(points):
+            what = {2: "are the same", 3: "lie on one line"}.get(count, "lie on lines, or meet")
+            yield f"the {count} points of the {side} {what}: {points.tolist()}"
 
 
-def _apart(points: Floats) -> bool:
-    """Return whether points (n, 2) determine a view: see what `calibration` requires."""
+def _are_apart(points: Floats) -> bool:
+    """Return whether points (n, 2) determine a view: see what `fit_calibration` requires."""
     least = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
 
-    def flat(three: tuple[Floats, ...]) -> bool:
+    def is_flat(three: tuple[Floats, ...]) -> bool:
         (ax, ay), (bx, by) = three[1] - three[0], three[2] - three[0]
         return bool(abs(ax * by - ay * bx) <= least)
 
     if len(points) == 2:
         return least > 0
-    of = min(len(points), 4)
-    return any(not any(map(flat, combinations(some, 3))) for some in combinations(points, of))
+    corners = combinations(points, min(len(points), 4))
+    return any(not any(map(is_flat, combinations(some, 3))) for some in corners)
 
 
-def _fit(settings: TrackerSettings) -> Calibration | None:
+def _fit_points(settings: TrackerSettings) -> Calibration | None:
     """Return the calibration that fits the points; None: there is none.
 
     Two points cannot show a mirror image, so y is turned over first where it grows upwards.
     """
-    kinds: dict[int, Any] = {2: SimilarityTransform, 3: AffineTransform}
-    tracker, tank = (
-        np.array([getattr(one, side) for one in settings.points]) for side in ("tracker", "tank")
-    )
+    tracker = np.array([pair.tracker for pair in settings.points])
+    tank = np.array([pair.tank for pair in settings.points])
     up = settings.y_axis == "up"
     over = np.diag([1.0, -1.0 if up else 1.0, 1.0])
-    transform = kinds.get(len(tank), ProjectiveTransform).from_estimate(
-        tracker * over.diagonal()[:2], tank
-    )
+    kinds: dict[int, Any] = {2: SimilarityTransform, 3: AffineTransform}
+    kind = kinds.get(len(tank), ProjectiveTransform)
+    transform = kind.from_estimate(tracker * over.diagonal()[:2], tank)
     if not transform:
         return None
     matrix = np.asarray(transform.params) @ over
     weights = tracker @ matrix[2, :2] + matrix[2, 2]
     if not np.isfinite(matrix).all() or weights.min() * weights.max() <= 0:
         return None  # some points would be behind the camera
-    fit = Calibration(_rows(matrix / weights.mean()), up)
+    fit = Calibration(_to_rows(matrix / weights.mean()), up)
     off = np.array([fit.place(x, y) for x, y in tracker.tolist()]) - tank
     return fit._replace(error_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
 
 
-def _rows(matrix: Floats) -> tuple[Row3, Row3, Row3]:
+def _to_rows(matrix: Floats) -> tuple[Row3, Row3, Row3]:
     a, b, c = matrix.tolist()
     return tuple(a), tuple(b), tuple(c)

@@ -1,0 +1,233 @@
+"""What every server shares: who may connect, its pages and WebSockets, and the port it listens on.
+
+A page is served, and a WebSocket opened, only under the server's own address (`Host`), and a
+WebSocket to a page only if that came from there (`Origin`): no other site that is open in the
+browser can look in or steer. A server that other machines reach also requires a token.
+"""
+
+import asyncio
+import contextlib
+import gc
+import hmac
+import logging
+import socket
+import sys
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from finloop.base.errors import FinloopError
+from finloop.live.page import content_policy
+
+HOST = "127.0.0.1"
+BUSY, STRANGER = 1013, 1008  # codes of closing a WebSocket
+_BROKEN = 1002, 1007, 1009  # closed since a message was no message, no text, or too long
+_LARGEST = 64 * 1024  # bytes of a message; a larger one ends the connection
+_SWITCH_S = 0.0005  # after which a thread that computes gives way to the server
+GONE = WebSocketDisconnect, RuntimeError, OSError
+"""The errors of sending to a client that has disconnected."""
+
+
+@dataclass(frozen=True)
+class AccessPolicy:
+    """Decides who may connect to a server. port: of the server.
+
+    token: required of all that connect; None: only this machine may connect. With a token, any name
+    of its machine reaches the server.
+    """
+
+    port: int
+    token: str | None = None
+
+    def _is_addressed(self, connection: HTTPConnection) -> bool:
+        """Return whether a request names the server's own address, and the token if required."""
+        hosts = connection.headers.getlist("host")
+        if self.token is None:
+            return hosts in [[name] for name in self._addresses]
+        claim = connection.query_params.get("token", "").encode()
+        return len(hosts) == 1 and hmac.compare_digest(claim, self.token.encode())
+
+    @property
+    def _addresses(self) -> list[str]:
+        return [f"{name}:{self.port}" for name in (HOST, "localhost")]
+
+    async def accept(self, connection: WebSocket, programs: bool = False) -> bool:
+        """Accept or refuse a WebSocket, and return whether it was accepted.
+
+        It must come from a page of the server. programs: whether a program, which sends no
+        `Origin`, may connect, too.
+        """
+        origins = connection.headers.getlist("origin")
+        names = [connection.headers.get("host", "")] if self.token else self._addresses
+        from_page = origins in [[f"http://{name}"] for name in names]
+        if self._is_addressed(connection) and (from_page or (programs and not origins)):
+            await connection.accept()
+            return True
+        await connection.close(STRANGER)  # before it is accepted: the answer is 403
+        return False
+
+    def answer(self, request: Request, page: str) -> Response:
+        """Return the response with a page (HTML), or a refusal (421)."""
+        if not self._is_addressed(request):
+            return PlainTextResponse("not this host, or no token", 421)
+        sources = f"img-src blob: data:; connect-src ws://{request.headers['host']}"
+        headers = {
+            "Content-Security-Policy": content_policy(page, f"{sources}; frame-ancestors 'none'"),
+            "Cache-Control": "no-store",
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+            "Cross-Origin-Resource-Policy": "same-origin",
+        }
+        return Response(page, media_type="text/html; charset=utf-8", headers=headers)
+
+
+def bind_socket(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> socket.socket:
+    """Return a socket bound to a port, by default for this machine alone; port 0 takes a free one.
+
+    kind: SOCK_STREAM or SOCK_DGRAM. FinloopError if the port is taken or not allowed, or this
+    machine has no address `host`.
+    """
+    # Named so, asyncio sends small messages at once; else they wait 40 ms for the page's answer.
+    protocol = socket.IPPROTO_TCP if kind == socket.SOCK_STREAM else socket.IPPROTO_UDP
+    bound = socket.socket(socket.AF_INET, kind, protocol)
+    if kind == socket.SOCK_STREAM:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        bound.bind((host, port))
+    except (OSError, OverflowError) as error:
+        bound.close()
+        raise FinloopError(
+            f"port {port} is not available ({getattr(error, 'strerror', None) or error})",
+            "a free port: perhaps another live tank is open",
+            "end that tank, or take another port: --port 0 finds a free one",
+        ) from error
+    return bound
+
+
+async def receive_messages(connection: WebSocket) -> AsyncIterator[str | bytes | None]:
+    """Yield the messages of a WebSocket until it closes; None for one that broke the protocol."""
+    while True:
+        message = await connection.receive()
+        if message["type"] == "websocket.disconnect":
+            if message.get("code") in _BROKEN:
+                yield None
+            return
+        text: str | None = message.get("text")
+        yield message.get("bytes") if text is None else text
+        await asyncio.sleep(0)  # a client that floods waits for the others
+
+
+async def cancel_task(task: "asyncio.Task[None]") -> None:
+    """Cancel a task, and wait until it has ended."""
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+
+
+class SocketRoute(NamedTuple):
+    """A WebSocket that a server offers.
+
+    serve: serves one connection until it ends; most: the largest number of connections; programs:
+    whether programs that are no pages may connect.
+    """
+
+    path: str
+    serve: Callable[[WebSocket], Coroutine[Any, Any, None]]
+    most: int
+    programs: bool = False
+
+
+class AppServer(uvicorn.Server):
+    """Serves pages and WebSockets, and runs tasks beside them; an error of a task ends the server.
+
+    listens: the bound socket; pages: HTML by path; tasks: returns what runs beside; started: called
+    once the server can be reached.
+    """
+
+    def __init__(
+        self, listens: socket.socket, policy: AccessPolicy, pages: Mapping[str, str],
+        sockets: Sequence[SocketRoute], tasks: Callable[[], list[Coroutine[Any, Any, None]]],
+        started: Callable[[], None],
+    ) -> None:  # fmt: skip
+        self._listens, self._policy, self._tasks, self._tell = listens, policy, tasks, started
+        self._failure: BaseException | None = None
+        routes = [self._page_route(*page) for page in pages.items()]
+        app = Starlette(
+            routes=[*routes, *map(self._socket_route, sockets)], lifespan=self._run_tasks
+        )
+        super().__init__(
+            uvicorn.Config(
+                app, log_level="warning", access_log=False, lifespan="on", server_header=False,
+                ws="websockets-sansio", ws_max_size=_LARGEST, ws_per_message_deflate=False,
+                timeout_graceful_shutdown=2,
+            )
+        )  # fmt: skip
+        logging.getLogger("uvicorn.error").addFilter(_is_ours)
+
+    def _page_route(self, path: str, page: str) -> Route:
+        async def answer(request: Request) -> Response:
+            return self._policy.answer(request, page)
+
+        return Route(path, answer)
+
+    def _socket_route(self, route: SocketRoute) -> WebSocketRoute:
+        connections = set[WebSocket]()
+
+        async def serve(connection: WebSocket) -> None:
+            if not await self._policy.accept(connection, route.programs):
+                return
+            if len(connections) >= route.most:
+                await connection.close(BUSY, "too many")
+                return
+            connections.add(connection)
+            try:
+                await route.serve(connection)
+            finally:
+                connections.discard(connection)
+
+        return WebSocketRoute(route.path, serve)
+
+    @contextlib.asynccontextmanager
+    async def _run_tasks(self, _: Starlette) -> AsyncIterator[None]:
+        gc.collect()
+        gc.freeze()  # present objects are not scanned again, which takes time
+        switches = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH_S)
+        running = [asyncio.create_task(task) for task in self._tasks()]
+        for task in running:
+            task.add_done_callback(self._handle_task_end)
+        yield
+        for task in running:
+            task.cancel()
+        if running:
+            await asyncio.wait(running)
+        sys.setswitchinterval(switches)
+        gc.unfreeze()
+
+    def _handle_task_end(self, task: "asyncio.Task[None]") -> None:
+        if not task.cancelled() and task.exception() is not None:
+            self._failure, self.should_exit = task.exception(), True
+
+    def serve_on(self) -> None:
+        """Serve until Ctrl-C (KeyboardInterrupt) or `should_exit`; raise the error of a task."""
+        self.run([self._listens])
+        if self._failure is not None:
+            raise self._failure
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start the server, and call `started` if it can be reached."""
+        await super().startup(sockets)
+        if self.started:
+            self._tell()
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Return whether an entry of uvicorn's log is about the server, not a client's bad text."""
+    return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))

@@ -1,0 +1,337 @@
+"""The motion of one trial: planned beforehand, or tick by tick where fish react to live animals.
+
+Motions are arrays (ticks, fish, F) of states as the display draws them (DRAWN). The same scene,
+condition, seed and messages, in the same order and with the same times, give the same states:
+nothing here reads a clock.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.paths import lay_path
+from finloop.animate.protocols import AnyPlayer
+from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
+from finloop.base.line import TANK
+from finloop.edit.bodies import Bodies
+from finloop.io.line import load_line
+from finloop.live.tank import LiveTank
+from finloop.stimulus.animals import LiveAnimals, PlacePx, TankGeometry
+from finloop.stimulus.drawn import (
+    ALPHA,
+    HEADING,
+    LOOK,
+    PARTNER,
+    PICTURE,
+    POSTURE,
+    States,
+    drawn_states,
+)
+from finloop.stimulus.order import Trial
+from finloop.stimulus.protocol import Change, Condition, Protocol
+from finloop.stimulus.rules import rule_target
+
+_REHEARSED = 200  # ticks of the rehearsal
+_STEPS = slice(PICTURE, LOOK + 1)
+"""Pictures, their mixture, their sides and the look, which are not interpolated."""
+MODE = "matching"
+
+
+class TrialContext:
+    """What is the same in every trial of a session.
+
+    player: animates the fish in mode `matching`; bodies: the film's postures; mm_per_px: mm of the
+    display per px of the tank's picture, if known. world: what all fish swim in; rate_hz: ticks per
+    second; length_px: body length of a fish; posture, width: numbers of values of a posture, and of
+    a fish's state (F), which a posture ends; tank: as rules need it.
+    """
+
+    def __init__(self, player: AnyPlayer, bodies: Bodies, mm_per_px: float | None = None) -> None:
+        self.player, self.bodies, self.mm_per_px = player, bodies, mm_per_px
+        self.world = player.world
+        self.rate_hz = self.world.motion.rate_hz
+        self.length_px = self.world.motion.body_length_px
+        self.posture = int(bodies.poses.shapes.mean.size)
+        self.width = POSTURE + self.posture
+        height, width = self.world.tank.arena.shape
+        self.tank = TankGeometry(width, height, self.length_px, self.world.tank.into)
+
+    def ticks(self, seconds: float) -> int:
+        """Return a time of `seconds` as a number of ticks, at least one."""
+        return max(1, round(seconds * self.rate_hz))
+
+
+@dataclass(frozen=True)
+class TrialSetup:
+    """How a trial is shown: its condition, the number of fish, their look and their fading.
+
+    seed: of the motion; look: index of the look in `Protocol.looks`; fade_s: s, of fading in, and
+    of fading out.
+    """
+
+    condition: Condition
+    fish: int
+    seed: int
+    look: int = 0
+    fade_s: float = 0.0
+
+    @classmethod
+    def from_protocol(cls, protocol: Protocol, trial: Trial) -> "TrialSetup":
+        """Return how a trial of a protocol is shown."""
+        condition = protocol.conditions[trial.condition]
+        look = protocol.looks.index(condition.look)
+        return cls(condition, protocol.fish, trial.seed, look, protocol.fade_s)
+
+    def apply_look_and_fade(self, states: States, rate_hz: float) -> States:
+        """Return a motion (ticks, fish, F) with the trial's look, faded in and out."""
+        shown = states.copy()
+        shown[..., LOOK] = self.look
+        shown[..., ALPHA] *= fade_shares(len(states), round(self.fade_s * rate_hz))[:, None]
+        return shown
+
+
+# --- changes of a motion
+
+
+def planned_ticks(change: Change | None, ticks: int) -> int:
+    """Return how many ticks of a motion to plan so that it lasts `ticks` ticks after its change."""
+    if change is None:
+        return ticks
+    return 1 if change.still else math.ceil((ticks - 1) * change.speed - 1e-9) + 1
+
+
+def apply_change(states: States, change: Change | None, ticks: int) -> States:
+    """Return a motion (n, fish, F) after a condition's change, at most `ticks` ticks.
+
+    Only the first `planned_ticks` of the motion are used, also backwards. A still motion holds its
+    first state.
+    """
+    states = states[: planned_ticks(change, ticks)]
+    if change is None:
+        return states
+    if change.still:
+        return np.repeat(states[:1], ticks, axis=0)
+    if change.reversed:
+        states = states[::-1]
+    if change.speed == 1:
+        return states
+    count = math.floor((len(states) - 1) / change.speed + 1e-9) + 1
+    return interpolate_states(states, change.speed * np.arange(count, dtype=float))[:ticks]
+
+
+def interpolate_states(states: States, at: Floats) -> States:
+    """Return the states (n, fish, F) of a motion at n times within it, in ticks from the first.
+
+    The rules are those of the display's page: places, sizes, alpha and posture are interpolated
+    linearly, headings the shorter way; pictures, their mixture and the look are the nearer tick's.
+    """
+    last = len(states) - 1
+    at = np.clip(at, 0, last)
+    tick = at.astype(int)
+    share = (at - tick)[:, None, None]
+    before, after = states[tick], states[np.minimum(tick + 1, last)]
+    nearer = np.where(share < 0.5, before, after)
+    step = after.astype(float) - before
+    step[..., HEADING] = (step[..., HEADING] + np.pi) % (2 * np.pi) - np.pi
+    mixed = (before + share * step).astype(np.float32)
+    mixed[..., _STEPS] = nearer[..., _STEPS]
+    # A fish that is absent at one of the two ticks has no place to come from, or to go to.
+    comes = (before[..., PICTURE] < 0) != (after[..., PICTURE] < 0)
+    return np.where(comes[..., None], nearer, mixed)
+
+
+def fade_shares(count: int, fade_ticks: int) -> NDArray[np.float32]:
+    """Return shares (count,) of alpha, tick by tick: they rise from 0 to 1, and fall at the end."""
+    if fade_ticks <= 0:
+        return np.ones(count, np.float32)
+    from_begin = np.arange(count)
+    nearest_end = np.minimum(from_begin, from_begin[::-1])
+    return np.minimum(1.0, nearest_end / fade_ticks).astype(np.float32)
+
+
+# --- motions that are known beforehand
+
+
+def plan_motion(
+    scene: TrialContext, setup: TrialSetup, motions: Mapping[str, States] | None = None
+) -> States:
+    """Return the motion (ticks, fish, F) of a trial that is known beforehand, after its change.
+
+    Look and fading come later. motions: by condition those of its latest trial, for a trial that
+    repeats one; what was cut short keeps its last state to the end. FinloopError if fish cannot
+    follow a path.
+    """
+    condition = setup.condition
+    motion, ticks = condition.motion, scene.ticks(condition.seconds)
+    if motion.again is not None:
+        states = apply_change((motions or {})[motion.again], condition.change, ticks)
+        rest = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
+        return np.concatenate([states, rest])[:ticks]
+    tank, world, goals = _trial_tank(scene, setup), scene.world, motion.goals or ()
+    if motion.path is not None:
+        line = load_line(motion.file, TANK)._replace(time_s=None)
+        route = lay_path(line, world.tank, world.motion, scene.mm_per_px).route
+        for fish in tank.fish:
+            fish.follow(route)
+    elif motion.company:
+        tank.shoal(None)
+    elif motion.goal is not None:
+        goals = (motion.goal,)
+    size = scene.tank.width - 1, scene.tank.height - 1
+    sent = [0] * len(tank.fish)  # to how many goals; after the last one a fish wanders
+    shown = [_current_states(tank, scene)]
+    for _ in range(planned_ticks(condition.change, ticks) - 1):
+        for number, fish in enumerate(tank.fish):
+            if sent[number] < len(goals) and (fish.reached or not sent[number]):
+                x, y = goals[sent[number]]
+                tank.send(number, x * size[0], y * size[1])
+                sent[number] += 1
+        tank.advance()
+        shown.append(_current_states(tank, scene))
+    return apply_change(np.stack(shown), condition.change, ticks)
+
+
+def whole_motion(scene: TrialContext, protocol: Protocol, trials: Sequence[Trial]) -> States:
+    """Return the states (ticks, fish, F) of all trials and pauses, for a page that plays by itself.
+
+    FinloopError if a motion is not known beforehand.
+    """
+    motions: dict[str, States] = {}
+    parts: list[States] = []
+    for trial in trials:
+        setup = TrialSetup.from_protocol(protocol, trial)
+        if setup.condition.motion.rule is not None:
+            raise FinloopError(
+                f"the condition {trial.condition} reacts to live animals",
+                "motions that are known beforehand, for a page that plays by itself",
+                'run it with `make stimulus S="show …"`, or leave this condition out',
+            )
+        states = motions[trial.condition] = plan_motion(scene, setup, motions)
+        pause = np.zeros((round(protocol.pause_s * scene.rate_hz), *states.shape[1:]), np.float32)
+        pause[..., [PICTURE, PARTNER]] = -1
+        parts += [setup.apply_look_and_fade(states, scene.rate_hz), pause]
+    return np.concatenate(parts)
+
+
+def rehearse(scene: TrialContext) -> None:
+    """Let a fish swim unseen for 200 ticks, so that no trial waits for compiling or caching."""
+    tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
+    for _ in range(_REHEARSED):
+        tank.advance()
+        x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
+        tank.send(0, float(x), float(y))
+        tank.renew(0)
+        _current_states(tank, scene)
+
+
+def _trial_tank(scene: TrialContext, setup: TrialSetup) -> LiveTank:
+    """Return a live tank with the fish of a trial, at its first tick; FinloopError without room."""
+    tank = LiveTank({MODE: scene.player}, MODE, setup.fish, setup.seed)
+    if len(tank.fish) < setup.fish:
+        raise FinloopError(
+            f"the tank has room for {len(tank.fish)} fish, and the protocol shows {setup.fish}",
+            "fish that can swim clear of each other",
+            "take fewer (fish), or draw them smaller (animate.fish_scale)",
+        )
+    return tank
+
+
+def _current_states(tank: LiveTank, scene: TrialContext) -> States:
+    """Return the states (fish, F) of all fish of a live tank at its present tick."""
+    rows = [row for fish in tank.fish if (row := fish.row_at(tank.tick)) is not None]
+    return drawn_states(rows, scene.bodies)
+
+
+# --- motions that react
+
+
+class ReactiveMotion:
+    """The motion of a trial whose fish react to live animals, planned tick by tick.
+
+    keeps: whether all states are kept, for a trial that repeats them; else only the last tick's.
+    """
+
+    def __init__(
+        self, scene: TrialContext, setup: TrialSetup, animals: LiveAnimals, keeps: bool = True
+    ) -> None:
+        rule = setup.condition.motion.rule
+        assert rule is not None
+        self._scene, self._setup, self._animals, self._rule = scene, setup, animals, rule
+        self._tank = _trial_tank(scene, setup)
+        self._targets: list[PlacePx | None] = [None] * len(self._tank.fish)
+        fade = round(setup.fade_s * scene.rate_hz)
+        self._alpha = fade_shares(scene.ticks(setup.condition.seconds), fade)
+        self._states: list[States] = []
+        self._keeps = keeps
+
+    @property
+    def whole(self) -> States | None:
+        """Return the motion (ticks, fish, F) so far, without fading; None before the first tick."""
+        if not self._states:
+            return None
+        states = np.stack(self._states)
+        states[:, :, ALPHA] = 1.0
+        return states
+
+    def plan_tick(self, now_s: float) -> States:
+        """Plan the next tick at a session time, s; return the states (fish, F) of its fish."""
+        if self._states:
+            self._send_fish(now_s)
+            self._tank.advance()
+        if not self._keeps:
+            self._states.clear()
+        self._states.append(self._draw())
+        return self._states[-1]
+
+    def replan_tick(self, now_s: float) -> States | None:
+        """Plan the last tick again at a session time, s; return its states (fish, F), or None.
+
+        None: no fish has a new target, so nothing changes.
+        """
+        numbers = self._send_fish(now_s) if self._states else []
+        if not numbers:
+            return None
+        for number in numbers:
+            self._tank.renew(number)
+        self._states[-1] = self._draw()
+        return self._states[-1]
+
+    def _send_fish(self, now_s: float) -> list[int]:
+        """Send the fish where the rule wants them; return the numbers of those with a new target.
+
+        A target is new if it has moved, or if the fish has reached it and left it.
+        """
+        sent, length_px = [], self._scene.length_px
+        renew_px = self._rule.renew * length_px
+        for number, fish in enumerate(self._tank.fish):
+            row = fish.row_at(self._tank.tick)
+            assert row is not None
+            pose = row.x_px, row.y_px, float(np.radians(row.heading_deg))
+            target = rule_target(self._rule, pose, self._animals, now_s, self._scene.tank)
+            old = self._targets[number]
+            if target is None or old is None:
+                is_new = target is not old
+            else:
+                moved = math.dist(target, old) > renew_px
+                away = math.dist(target, pose[:2]) > renew_px + length_px
+                is_new = moved or (fish.reached and away)
+            if not is_new:
+                continue
+            self._targets[number] = target
+            if target is None:
+                self._tank.drop(number)
+            else:
+                self._tank.send(number, *target)
+            sent.append(number)
+        return sent
+
+    def _draw(self) -> States:
+        """Return the present states with the look of the condition, fading in and out."""
+        states = _current_states(self._tank, self._scene)
+        states[:, LOOK] = self._setup.look
+        states[:, ALPHA] *= self._alpha[self._tank.tick]
+        return states

@@ -1,0 +1,366 @@
+"""Protocols read from YAML files as people write them; all problems are reported with their lines.
+
+Scalars are read as in YAML 1.2 and JSON: `no`, `on`, `1:30` and `2026-01-01` are text, and `010` is
+no number. PyYAML reads YAML 1.1, where they are false, true, 90, a date and 8. Keys are always
+text. A repeated key, a tag, a merge (`<<`), and anchors that would grow to very many values are
+problems.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from yaml.nodes import MappingNode, Node, ScalarNode
+
+from finloop.base.errors import FinloopError
+from finloop.stimulus.protocol import (
+    MOST_TRIALS,
+    Animals,
+    Change,
+    Condition,
+    Display,
+    Look,
+    Motion,
+    Protocol,
+    RuleSpec,
+    Start,
+    Trigger,
+)
+from finloop.stimulus.tracker import Pair, fit_calibration
+
+MOST_BYTES = 1_000_000
+MOST_FISH_SECONDS = 100_000
+"""The longest motion that is planned before it is shown, so that it fits into memory."""
+PATH_FILES = (".csv", ".parquet", ".svg")
+"""Kinds of files that hold a path."""
+_MOST_VALUES, _DEEPEST = 100_000, 20
+_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "seq", "map")} | {"!"}
+_WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]{0,400})")
+_REAL = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?")
+_CONSTANTS = {"": None, "~": None, "null": None, "true": True, "false": False}
+_MODELS: dict[str | int, type[BaseModel]] = {
+    "display": Display, "animals": Animals, "start": Start, "triggers": Trigger,
+    "points": Pair, "motion": Motion, "rule": RuleSpec, "look": Look, "change": Change,
+}  # fmt: skip
+_HARMLESS = {"version": 1, "name": "-", "seed": 0, "fish": 2, "animals": {}, "order": "shuffled"}
+"""Values in place of wrong ones; they contradict nothing."""
+_WORDS = {
+    "missing": "has no value",
+    "dict_type": "should be keys with values",
+    "model_type": "should be keys with values",
+    "model_attributes_type": "should be keys with values",
+    "tuple_type": "should be a list",
+}
+"""Complaints of pydantic in the words of a protocol."""
+Place = tuple[str | int, ...]
+"""Where something is in a protocol: keys and numbers of entries, from the outside in."""
+_REMOVED: dict[Place, str] = {("mode",): "leave it out: the stimulus is always of mode matching"}
+"""Keys that protocols no longer have, and what to do about them."""
+Problem = tuple[Place, str]
+"""A place, and what is wrong there."""
+
+
+def load_protocol(path: Path) -> Protocol:
+    """Read a protocol from a YAML file; FinloopError lists all that is wrong, line by line."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise FinloopError(
+            f"{path} cannot be read ({error.strerror})",
+            "a protocol, a YAML file",
+            "correct its name",
+        ) from error
+    if len(raw) > MOST_BYTES:
+        raise _protocol_error(str(path), [f"larger than {MOST_BYTES / 1e6:g} MB"])
+    try:
+        text = read_yaml(raw.decode())
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        problem = f"line {line}: no UTF-8; save it as UTF-8"
+        raise _protocol_error(str(path), [problem]) from error
+    if text.values is None:
+        raise _protocol_error(str(path), text.problems)
+    protocol, problems = _check_values(text.values, path.parent)
+    problems = sorted(problems, key=lambda problem: text.line(problem[0]))
+    lines = [f"line {text.line(at)}: {_format_problem(at, what)}" for at, what in problems]
+    if protocol is None or text.problems or lines:
+        raise _protocol_error(str(path), text.problems + lines)
+    return protocol
+
+
+def parse_protocol(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
+    """Return the protocol with the values of a YAML file; FinloopError lists all that is wrong.
+
+    folder: where its relative paths begin.
+    """
+    protocol, problems = _check_values(values, folder)
+    if protocol is None or problems:
+        lines = [_format_problem(*problem) for problem in problems]
+        raise _protocol_error("what was given", lines)
+    return protocol
+
+
+def _protocol_error(name: str, problems: list[str]) -> FinloopError:
+    return FinloopError(
+        f"{name} is no protocol:\n    " + "\n    ".join(problems),
+        "a protocol as in docs/stimulus.md; examples/protocol.yaml is one",
+        "correct these places",
+    )
+
+
+# --- YAML
+
+
+class YamlText(NamedTuple):
+    """The content of a YAML text: its values, the line of each, and what is wrong.
+
+    values: None where the text cannot be read at all; lines: number of the line, from 1, of each
+    key and entry; problems: a sentence each, with its line.
+    """
+
+    values: Any
+    lines: dict[Place, int]
+    problems: list[str]
+
+    def line(self, place: Place) -> int:
+        """Return the number of the line of a place, or of the nearest enclosing one."""
+        while place and place not in self.lines:
+            place = place[:-1]
+        return self.lines.get(place, 1)
+
+
+class _TooMuch(Exception):
+    """Too many values, or nested too deeply."""
+
+
+def read_yaml(text: str) -> YamlText:
+    """Return the values of a YAML text, the line of each, and all problems."""
+    reader = _YamlReader()
+    try:
+        root = yaml.compose(text, yaml.BaseLoader)
+        if root is None:
+            return YamlText(None, {}, ["the file is empty"])
+        return YamlText(reader.read_node(root, ()), reader.lines, reader.problems)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        problem = f"{place}no YAML: {', '.join(filter(None, (error.context, error.problem)))}"
+    except yaml.YAMLError as error:  # a character that is not allowed
+        problem = f"no YAML: {' '.join(str(error).split())}"
+    except _TooMuch as error:
+        problem = str(error)
+    except RecursionError:
+        problem = "it is nested too deeply"
+    return YamlText(None, {}, [problem])
+
+
+class _YamlReader:
+    def __init__(self) -> None:
+        self.lines: dict[Place, int] = {}
+        self.problems: list[str] = []
+        self._left = _MOST_VALUES
+
+    def read_node(self, node: Node, place: Place) -> Any:
+        line = node.start_mark.line + 1
+        self.lines.setdefault(place, line)
+        self._left -= 1
+        if self._left < 0:
+            raise _TooMuch(f"more than {_MOST_VALUES} values, anchors written out")
+        if len(place) > _DEEPEST:
+            raise _TooMuch(f"line {line}: nested too deeply, or an anchor within itself")
+        if node.tag not in _TAGS:
+            self.problems.append(f"line {line}: the tag {node.tag} is not known here")
+        if isinstance(node, ScalarNode):
+            return _scalar_value(node.value) if node.style is None else node.value
+        if isinstance(node, MappingNode):
+            return self._read_mapping(node, place)
+        return [self.read_node(one, (*place, number)) for number, one in enumerate(node.value)]
+
+    def _read_mapping(self, node: MappingNode, place: Place) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for key, value in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, ScalarNode):
+                self.problems.append(f"line {line}: a list or a group is no key")
+            elif key.value == "<<":
+                self.problems.append(f"line {line}: << (a merge) is not known here")
+            elif key.value in values:
+                first = self.lines[*place, key.value]
+                self.problems.append(f"line {line}: {key.value} is repeated, first in line {first}")
+            else:
+                self.lines[*place, key.value] = line
+                values[key.value] = self.read_node(value, (*place, key.value))
+        return values
+
+
+def _scalar_value(text: str) -> Any:
+    """Return the null, truth value, number or text that an unquoted scalar is."""
+    if text.lower() in _CONSTANTS:
+        return _CONSTANTS[text.lower()]
+    if _WHOLE.fullmatch(text):
+        return int(text)
+    return float(text) if _REAL.fullmatch(text) else text
+
+
+# --- types
+
+
+def _check_values(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
+    """Return the protocol, None where types are wrong, and every problem with its place."""
+    protocol, problems = None, list[Problem]()
+    try:
+        protocol = _validate(values)
+    except ValidationError as error:
+        problems = [_type_problem(dict(detail)) for detail in error.errors(include_url=False)]
+    # The valid parts are checked for contradictions, whatever is wrong elsewhere.
+    sound = protocol or _valid_part(values, [place for place, _ in problems])
+    if sound is not None:
+        for condition in sound.conditions.values():
+            condition.motion._folder = folder
+        problems += _contradictions(sound, list(values["conditions"]))
+    return protocol, problems
+
+
+def _validate(values: Any) -> Protocol:
+    return Protocol.model_validate_json(json.dumps(values))
+
+
+def _valid_part(values: Any, wrong_places: list[Place]) -> Protocol | None:
+    """Return a protocol without what is wrong at some places; None where nothing is left."""
+    if not isinstance(values, dict) or not isinstance(values.get("conditions"), dict):
+        return None
+    wrong = {place[0] for place in wrong_places if place}
+    bad = {place[1] for place in wrong_places if place[:1] == ("conditions",) and len(place) > 1}
+    kept = {key: value for key, value in values.items() if key not in wrong}
+    kept |= {key: value for key, value in _HARMLESS.items() if key in wrong}
+    conditions = values["conditions"].items()
+    kept["conditions"] = {name: condition for name, condition in conditions if name not in bad}
+    try:
+        return _validate(kept)
+    except ValidationError:
+        return None
+
+
+def _type_problem(detail: dict[str, Any]) -> Problem:
+    """Return a complaint of pydantic in plain words, with its place."""
+    place: Place = tuple(step for step in detail["loc"] if step != "[key]")
+    if place[:1] == ("start",):
+        place = place[:1] + place[2:]  # without the name of the alternative
+    if detail["type"] == "extra_forbidden":
+        if place in _REMOVED:
+            return place, f"unknown; {_REMOVED[place]}"
+        fields = _enclosing_model(place).model_fields.items()
+        names = [field.alias or name for name, field in fields]
+        near = get_close_matches(str(place[-1]), names, 1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(names)}"
+        return place, f"unknown; {hint}"
+    message = str(detail["msg"]).removeprefix("Value error, ").removeprefix("Input ")
+    message = _WORDS.get(detail["type"], message)
+    came = json.dumps(detail["input"], ensure_ascii=False)
+    came = came if len(came) <= 60 else came[:57] + "..."
+    # A complaint about a group of keys itself names the value.
+    of_keys = detail["type"] == "missing" or (detail["type"] == "value_error" and came[:1] == "{")
+    return place, message if of_keys else f"{message}, got {came}"
+
+
+def _enclosing_model(place: Place) -> type[BaseModel]:
+    if place[0] == "conditions" and len(place) == 3:
+        return Condition
+    around = [step for step in place[:-1] if step in _MODELS]
+    return _MODELS[around[-1]] if around else Protocol
+
+
+def _format_problem(place: Place, what: str) -> str:
+    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+    return f"{where.removeprefix('.')}: {what}" if where else what
+
+
+# --- contradictions
+
+
+def _contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
+    """Yield the place and a description of each problem between fields that are valid alone.
+
+    names: of all conditions of the file, valid or not.
+    """
+    if len(names) * protocol.repeats > MOST_TRIALS:
+        yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
+    if protocol.display.fish_mm is not None and not protocol.display.calibrated:
+        yield ("display", "fish_mm"), "requires a calibrated display (calibrated: true)"
+    if protocol.animals is not None:
+        try:
+            fit_calibration(protocol.animals, 1.0)  # whether the film has a scale is not known yet
+        except FinloopError as error:
+            yield ("animals",), f"{' '.join(error.came.split())}; wanted: {error.wanted}"
+    for name, condition in protocol.conditions.items():
+        place = ("conditions", name)
+        if 2 * protocol.fade_s > condition.seconds:
+            yield (*place, "seconds"), f"should be at least two fades of {protocol.fade_s:g} s"
+        for at, what in _motion_problems(protocol, condition):
+            yield (*place, *at), what
+        if condition.motion.again is not None:
+            for at, what in _repeat_problems(protocol, names, name):
+                yield (*place, *at), what
+
+
+def _motion_problems(protocol: Protocol, condition: Condition) -> Iterator[Problem]:
+    """Yield the problems of a condition's motion, at places within the condition."""
+    motion, change = condition.motion, condition.change or Change()
+    fish_seconds = 0 if change.still else protocol.fish * condition.seconds * change.speed
+    if motion.rule is not None:
+        if protocol.animals is None:
+            yield ("motion", "rule"), "requires live animals; describe them under animals"
+        if condition.change is not None:
+            yield ("change",), "requires a motion that is known beforehand; a rule's is not"
+    elif fish_seconds > MOST_FISH_SECONDS:
+        what = f"is too long for {protocol.fish} fish: a motion that is planned beforehand has at "
+        yield ("seconds",), f"{what}most {MOST_FISH_SECONDS} s of all fish together"
+    if motion.company and protocol.fish < 2:
+        yield ("motion", "company"), "requires at least two fish; there is one"
+    if motion.path is not None:
+        if motion.file.suffix.lower() not in PATH_FILES:
+            kinds = ", ".join(PATH_FILES)
+            yield ("motion", "path"), f"should be a file {kinds}, got {motion.path}"
+        elif not _is_file(motion.file):
+            yield ("motion", "path"), f"there is no file {motion.file}"
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name too long for the disk
+        return False
+
+
+def _repeat_problems(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
+    """Yield the problems of a condition that repeats the motion of another one (yoked)."""
+    condition = protocol.conditions[name]
+    source = condition.motion.again or ""
+    if source not in names:
+        near = get_close_matches(source, names, 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        yield ("motion", "again"), f"there is no condition {source}{hint}"
+        return
+    chain = [source]  # the conditions whose motions it leads to
+    while (one := protocol.conditions.get(chain[-1])) and (again := one.motion.again):
+        if again in chain:
+            break
+        chain.append(again)
+    if name in chain:
+        circle = " shows ".join([name, *chain])
+        yield ("motion", "again"), f"never has a motion of its own: {circle} again"
+        return
+    if protocol.order == "given" and names.index(source) > names.index(name):
+        what = f"comes before {source} in the order given; list it after, or shuffle"
+        yield ("motion", "again"), what
+    repeated, change = protocol.conditions.get(source), condition.change or Change()
+    wanted = 0.0 if change.still else condition.seconds * change.speed
+    if repeated is not None and wanted > repeated.seconds:
+        what = f"takes {wanted:g} s of the motion of {source}, which lasts {repeated.seconds:g} s"
+        yield ("seconds",), what
