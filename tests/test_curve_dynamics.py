@@ -11,11 +11,20 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from finloop.base.errors import FinloopError
-from finloop.curve.dynamics import energy, force_at, momentum, solve
-from finloop.curve.integrate import schulz
-from finloop.curve.oscillator import Oscillators, forced_motion, motion, response
-from finloop.curve.problem import METHODS, Material, Problem, SolverOptions
-from finloop.curve.stiffness import eigenvalues, stiffness_phi
+from finloop.curve.dynamics import (
+    METHODS,
+    Material,
+    Oscillators,
+    Problem,
+    SolverOptions,
+    energy,
+    momentum,
+    motion,
+    response,
+    schulz,
+    solve,
+)
+from finloop.curve.stiffness import stiffness
 from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
 from finloop.plots.curve import figure6, figure7
 
@@ -77,7 +86,7 @@ def test_the_three_damping_cases(c, case):
     assert of.count_root_kinds()[case] == 1
     assert sum(of.count_root_kinds().values()) == 1
     t = np.linspace(0, 3, 20)
-    places, _ = motion(of, np.array([[1.0]]), np.array([[0.5]]), t, None)
+    places, _ = motion(of, np.array([[1.0]]), np.array([[0.5]]), t, np.zeros((1, 1)))
     r1, r2 = np.roots([1, c, 4]).astype(complex)
     if case == "double":
         wanted = (1 + 2.5 * t) * np.exp(-2 * t)
@@ -106,46 +115,10 @@ def test_near_the_double_root_nothing_jumps_and_stiff_ones_do_not_overflow():
     assert free.pushed[0, 0] == pytest.approx(9 / 4)  # ½ q t² / ρ
 
 
-@pytest.mark.parametrize("density", [0.0, 1.0])
-def test_a_driven_oscillator_follows_a_force_of_time_and_place(density):
-    of = Oscillators(density, np.array([0.7, 3.0]), np.array([3000.0, 0.0]))
-    a, v = np.array([[1.0], [0.2]]), np.array([[0.0], [1.0]])
-    times = np.array([0.0, 0.2, 0.3, 1.0])
-
-    def push(time, places):
-        return np.sin(5 * time) - 0.5 * places**2
-
-    places, speeds, _ = forced_motion(of, a, v, times, push, 1e-10)
-
-    def slope(t, y):
-        x = y[:2, None]
-        if density == 0:
-            return ((push(t, x) - of.stiffness[:, None] * x) / of.damping[:, None]).ravel()
-        w = y[2:, None]
-        rate = (push(t, x) - of.stiffness[:, None] * x - of.damping[:, None] * w) / density
-        return np.concatenate([w, rate]).ravel()
-
-    start = a.ravel() if density == 0 else np.concatenate([a, v]).ravel()
-    found = solve_ivp(slope, (0, 1), start, "DOP853", times, rtol=1e-11, atol=1e-12)
-    assert np.allclose(places[:, :, 0], found.y[:2].T, atol=1e-8)
-    rates = slope if density == 0 else (lambda t, y: y[2:])
-    assert np.allclose(
-        speeds[:, :, 0], [rates(t, y) for t, y in zip(times, found.y.T, strict=True)], atol=1e-7
-    )
-
-
 def test_a_force_too_wild_is_refused():
-    of = Oscillators(1.0, np.zeros(1), np.ones(1))
-    one = np.ones((1, 1))
+    p = problem(force=lambda t, x: np.sign(np.sin(1e7 * t * t)) * np.ones_like(x), n=2)
     with pytest.raises(FinloopError, match="too fast"):
-        forced_motion(
-            of,
-            one,
-            one,
-            np.array([0.0, 1.0]),
-            lambda t, x: np.sign(np.sin(1e7 * t * t)) * one,
-            1e-9,
-        )
+        solve(p)
 
 
 # --- the exact solution
@@ -153,7 +126,7 @@ def test_a_force_too_wild_is_refused():
 
 def test_the_exact_solution_against_a_tight_integrator_in_the_phi_basis():
     p = problem(displacement=wobble(128), n=128, velocity=wobble(128, 1), force=np.array([1.0, -2]))
-    k = stiffness_phi("coif2", 128)
+    k = stiffness("coif2", 128, 0)
 
     def slope(t, y):
         u, w = y.reshape(2, 128, 2)
@@ -198,7 +171,7 @@ def test_energy_never_rises_and_stays_without_damping(density, elastic, s1, s2, 
     assert np.allclose(course, course[0], rtol=1e-11)
     # As a sum over K itself.
     first = more["displacement"], more["velocity"]
-    k = stiffness_phi("coif2", 64, elastic)
+    k = stiffness("coif2", 64, 0, elastic)
     byhand = ((first[0] * (k @ first[0])).sum() + density * (first[1] ** 2).sum()) / 2 / 64
     assert course[0] == pytest.approx(byhand)
 
@@ -343,10 +316,21 @@ def test_decoupled_is_exact_where_k_is_diagonal():
     assert solve(p, "decoupled").error < 1e-12
 
 
-def test_force_at_is_of_place_and_time():
+@pytest.mark.parametrize("material", [LIGHT, MASSLESS])
+def test_a_field_that_is_the_same_everywhere_is_a_constant_force(material):
+    q = np.array([0.3, -1.0])
+    field, constant = (
+        solve(problem(material, velocity=wobble(64, 1), force=force))
+        for force in (lambda t, x: q, q)
+    )
+    assert np.allclose(field.displacement, constant.displacement, atol=1e-8)
+    assert np.allclose(field.velocity, constant.velocity, atol=1e-5)
+    assert 0 < field.error <= 1e-9 and constant.error == 0
+
+
+def test_a_force_is_of_place_and_time():
     p = problem(force=lambda t, x: t * x)
-    assert np.allclose(force_at(p, 2.0, p.displacement), 2 * (p.rest + p.displacement))
-    assert np.allclose(eigenvalues("coif2", 64)[0], 0)
+    assert np.allclose(p.force_at(2.0, p.displacement), 2 * (p.rest + p.displacement))
 
 
 # --- what is refused

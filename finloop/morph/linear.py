@@ -7,8 +7,7 @@ import numpy as np
 
 from finloop.base.arrays import Points
 from finloop.curve.contour import Curve
-from finloop.curve.dynamics import solve
-from finloop.curve.problem import Material, Problem
+from finloop.curve.dynamics import Material, Problem, solve
 from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
 from finloop.morph.match import match_curves
 
