@@ -1,7 +1,6 @@
 """Matching and morphs: laws, exact ends, and frames without folds between shapes hard to part."""
 
 import string
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,20 +10,37 @@ from hypothesis import strategies as st
 from finloop.base.drawing import clean_curve
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
+from finloop.curve.contour import area as area_of
 from finloop.curve.glyph import glyph
 from finloop.curve.wavelet import drop_details
-from finloop.morph.flow import area, cut_ears, join_plain_ends, shorten_polygon, straighten_curve
 from finloop.morph.folds import folds, is_simple, stays_simple
-from finloop.morph.linear import linear, physical
+from finloop.morph.layers import linear, physical
 from finloop.morph.match import match_curves, misfit
-from finloop.morph.simple import path_length, simple_frames, simple_morph
+from finloop.morph.simple import (
+    cut_ears,
+    join_plain_ends,
+    path_lengths,
+    shorten_polygon,
+    simple_morph,
+    straighten_curve,
+)
 
 GLYPHS = {
     name: outlines[0]
     for name in string.ascii_letters + string.digits
     if len(outlines := glyph(name)) == 1
 }
+
+
+def simple_frames(a, b, frames, points):
+    return simple_morph(a, b, frames, points).frames
+
+
 METHODS = (linear, simple_frames, lambda a, b, f, n: physical(a, b, f, n, 1.0, 8.0, 1.0))
+
+
+def area(points):
+    return area_of(Curve(points, True))
 
 
 def centre(points):
@@ -250,8 +266,8 @@ def test_glyphs(pair):
     low, high = sorted(abs(area(end)) for end in (one, two))
     if found.way != "linear":
         assert all(low * (1 - 1e-9) <= abs(area(frame)) <= high * (1 + 1e-9) for frame in frames)
-        assert path_length(frames) < 2 * np.hypot(*(frames[-1] - frames[0]).T).mean()
-        steps = np.array([path_length(np.stack(pair)) for pair in pairwise(frames)])
+        assert path_lengths(frames)[-1] < 2 * np.hypot(*(frames[-1] - frames[0]).T).mean()
+        steps = np.diff(path_lengths(frames))
         assert steps.max() < 4 * steps.mean()  # no jumps
 
 

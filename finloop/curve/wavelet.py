@@ -4,8 +4,8 @@ Glossary: *n* points of a curve, a power of two; *levels* how often the transfor
 run of n / 2^m coefficients. One array of n holds the coefficients, coarse to fine (the order of
 q_w, §3.2): the approximation c^M, the details d^M of the same scale, then d of each finer scale.
 
-Filters and transform are those of PyWavelets' mode "periodization"; compared with Eq. 2.8 this only
-renumbers the coefficients. A filter longer than a scale is folded round it (Eq. 2.7).
+The filters are aligned as in PyWavelets' mode "periodization", so that coefficients agree; compared
+with Eq. 2.8 this only renumbers them. A filter longer than a scale is folded round it (Eq. 2.7).
 """
 
 from functools import cache
@@ -129,8 +129,8 @@ def most_levels(n: int) -> int:
     return n.bit_length() - 1
 
 
-def check_transform(n: int, wavelet: str, levels: int) -> pywt.Wavelet:
-    """Return the wavelet after checking that it can transform curves of n points.
+def check_transform(n: int, wavelet: str, levels: int) -> Floats:
+    """Return a wavelet's filters (4, taps) after checking that they can transform n points.
 
     FinloopError if n is no power of two, n cannot be halved `levels` times, or the wavelet is
     longer than the curve: then no coefficient would be local.
@@ -146,7 +146,7 @@ def check_transform(n: int, wavelet: str, levels: int) -> pywt.Wavelet:
             "a wavelet no longer than the curve",
             "resample the curve to more points, or use a shorter wavelet",
         )
-    return pywt.Wavelet(wavelet, bank.tolist())
+    return bank
 
 
 def scales(n: int, levels: int) -> list[slice]:
@@ -163,11 +163,19 @@ def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
 
     The transform runs along n; k is 2 for plane curves. FinloopError as in `check_transform`.
     """
-    filters = check_transform(points.shape[-2], wavelet, levels)
-    parts = [np.array(points, np.float64)]
-    for _ in range(levels):
-        parts[:1] = pywt.dwt(parts[0], filters, "periodization", axis=-2)
-    return np.concatenate(parts, axis=-2)
+    n = points.shape[-2]
+    filters = check_transform(n, wavelet, levels)[:2, ::-1]
+    out = np.array(points, np.float64)
+    for scale in reversed(scales(n, levels)[1:]):
+        size, reach = scale.stop, filters.shape[1] // 2
+        padded = out[..., np.arange(1 - reach, size + reach) % size, :]
+        low, high = np.zeros((2, *out.shape[:-2], size // 2, out.shape[-1]))
+        for i, (a, b) in enumerate(filters.T):
+            samples = padded[..., i : i + size : 2, :]
+            low += a * samples
+            high += b * samples
+        out[..., :size, :] = np.concatenate([low, high], axis=-2)
+    return out
 
 
 def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
@@ -175,12 +183,19 @@ def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats
 
     This undoes `wavelet_transform`. FinloopError as in `check_transform`.
     """
-    filters = check_transform(coefficients.shape[-2], wavelet, levels)
-    first, *details = scales(coefficients.shape[-2], levels)
-    points = np.array(coefficients[..., first, :], np.float64)
-    for scale in details:
-        points = pywt.idwt(points, coefficients[..., scale, :], filters, "periodization", axis=-2)
-    return points
+    n = coefficients.shape[-2]
+    filters = check_transform(n, wavelet, levels)[2:]
+    out = np.array(coefficients, np.float64)
+    for scale in scales(n, levels)[1:]:
+        half = scale.start
+        low, high = out[..., :half, :], out[..., half : 2 * half, :]
+        points = np.zeros((*out.shape[:-2], half, 2, out.shape[-1]))  # even and odd points
+        for i, (a, b) in enumerate(filters.T):
+            shift, odd = divmod(i + 1 - filters.shape[1] // 2, 2)
+            row = (np.arange(half) - shift) % half
+            points[..., odd, :] += a * low[..., row, :] + b * high[..., row, :]
+        out[..., : 2 * half, :] = points.reshape(*out.shape[:-2], 2 * half, out.shape[-1])
+    return out
 
 
 def close_by_mirroring(points: Floats) -> Floats:

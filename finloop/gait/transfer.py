@@ -7,7 +7,6 @@ body. In a "mirror" the axis is the horizontal middle line of the picture.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil, log10
 
 import numpy as np
 
@@ -16,12 +15,11 @@ from finloop.base.drawing import Drawing, Morph
 from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
 from finloop.gait.match import match_poses, mirror_orders
 from finloop.gait.model import POOLED, Gait, Layout, cycle, partner
-from finloop.morph.folds import folds, stays_simple
-from finloop.morph.layers import check_pairs, check_sizes, fit_drawing
+from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing
 
 LEAST_FRAMES = 4  # one per key
 LIFT = 0.02  # least height of a lifted foot, as a share of the limb's height
-DIGITS = 5  # significant digits of the larger side: 0.01 px if the drawing has 1000 px
+DIGITS = (5,)  # significant digits of the larger side: 0.01 px if the drawing has 1000 px
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,8 @@ def transfer(
     layers = cycle(*keys, with_pooled_gamma(gait), frames, layout, closed=closed, control=control)
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
-    morph = _morph(key1, key2, plant_feet(layers, support), closed)
+    tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)
+    morph = build_morph(key1, key2, tau, plant_feet(layers, support), DIGITS, repeats=True)
     return Transfer(
         morph,
         before=_ground(layers, support, width),
@@ -90,37 +89,9 @@ def transfer(
     )
 
 
-def _morph(
-    key1: Drawing, key2: Drawing, layers: dict[str, Points], closed: dict[str, bool]
-) -> Morph:
-    """Return the cycle as a morph, with rounded coordinates and counted folds."""
-    decimals = DIGITS - ceil(log10(max(key1.width, key1.height)))
-    layers = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
-    frames = len(next(iter(layers.values())))
-    return Morph(
-        tau=1 - np.abs(1 - 2 * np.arange(frames) / frames),
-        layers=layers,
-        closed=closed,
-        folds={name: folds(stack, closed[name]) for name, stack in layers.items()},
-        continuous={
-            name: stays_simple(np.concatenate([stack, stack[:1]]), closed[name])
-            for name, stack in layers.items()
-        },
-        styles=key2.styles | key1.styles,
-        width=key1.width,
-        height=key1.height,
-        decimals=decimals,
-    )
-
-
 def repeat(morph: Morph, cycles: int) -> Morph:
     """Return the morph of one cycle repeated `cycles` times."""
-    return replace(
-        morph,
-        tau=np.tile(morph.tau, cycles),
-        layers={name: np.tile(stack, (cycles, 1, 1)) for name, stack in morph.layers.items()},
-        folds={name: np.tile(count, cycles) for name, count in morph.folds.items()},
-    )
+    return morph.take_frames(np.tile(np.arange(len(morph.tau)), cycles))
 
 
 def with_pooled_gamma(gait: Gait) -> Gait:
