@@ -7,20 +7,22 @@ import numpy as np
 import pytest
 
 from finloop.base.errors import FinloopError
-from finloop.gait.clock import clock
-from finloop.gait.descriptor import descriptor, interpolate_contours, scale_slices
 from finloop.gait.model import (
     Gait,
     Layout,
     at_phases,
+    clock,
     cycle,
+    descriptor,
     four_keys,
+    interpolate_contours,
     mirror_contours,
     partner,
+    record_of,
     reversal,
+    scale_slices,
     subcycle,
 )
-from finloop.gait.record import record_of
 from finloop.gait.tool import load_gait
 from finloop.io.record import save_json
 

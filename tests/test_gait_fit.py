@@ -7,12 +7,19 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, phases, truth
-from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.compare import compare, holdouts
-from finloop.gait.feet import align_phase, foot_positions
-from finloop.gait.film import GaitContours, keys_of
-from finloop.gait.fit import fit
-from finloop.gait.model import Gait, Layout, at_phases, four_keys, mirror_contours
+from finloop.gait.cycles import align_phase, foot_positions
+from finloop.gait.fit import GaitContours, fit, keys_of
+from finloop.gait.model import (
+    Gait,
+    Layout,
+    at_phases,
+    clock,
+    four_keys,
+    gamma_fit,
+    gamma_sums,
+    mirror_contours,
+)
 
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right")
 TRUE = {

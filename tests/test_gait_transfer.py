@@ -11,9 +11,15 @@ from finloop.base.drawing import Drawing
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resample_curve
 from finloop.gait.ground import foot_displacement, ground, plant_feet, supports
-from finloop.gait.match import match_poses, mirror_orders, renumber_curve
 from finloop.gait.model import Gait, mirror_contours
-from finloop.gait.transfer import repeat, transfer, with_pooled_gamma
+from finloop.gait.transfer import (
+    match_poses,
+    mirror_orders,
+    renumber_curve,
+    repeat,
+    transfer,
+    with_pooled_gamma,
+)
 from finloop.io.svg import load_svg
 
 FIRST, LATER = ((0.0, 0.5),), ((0.5, 1.0),)

@@ -15,9 +15,16 @@ import scipy
 
 from finloop.base.arrays import Mask, Points
 from finloop.base.errors import FinloopError
-from finloop.gait.descriptor import contour, per_coefficient
-from finloop.gait.film import GaitContours, check_phases, samples_of
-from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
+from finloop.gait.fit import (
+    LEAST_MOTION,
+    GaitContours,
+    Subcycle,
+    check_phases,
+    corrected_keys,
+    gammas_of,
+    samples_of,
+)
+from finloop.gait.model import contour, per_coefficient
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
 LEAST_GAIN = 0.02
@@ -126,7 +133,7 @@ def _part(film: GaitContours, mask: Mask) -> GaitContours:
 def fit_free_clock(model: Subcycle, tau: Points) -> Points:
     """Return the monotone clock (s,) at tau (s,) that fits a subcycle best (isotonic regression).
 
-    It falls from 1 to 0, as `gait.clock.clock` does, but may have any shape.
+    It falls from 1 to 0, as `gait.model.clock` does, but may have any shape.
     """
     way = (model.start - model.end).ravel()
     norm = float(way @ way)

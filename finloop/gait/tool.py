@@ -11,8 +11,7 @@ from typing import Any
 
 from finloop.base.errors import FinloopError
 from finloop.base.tool import format_frame_counts, frame_rate, run_tool
-from finloop.gait.model import Gait
-from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
+from finloop.gait.model import DO, WANTED, Gait, gait_of
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.record import load_json
@@ -21,6 +20,7 @@ from finloop.morph.layers import MOST_FRAMES
 
 SHIPPED = Path(__file__).parents[2] / "data/gaits"
 RATE = Fraction(30)
+MOST_BYTES = 1_000_000  # of a gait's file
 
 
 def main(arguments: list[str] | None = None) -> int:
