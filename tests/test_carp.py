@@ -23,8 +23,8 @@ from finloop.drawn.carp.film import (
     motion,
 )
 from finloop.drawn.carp.midline import POINTS, midline
+from finloop.drawn.carp.motion import turn_bend, turn_progress
 from finloop.drawn.carp.skin import FishColours, half_width, paint_fish
-from finloop.drawn.carp.swimmer import turn_bend, turn_progress
 from finloop.drawn.truth import TRUTH
 
 SMALL = settings(

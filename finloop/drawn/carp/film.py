@@ -14,7 +14,7 @@ import numpy as np
 from finloop.base.arrays import Floats, Picture
 from finloop.drawn.carp.draw import OVERSAMPLE, CarpPicture, blur_drawing, draw
 from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
-from finloop.drawn.carp.motion import CarpMotion, is_crowded, room_of, simulate
+from finloop.drawn.carp.motion import CarpMotion, room_of, simulate
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.drawn.carp.skin import FishColours, Image, floor, paint_fish
 
@@ -27,9 +27,12 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 
 
 def is_tank_large_enough(params: CarpFilm) -> bool:
-    """Return whether the tank is large enough for the fish to swim freely."""
-    room = room_of(params.width_px, params.height_px, params.body_length_px)
-    return not is_crowded(params.fish, room)
+    """Return whether the fish of a film can swim freely: each needs 2.2 × 2.2 body lengths."""
+    x0, y0, x1, y1 = room_of(params.width_px, params.height_px, params.body_length_px)
+    wide, high = x1 - x0, y1 - y0
+    if wide < 1.2 or high < 1.2:
+        return False
+    return params.fish == 1 or params.fish <= (wide + 1.4) * (high + 1.4) / 2.2**2
 
 
 def _streams(seed: int) -> list[np.random.Generator]:
