@@ -107,7 +107,7 @@ def _errors(
             continue
         size, letter = len(model.end), "AB"[sub]
         spread = per_coefficient(per_scale[name][letter], size, coarse)
-        f = fit_free_clock(model, test.tau)[:, None, None]
+        f = _fit_free_clock(model, test.tau)[:, None, None]
         predictions = {
             "linear": model.predict(test.tau, np.zeros(1)),
             "gamma": model.predict(test.tau, np.array(per_limb[name][letter])),
@@ -130,7 +130,7 @@ def _part(film: GaitContours, mask: Mask) -> GaitContours:
     return replace(film, phase=film.phase[mask], contours=contours)
 
 
-def fit_free_clock(model: Subcycle, tau: Points) -> Points:
+def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
     """Return the monotone clock (s,) at tau (s,) that fits a subcycle best (isotonic regression).
 
     It falls from 1 to 0, as `gait.model.clock` does, but may have any shape.

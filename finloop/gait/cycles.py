@@ -61,17 +61,17 @@ def film_of_regions(
 
 
 def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
+    """Return the period of all limbs together; FinloopError if they do not repeat."""
     points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
-    beat = period(fill_gaps(signal), frame_rate_hz, limb_signal(points))
+    beat = period(fill_gaps(signal), frame_rate_hz, _limb_signal(points))
     return require_periodic(beat, f"the limbs {', '.join(points)}")
 
 
-def limb_signal(points: dict[str, Floats]) -> Floats:
+def _limb_signal(points: dict[str, Floats]) -> Floats:
     """Return a signal (frames,) that is greatest at key 1: right fore and left hind limbs ahead.
 
-    points: limbs (frames, n, 2) by id, x ahead; NaN where missing. The result has their unit. The
-    other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
+    The other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
     """
     total = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():
@@ -87,12 +87,11 @@ def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
     limbs: contours (frames, n, 2) by id, x ahead and y down. A foot is the lowest 1/FOOT of the
     points.
     """
-    return np.stack([_foot(points) for points in limbs.values()], axis=1)
-
-
-def _foot(points: Floats) -> Floats:
-    low = np.argsort(-np.nanmean(points[..., 1], axis=0), kind="stable")
-    return points[:, low[: max(1, len(low) // FOOT)], 0].mean(axis=1)
+    feet = []
+    for points in limbs.values():
+        low = np.argsort(-np.nanmean(points[..., 1], axis=0), kind="stable")
+        feet.append(points[:, low[: max(1, len(low) // FOOT)], 0].mean(axis=1))
+    return np.stack(feet, axis=1)
 
 
 def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:

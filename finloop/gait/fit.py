@@ -273,21 +273,6 @@ def gammas_of(
     return out
 
 
-def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
-    few = [
-        f"{name!r} in {'AB'[sub]}"
-        for name, pair in samples.items()
-        for sub, frames in enumerate(pair)
-        if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST
-    ]
-    if few:
-        raise FinloopError(
-            f"fewer than {LEAST} frames between the keys show {', '.join(few)}",
-            f"{LEAST} or more of each contour in each subcycle",
-            "use more cycles or a higher frame rate, or omit these contours",
-        )
-
-
 def corrected_keys(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
@@ -301,7 +286,18 @@ def corrected_keys(
     between its keys.
     """
     samples = samples_of(film, split, wavelet, coarse)
-    _check_samples(samples)
+    few = [
+        f"{name!r} in {'AB'[sub]}"
+        for name, pair in samples.items()
+        for sub, frames in enumerate(pair)
+        if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST
+    ]
+    if few:
+        raise FinloopError(
+            f"fewer than {LEAST} frames between the keys show {', '.join(few)}",
+            f"{LEAST} or more of each contour in each subcycle",
+            "use more cycles or a higher frame rate, or omit these contours",
+        )
     linear = keys = keys_of(film, split)
     subcycles = subcycles_of(keys, samples, wavelet, coarse)
     for _ in range(ROUNDS):
@@ -366,21 +362,10 @@ def fit(
 ) -> tuple[Gait, Keys]:
     """Fit a gait to the contours of a film; return the gait and its key frames.
 
-    The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
-    to all contours together. FinloopError as in `check_phases` and `corrected_keys`.
-
-    Parameters
-    ----------
-    film
-        Contours with their phases.
-    name, frequency_hz
-        Name of the gait, and its cycles per second.
-    split
-        Phase of key 2, in cycles.
-    wavelet, coarse
-        Wavelet of the descriptor, and its number of approximation coefficients.
-    per_scale
-        Fit one γ for each scale instead of one for all.
+    name: of the gait; split: phase of key 2, in cycles; coarse: approximation coefficients of the
+    descriptor; per_scale: fit one γ for each scale instead of one for all. The caller fills in the
+    gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs to all contours together.
+    FinloopError as in `check_phases` and `corrected_keys`.
     """
     check_phases(film)
     keys, subcycles = corrected_keys(film, split, wavelet, coarse)
@@ -402,16 +387,15 @@ def fit(
     )
     if film.symmetry == "mirror":
         return gait, keys
-    return replace(gait, support=support_of(film, keys, gait)), keys
+    return replace(gait, support=_support(film, keys, gait)), keys
 
 
-def support_of(
+def _support(
     film: GaitContours, keys: Keys, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return, by id, the spans of phase (from, to) in which a limb's foot is on the ground.
+    """Return `Gait.support`: a foot is down from its foremost to its hindmost place.
 
-    Phases are in cycles; `to` may exceed 1. A foot is down from its foremost to its hindmost place;
-    the animal heads for screen right. A foot is the lowest point of a contour that has "left" or
+    The animal heads for screen right. A foot is the lowest point of a contour that has "left" or
     "right" in its id.
     """
     frames = 240

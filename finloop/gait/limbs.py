@@ -84,22 +84,12 @@ def limbs(
     smooth_frames: float | None = None,
     first: int = 0,
 ) -> Limbs:
-    """Return the contours of all limbs in all frames, in the body frame.
+    """Return the contours of all limbs in all frames, n points each, in the body frame.
 
-    FinloopError if there is no limb, or less than half of the frames show a limb.
-
-    Parameters
-    ----------
-    frames
-        For each frame, contours by id, None where missing. The id "body" gives the place of the
-        body; without it the mean of the limbs does.
-    n
-        Points of a contour.
-    smooth_frames
-        Frames of a cycle, over which the body's track is smoothed: its sway within a cycle counts
-        as motion of the limbs. None = the body moves straight.
-    first
-        Number of the first frame, for messages.
+    frames: contours by id for each frame, None where missing; the id "body" gives the place of the
+    body, without it the mean of the limbs does. smooth_frames: frames of a cycle, over which the
+    body's track is smoothed, None = the body moves straight. first: number of the first frame, for
+    messages. FinloopError if there is no limb, or less than half of the frames show a limb.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
     if not [name for name in names if name != BODY]:
@@ -110,8 +100,16 @@ def limbs(
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
     notes = _check_regions(regions, first)
-    centres = {name: _centres(of) for name, of in regions.items()}
     where = [BODY] if BODY in regions else names
+    centres = {
+        name: np.array(
+            [
+                centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
+                for region in regions[name]
+            ]
+        )
+        for name in where
+    }
     course = smooth_track(
         np.mean([fill_gaps(centres[name]) for name in where], axis=0), smooth_frames
     )
@@ -156,8 +154,8 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
         mean = aligned.mean(axis=0)
     top = int(mean.imag.argmin())
     for k, shape, start in zip(there, fine, starts, strict=True):
-        contour = np.roll(shape, -start - top)[::FINE]
-        out[k] = np.column_stack([contour.real, contour.imag])
+        ring = np.roll(shape, -start - top)[::FINE]
+        out[k] = np.column_stack([ring.real, ring.imag])
     return out
 
 
@@ -186,16 +184,6 @@ def _line(time: Floats, values: Floats, times: Floats) -> Floats:
     """Return the least-squares line through values (m, k), evaluated at `times`."""
     basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
     return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
-
-
-def _centres(regions: Sequence[Region]) -> Floats:
-    """Return the centroids of the areas (frames, 2); NaN where there is no contour."""
-    return np.array(
-        [
-            centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
-            for region in regions
-        ]
-    )
 
 
 def _length(regions: Sequence[Sequence[Region]]) -> float:

@@ -405,21 +405,10 @@ def at_phases(
 ) -> dict[str, Points]:
     """Return contours (f, n, 2) by id at phases (f,) of a gait cycle, from two key frames and γ.
 
+    key1, key2: contours (n, 2) by id; phases: in cycles; layout: as in `half_later`; closed: by id,
+    True if absent; control: control points of each contour (Fig. 14), a power of two, None = all.
     FinloopError as in `four_keys`, or if γ per scale or control points meet contours whose number
     of points is no power of two.
-
-    Parameters
-    ----------
-    key1, key2
-        Key frames: contours (n, 2) by id.
-    gait, layout
-        The gait gives γ, split and symmetry; the layout is that of `half_later`.
-    phases
-        In cycles.
-    closed
-        Whether a contour is closed, by id; True if absent.
-    control
-        Control points of each contour (Fig. 14), a power of two; None = all.
     """
     keys = four_keys(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)

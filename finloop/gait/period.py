@@ -58,18 +58,11 @@ def period(
 ) -> Period:
     """Find the frequency and phase of a motion that repeats, from coordinates (frames, k).
 
+    signal: NaN where missing. extreme (frames,): phase 0 is where its fundamental is greatest; by
+    default the strongest mode, signed so that its largest coordinate is positive. slowest_hz,
+    fastest_hz: bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
     FinloopError if the signal is not (frames, k), has no complete row, or the rate is not positive.
     A motion that does not repeat is no error: see `Period.why` and `require_periodic`.
-
-    Parameters
-    ----------
-    signal, frame_rate_hz
-        Coordinates, a row for each frame, NaN where missing; and the frames per second.
-    extreme
-        (frames,): phase 0 is where its fundamental is greatest; by default the strongest mode,
-        signed so that its largest coordinate is positive.
-    slowest_hz, fastest_hz
-        Bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
     """
     signal = np.asarray(signal, np.float64)
     if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():

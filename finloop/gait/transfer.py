@@ -57,21 +57,11 @@ def transfer(
 ) -> Transfer:
     """Animate a drawing: return the cycle from its key poses 1 and 2, with its feet on the ground.
 
-    FinloopError if the poses do not match, a limb has no height, or a number is out of range.
-
-    Parameters
-    ----------
-    key1, key2
-        Key poses with the same ids, each contour closed in both or open in both; the second is
-        fitted into the picture of the first.
-    gait
-        The gait; its pooled γ holds for ids that it lacks.
-    frames
-        Frames of the cycle, at least 4.
-    points
-        Points of every contour; a power of two if γ is per scale, or with `control`.
-    control
-        Control points of every contour (Fig. 14); None = all.
+    key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
+    is fitted into the picture of the first. frames: of the cycle, at least 4. points: of every
+    contour, a power of two if γ is per scale, or with `control`, the number of control points of
+    every contour (Fig. 14); None = all. FinloopError if the poses do not match, a limb has no
+    height, or a number is out of range.
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)
@@ -89,11 +79,16 @@ def transfer(
     support = gait.support if swap else {}
     tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)
     morph = build_morph(key1, key2, tau, plant_feet(layers, support), DIGITS, repeats=True)
+    size = [morph.width, morph.height]
+    outside = {
+        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
+        for name, stack in morph.layers.items()
+    }
     return Transfer(
         morph,
         before=_ground(layers, support, width),
         after=_ground(morph.layers, support, width),
-        outside=_outside(morph),
+        outside={name: count for name, count in outside.items() if count},
         lifted=_find_lifted_feet(keys[1], gait, layout.offsets or {}) if swap else (),
     )
 
@@ -119,7 +114,13 @@ def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
 
     The far limbs of a drawing often stand higher in the picture: farther up on the ground.
     """
-    down = {name for name in key1 if any(0 in run for run in _support_keys(gait, name))}
+    down = {
+        name
+        for name in key1
+        if any(
+            0 in run % LEAST_FRAMES for run in supports(gait.support.get(name, ()), LEAST_FRAMES)
+        )
+    }
     return {
         name: np.array([0, key1[name][:, 1].max() - key1[twin][:, 1].max()])
         for name in down
@@ -145,11 +146,6 @@ def _find_lifted_feet(
     return tuple(sorted(out))
 
 
-def _support_keys(gait: Gait, name: str) -> list[Ints]:
-    """Return the key numbers 0…3 in each support of a limb."""
-    return [run % LEAST_FRAMES for run in supports(gait.support.get(name, ()), LEAST_FRAMES)]
-
-
 def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
     """Return the ground in widths of the drawing; None without feet."""
     px = ground(limbs, support)
@@ -157,15 +153,6 @@ def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground 
         return None
     slide = {name: length / width for name, length in px.slide.items()}
     return Ground(px.speed / width, slide)
-
-
-def _outside(morph: Morph) -> dict[str, int]:
-    size = np.array([morph.width, morph.height])
-    out = {
-        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
-        for name, stack in morph.layers.items()
-    }
-    return {name: count for name, count in out.items() if count}
 
 
 # --- corresponding points
