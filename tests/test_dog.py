@@ -115,22 +115,6 @@ def test_true_gamma_comes_to_that_of_the_clock_as_the_swing_becomes_small():
     assert apart[2] < 0.01
 
 
-def test_true_gamma_is_the_least_squares_of_many_frames():
-    # Written anew with numpy's own least squares, on a film of 100 frames a quarter.
-    dog = SMALL
-    found = true_gamma(dog, 64)
-    for name in NAMES:
-        for which, label in enumerate("AB"):
-            tau = np.linspace(0, 1, 101)
-            c = limb(dog, name, (which + np.minimum(tau, 1 - 1e-9)) / 4, 64)
-            way = c[0] - c[-1]
-            left = (c - c[-1] - (1 - tau)[:, None, None] * way).ravel()
-            column = -((tau * (1 - tau))[:, None, None] * way).reshape(-1, 1)
-            assert np.linalg.lstsq(column, left, rcond=None)[0][0] == pytest.approx(
-                found[name][label], abs=2e-3
-            )
-
-
 @pytest.mark.parametrize(
     ("changes", "word"),
     [

@@ -15,7 +15,6 @@ from finloop.gait.model import (
     Layout,
     at_phases,
     clock,
-    four_keys,
     gamma_fit,
     gamma_sums,
     mirror_contours,
@@ -180,17 +179,14 @@ def test_limbs_missing_in_some_frames_are_fitted_from_the_others():
         fit(film, "x", 1.0)
 
 
-def test_a_limb_that_is_missing_near_a_key_is_said():
+def test_what_a_film_lacks_is_said():
+    with pytest.raises(FinloopError, match="'fore_left' in A"):
+        fit(_film(np.arange(8) / 4), "x", 1.0)
     film = _film(np.arange(32) / 16)
     film.contours["hind_left"][[0, 1, 2, 14, 15, 16, 17, 18, 30, 31]] = np.nan
     film.contours["hind_right"][[6, 7, 8, 9, 10, 22, 23, 24, 25, 26]] = np.nan
     with pytest.raises(FinloopError, match="no frame shows 'hind_left' near key 1\n"):
         fit(film, "x", 1.0)
-
-
-def test_too_few_frames_between_keys_is_said():
-    with pytest.raises(FinloopError, match="'fore_left' in A"):
-        fit(_film(np.arange(8) / 4), "x", 1.0)
 
 
 def test_support_is_from_the_foremost_place_to_the_hindmost():
@@ -251,13 +247,6 @@ def test_the_keys_that_a_film_starts_from_do_not_matter():
     for name, of in fit(film, "x", 1.0)[0].gamma.items():
         assert of["A"] == pytest.approx(fit(large, "x", 1.0)[0].gamma[name]["A"], rel=1e-9)
     assert compare(film).rms == pytest.approx(compare(large).rms, rel=1e-9)
-
-
-def test_keys_of_the_model_agree():
-    keys = four_keys(ONE, TWO, "swap")
-    film = _film(np.arange(4) / 4)
-    for k in range(4):
-        np.testing.assert_allclose(film.contours["hind_left"][k], keys[k]["hind_left"], atol=1e-12)
 
 
 @pytest.mark.parametrize("late", [-0.03, 0.0, 0.02])

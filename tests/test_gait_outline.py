@@ -24,7 +24,6 @@ from finloop.gait.outline import (
     tail,
     track_outlines,
 )
-from finloop.gait.period import Period
 
 RATE = 50.0
 LENGTH = 90.0  # px
@@ -85,6 +84,10 @@ def test_the_beat_of_a_drawn_fish_is_found() -> None:
     assert np.angle(-turned) == pytest.approx(0, abs=0.05)
     assert np.abs(off(found.period.phase[tail(found.points).argmin()], 0.0)) < 0.06
     assert tail(found.points).max() > 0.05
+    # The head yaws in the body frame as it does on the film of a fish that stays in place.
+    yaw = swimming()[1][:, 0, 1] / LENGTH
+    np.testing.assert_allclose(found.points[:, 0, 1], yaw - yaw.mean(), atol=0.004)
+    assert np.ptp(yaw) > 0.02
 
 
 def test_the_way_is_dropped_and_the_beat_kept() -> None:
@@ -94,14 +97,6 @@ def test_the_way_is_dropped_and_the_beat_kept() -> None:
         there = measure_swimming(**way)
         assert np.sqrt(((there.points - here.points) ** 2).sum(-1).mean()) < 0.005
         np.testing.assert_allclose(off(there.period.phase, here.period.phase), 0, atol=0.02)
-
-
-def test_the_yaw_of_the_head_is_kept() -> None:
-    """The head swings in the body frame as it does on the film of a fish that stays in place."""
-    found, (_, line) = measure_swimming(), swimming()
-    wanted = line[:, 0, 1] / LENGTH
-    np.testing.assert_allclose(found.points[:, 0, 1], wanted - wanted.mean(), atol=0.004)
-    assert np.ptp(wanted) > 0.02
 
 
 def test_place_direction_and_size_on_the_screen_do_not_matter() -> None:
@@ -180,37 +175,20 @@ def test_steady_frames_of_several_tracks_follow_each_other() -> None:
     np.testing.assert_allclose(off(phase, np.r_[one.period.phase[gap], one.period.phase]), 0)
 
 
-def test_too_few_frames_of_a_beat_are_said() -> None:
-    outline, line = swimming()
-    found = swim_contours(outline[:9], line[:9], RATE)
-    assert isinstance(found, TrackContours)
-    assert isinstance(found.period, Period)
-    assert "half a cycle" in found.period.why
-
-
-def tables() -> tuple[pd.DataFrame, pd.DataFrame]:
-    """A track whose backbones are back to front in odd frames, and its features."""
+def test_backbones_of_the_tables_come_head_first() -> None:
+    """In the track they are back to front in odd frames."""
     outline, line = swimming()
     odd = (np.arange(FRAMES) % 2 == 1)[:, None, None]
     mixed = np.where(odd, line[:, ::-1], line)
     track = pd.DataFrame({"frame": np.arange(FRAMES)})
+    features = track.copy()
     for k, name in enumerate("xy"):
         track[f"outline_{name}_px"] = list(outline[..., k])
         track[f"backbone_{name}_px"] = list(mixed[..., k])
-    head = {f"head_{name}_px": line[:, 0, k] for k, name in enumerate("xy")}
-    return track, pd.DataFrame({"frame": np.arange(FRAMES), **head})
-
-
-def test_backbones_of_the_tables_come_head_first() -> None:
-    outline, line = swimming()
-    found = track_outlines(*tables())
+        features[f"head_{name}_px"] = line[:, 0, k]
+    found = track_outlines(track, features)
     np.testing.assert_array_equal(found[0], outline)
     np.testing.assert_array_equal(found[1], line)
-
-
-def test_features_of_other_frames_are_refused() -> None:
-    track, features = tables()
-    with pytest.raises(FinloopError, match="do not match"):
-        track_outlines(track, features[:-1])
-    with pytest.raises(FinloopError, match="do not match"):
-        track_outlines(track, features.assign(frame=features["frame"] + 1))
+    for other in (features[:-1], features.assign(frame=features["frame"] + 1)):
+        with pytest.raises(FinloopError, match="do not match"):
+            track_outlines(track, other)
