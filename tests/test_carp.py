@@ -11,14 +11,14 @@ from scipy.spatial.distance import cdist
 from finloop.base.settings import settings
 from finloop.drawn.carp.draw import blur_drawing, draw
 from finloop.drawn.carp.film import (
-    bend_of,
-    curvature_of,
     empty_tank,
     film,
     fish_colours,
-    heading_of,
     is_tank_large_enough,
     light,
+    midline_bend,
+    midline_curvature,
+    midline_heading,
     midline_px,
     motion,
 )
@@ -74,13 +74,13 @@ def test_a_left_bend_seen_on_screen_has_plus_signs():
     # swimming along it from tail to head it turns from "right" to "up", which is to its left.
     angle = np.linspace(np.pi / 2, 0, POINTS)  # head first
     line = np.column_stack([np.sin(angle), np.cos(angle)])
-    assert heading_of(line) > 45
-    assert curvature_of(line) == pytest.approx(90, abs=2)
+    assert midline_heading(line) > 45
+    assert midline_curvature(line) == pytest.approx(90, abs=2)
     # Quarter circle of radius 1: sector less triangle, over the square of the arc.
-    assert bend_of(line) == pytest.approx((np.pi / 4 - 0.5) / (np.pi / 2) ** 2, rel=1e-3)
+    assert midline_bend(line) == pytest.approx((np.pi / 4 - 0.5) / (np.pi / 2) ** 2, rel=1e-3)
     mirrored = line * (1, -1)
-    assert bend_of(mirrored) == pytest.approx(-bend_of(line))
-    assert curvature_of(mirrored) == pytest.approx(-curvature_of(line))
+    assert midline_bend(mirrored) == pytest.approx(-midline_bend(line))
+    assert midline_curvature(mirrored) == pytest.approx(-midline_curvature(line))
 
 
 @pytest.mark.parametrize(
@@ -88,15 +88,15 @@ def test_a_left_bend_seen_on_screen_has_plus_signs():
 )
 def test_heading_is_anticlockwise_from_screen_right(head, degrees):
     line = np.linspace(head, (0, 0), POINTS)
-    assert heading_of(line) == pytest.approx(degrees)
+    assert midline_heading(line) == pytest.approx(degrees)
 
 
 def test_a_bend_to_the_left_is_asked_for_with_plus():
     line = midline(0, 0, 0.4, 0.0, 0.0, np.radians(70))
-    assert curvature_of(line) == pytest.approx(70)
-    assert bend_of(line) > 0.08
-    assert heading_of(line) > np.degrees(0.4)  # the head leads the turn
-    assert bend_of(midline(0, 0, 0.4, 0.0, 0.0, 0.0)) == pytest.approx(0, abs=1e-12)
+    assert midline_curvature(line) == pytest.approx(70)
+    assert midline_bend(line) > 0.08
+    assert midline_heading(line) > np.degrees(0.4)  # the head leads the turn
+    assert midline_bend(midline(0, 0, 0.4, 0.0, 0.0, 0.0)) == pytest.approx(0, abs=1e-12)
 
 
 # -- the midline --------------------------------------------------------------------------------
@@ -271,10 +271,12 @@ def test_the_swimming_type_is_that_of_the_turn(long_films):
     for params, poses, lines in long_films:
         kind = poses.swimming_type[:, 0].astype(int)
         axis = np.degrees(np.unwrap(poses.axis[:, 0]))
-        heading = np.unwrap([heading_of(line) for line in lines], period=360)
-        bend = np.array([bend_of(line) for line in lines])
+        heading = np.unwrap([midline_heading(line) for line in lines], period=360)
+        bend = np.array([midline_bend(line) for line in lines])
         bent = zip(poses.axis[:, 0], poses.bend[:, 0], strict=True)
-        unbeaten = [heading_of(midline(0, 0, a, 0, 0, b)) for a, b in bent]  # without a tail beat
+        unbeaten = [
+            midline_heading(midline(0, 0, a, 0, 0, b)) for a, b in bent
+        ]  # without a tail beat
         unbeaten = np.unwrap(unbeaten, period=360)
         edges = np.flatnonzero(np.diff(kind)) + 1
         for start, stop in pairwise(edges):

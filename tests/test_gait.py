@@ -19,7 +19,7 @@ from finloop.gait.model import (
     mirror_contours,
     partner,
     record_of,
-    reversal,
+    reversed_order,
     scale_slices,
     subcycle,
 )
@@ -60,8 +60,10 @@ def test_partner_is_the_other_side_if_it_is_there():
 
 def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
     points = np.random.default_rng(7).normal(size=(3, 16, 2))
-    flipped = mirror_contours(points, 2.0, reversal(16, 3))
-    np.testing.assert_allclose(mirror_contours(flipped, 2.0, reversal(16, 3)), points, atol=1e-15)
+    flipped = mirror_contours(points, 2.0, reversed_order(16, 3))
+    np.testing.assert_allclose(
+        mirror_contours(flipped, 2.0, reversed_order(16, 3)), points, atol=1e-15
+    )
     x, y = points[0].T
     u, v = flipped[0].T
     area = [a @ np.roll(b, -1) - b @ np.roll(a, -1) for a, b in ((x, y), (u, v))]

@@ -9,7 +9,7 @@ from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, phases, truth
 from finloop.gait.compare import compare, holdouts
 from finloop.gait.cycles import align_phase, foot_positions
-from finloop.gait.fit import GaitContours, fit, keys_of
+from finloop.gait.fit import GaitContours, fit, interpolate_keys
 from finloop.gait.model import (
     Gait,
     Layout,
@@ -91,7 +91,7 @@ def test_keys_between_frames_allow_for_the_bend_of_the_way():
     """Straight lines from frame to frame would be off by the bend (and γ by a tenth and more)."""
     film = _film(np.arange(48) / 24 + 1 / 48)
     gait, keys = fit(film, "x", 1.0, wavelet="db4")
-    rough = keys_of(film, 0.25)
+    rough = interpolate_keys(film, 0.25)
     off = [
         sum(
             ((found.first[n] - ONE[n]) ** 2).sum() + ((found.second[n] - TWO[n]) ** 2).sum()
@@ -157,13 +157,15 @@ def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
         noisy.contours["fore_left"][[0, 16]].sum(0)
         + film.contours_half_cycle_later(later)["fore_left"].sum(0)
     ) / 4
-    np.testing.assert_allclose(keys_of(noisy, 0.25).first["fore_left"], mean)
+    np.testing.assert_allclose(interpolate_keys(noisy, 0.25).first["fore_left"], mean)
     between = _film((np.arange(4) - 0.5) / 4 + 0.25, straight)  # key 2 amid two frames
     expected = between.contours["fore_left"][:2].mean(axis=0)
     twin = _film(between.phase + 0.5, straight)
     other = twin.contours_half_cycle_later(twin.contours)["fore_left"][:2].mean(axis=0)
     np.testing.assert_allclose(expected, other, atol=1e-12)
-    np.testing.assert_allclose(keys_of(between, 0.25).second["fore_left"], expected, atol=1e-12)
+    np.testing.assert_allclose(
+        interpolate_keys(between, 0.25).second["fore_left"], expected, atol=1e-12
+    )
 
 
 def test_limbs_missing_in_some_frames_are_fitted_from_the_others():

@@ -16,12 +16,12 @@ from finloop.drawn.carp.skin import half_width
 from finloop.gait.outline import (
     TrackContours,
     asymmetry,
+    centre_and_direction,
     contours,
     in_body_frame,
     join_steady_frames,
-    pose,
     swim_contours,
-    tail,
+    tail_offset,
     track_outlines,
 )
 
@@ -80,10 +80,10 @@ def test_the_beat_of_a_drawn_fish_is_found() -> None:
     assert found.length_px == pytest.approx(LENGTH, rel=0.01)
     assert np.ptp(off(found.period.phase, BEAT)) < 0.03
     # Phase 0 is where the tail is farthest to the left, which is up on the screen.
-    turned = tail(found.points) @ np.exp(-2j * np.pi * found.period.phase)
+    turned = tail_offset(found.points) @ np.exp(-2j * np.pi * found.period.phase)
     assert np.angle(-turned) == pytest.approx(0, abs=0.05)
-    assert np.abs(off(found.period.phase[tail(found.points).argmin()], 0.0)) < 0.06
-    assert tail(found.points).max() > 0.05
+    assert np.abs(off(found.period.phase[tail_offset(found.points).argmin()], 0.0)) < 0.06
+    assert tail_offset(found.points).max() > 0.05
     # The head yaws in the body frame as it does on the film of a fish that stays in place.
     yaw = swimming()[1][:, 0, 1] / LENGTH
     np.testing.assert_allclose(found.points[:, 0, 1], yaw - yaw.mean(), atol=0.004)
@@ -124,7 +124,7 @@ def test_a_straight_fish_is_its_own_mirror_image() -> None:
     still, curled = midline(0, 0, 0, 0, 0, 0), midline(0, 0, 0, 0, 0, 1.0)
     lines = np.stack([still, curled])
     found = contours(np.stack([carp_outline(line) for line in lines]), lines[:, 0], 128)
-    centre, angle = pose(found, lines)
+    centre, angle = centre_and_direction(found, lines)
     far = asymmetry(in_body_frame(found, centre, angle))
     assert far[0] < 1e-3
     assert far[1] > 0.03

@@ -11,7 +11,7 @@ from conftest import ROOT
 from scratch import save_svg
 
 from finloop.base.errors import FinloopError
-from finloop.gait.tool import SHIPPED, gaits, load_gait, main, path_of, timing
+from finloop.gait.tool import SHIPPED, gait_path, load_gait, main, shipped_gaits, timing
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 
@@ -76,19 +76,19 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
     assert "no contour is a foot of dog_walk" in capsys.readouterr().out
 
 
-# --- gaits
+# --- shipped_gaits
 
 
 def test_shipped_gaits_are_found_by_name_and_others_by_path(tmp_path):
-    assert path_of("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
+    assert gait_path("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
     own = tmp_path / "own.json"
     own.write_bytes((SHIPPED / "dog_walk.json").read_bytes())
-    assert path_of(str(own), SHIPPED) == own
+    assert gait_path(str(own), SHIPPED) == own
     with pytest.raises(FinloopError, match="dog_walk or "):
-        path_of("cat", SHIPPED)
-    assert all(load_gait(path).name == name for name, path in gaits(SHIPPED).items())
+        gait_path("cat", SHIPPED)
+    assert all(load_gait(path).name == name for name, path in shipped_gaits(SHIPPED).items())
     with pytest.raises(FinloopError, match="wanted: the path of"):
-        path_of("cat", tmp_path / "nowhere")
+        gait_path("cat", tmp_path / "nowhere")
 
 
 def test_the_list_shows_each_gait(capsys):
@@ -96,7 +96,7 @@ def test_the_list_shows_each_gait(capsys):
         main(["--list"])
     assert stop.value.code == 0
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(
-        gaits(SHIPPED)
+        shipped_gaits(SHIPPED)
     )
 
 

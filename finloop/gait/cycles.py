@@ -51,16 +51,16 @@ def film_of_regions(
     `gait.limbs.limbs`, or if no motion repeats.
     """
     contours = limbs(frames, n, None, first)
-    beat = _beat(contours, frame_rate_hz)
+    beat = _limb_period(contours, frame_rate_hz)
     contours = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
-    beat = _beat(contours, frame_rate_hz)
+    beat = _limb_period(contours, frame_rate_hz)
     steady = {name: points[beat.steady] for name, points in contours.points.items()}
     phase = align_phase(beat.phase[beat.steady], foot_positions(steady), split)
     film = GaitContours(steady, phase, contours.length_px, "swap").complete()
     return replace(film, offsets=hip_offsets(film)), beat, contours
 
 
-def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
+def _limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
     """Return the period of all limbs together; FinloopError if they do not repeat."""
     points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)

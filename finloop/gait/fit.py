@@ -19,12 +19,12 @@ from finloop.gait.model import (
     Layout,
     Symmetry,
     clock,
-    contour,
+    contour_from_descriptor,
     cycle,
     descriptor,
     gamma_fit,
     gamma_sums,
-    half_later,
+    half_cycle_later,
     partner,
     scale_slices,
     subcycle,
@@ -35,7 +35,7 @@ WIDEST = 0.125
 Gammas = dict[str, dict[str, tuple[float, ...]]]
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
-"""Rounds of `corrected_keys`. They bring γ of the drawn dog within 6 % at any frame rate, from 44 %
+"""Rounds of `correct_keys`. They bring γ of the drawn dog within 6 % at any frame rate, from 44 %
 without correction. With more rounds the cubics follow the noise of few frames."""
 LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys gets γ = 0
 
@@ -54,8 +54,8 @@ class GaitContours:
     offsets: Mapping[str, Points] | None = None
 
     def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
-        """Return what contours of this animal look like half a cycle later, by its symmetry."""
-        return half_later(contours, self.symmetry, Layout(offsets=self.offsets))
+        """Return the animal's contours by id as they are half a cycle later, by its symmetry."""
+        return half_cycle_later(contours, self.symmetry, Layout(offsets=self.offsets))
 
     def complete(self) -> "GaitContours":
         """Return the film with hidden limbs added as NaN, if the animal is seen from the side.
@@ -133,13 +133,13 @@ def hip_offsets(film: GaitContours) -> dict[str, Points]:
     return out
 
 
-def keys_of(film: GaitContours, split: float) -> Keys:
+def interpolate_keys(film: GaitContours, split: float) -> Keys:
     """Return key frames by linear interpolation, the mean over all cycles and both halves.
 
     split: phase of key 2, in cycles. Weights fall linearly to 0 at one frame's step from the key's
     phase. So one cycle gives the interpolation between the two frames beside the phase, and several
     cycles give its mean. Missing frames widen the weights up to WIDEST. For the error of the
-    interpolation see `gait.fit.corrected_keys`. FinloopError if a contour is missing in every frame
+    interpolation see `gait.fit.correct_keys`. FinloopError if a contour is missing in every frame
     near a key; the message names all such contours.
     """
     phase, here = film.phase, film.contours
@@ -185,10 +185,10 @@ class Samples:
     frame: Ints
 
 
-def samples_of(
+def sort_into_subcycles(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> dict[str, list[Samples]]:
-    """Return, by id, the film's frames in subcycle A and in B: a list of two `Samples`.
+    """Sort a film's frames into subcycles: return, by contour id, those in A and those in B.
 
     By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet,
     coarse: of the descriptor.
@@ -219,7 +219,7 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def sums(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return numerator and denominator of γ (`gamma_sums`) for a scale, by default for all."""
+        """Return the sums from which `gamma_fit` finds γ, for a slice of the coefficients."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_sums(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
@@ -245,10 +245,10 @@ class Subcycle:
         return self.end + clock(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
 
-def subcycles_of(
+def build_subcycles(
     keys: Keys, samples: Mapping[str, list[Samples]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Subcycle]:
-    """Return every contour in subcycles A (0) and B (1), with key (id, 0 or 1).
+    """Join key frames and the film's frames: return subcycles by contour and 0 for A, 1 for B.
 
     samples: by id, the frames in A and in B.
     """
@@ -260,7 +260,7 @@ def subcycles_of(
     return out
 
 
-def gammas_of(
+def fit_gammas(
     subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
 ) -> Gammas:
     """Return γ of every contour, by id and then by "A" and "B": one per scale, or one for all.
@@ -273,19 +273,19 @@ def gammas_of(
     return out
 
 
-def corrected_keys(
+def correct_keys(
     film: GaitContours, split: float, wavelet: str, coarse: int
 ) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
     """Return key frames corrected for the curvature of the motion, and the subcycles between them.
 
-    The subcycles have keys (id, 0 for A or 1 for B). `keys_of` interpolates linearly between the
+    The subcycles have keys (id, 0 for A or 1 for B). `interpolate_keys` is linear between two
     frames beside a key, which flattens the curved motion. A model of the film, a cubic for each
     coefficient of each subcycle, gives the error: the same interpolation of the model is off by as
     much. ROUNDS times that difference is subtracted. A frame exactly at a key's phase stays that
-    key. FinloopError as in `keys_of`, or if a subcycle of a contour has fewer than LEAST frames
-    between its keys.
+    key. FinloopError as in `interpolate_keys`, or if a subcycle of a contour has fewer than LEAST
+    frames between its keys.
     """
-    samples = samples_of(film, split, wavelet, coarse)
+    samples = sort_into_subcycles(film, split, wavelet, coarse)
     few = [
         f"{name!r} in {'AB'[sub]}"
         for name, pair in samples.items()
@@ -298,11 +298,11 @@ def corrected_keys(
             f"{LEAST} or more of each contour in each subcycle",
             "use more cycles or a higher frame rate, or omit these contours",
         )
-    linear = keys = keys_of(film, split)
-    subcycles = subcycles_of(keys, samples, wavelet, coarse)
+    linear = keys = interpolate_keys(film, split)
+    subcycles = build_subcycles(keys, samples, wavelet, coarse)
     for _ in range(ROUNDS):
-        model = replace(film, contours=_smooth(film, subcycles, split, wavelet, coarse))
-        short = keys_of(model, split)
+        model = replace(film, contours=_smooth_contours(film, subcycles, split, wavelet, coarse))
+        short = interpolate_keys(model, split)
         first, second = (
             {name: key[name] + film_key[name] - model_key[name] for name in key}
             for key, film_key, model_key in (
@@ -311,11 +311,11 @@ def corrected_keys(
             )
         )
         keys = Keys(first, second, film.contours_half_cycle_later(first))
-        subcycles = subcycles_of(keys, samples, wavelet, coarse)
+        subcycles = build_subcycles(keys, samples, wavelet, coarse)
     return keys, subcycles
 
 
-def _smooth(
+def _smooth_contours(
     film: GaitContours,
     subcycles: Mapping[tuple[str, int], Subcycle],
     split: float,
@@ -331,10 +331,14 @@ def _smooth(
             model, own_tau = subcycles[name, sub], tau[which == sub]
             sample_tau = model.samples.tau
             rest = model.samples.coefficients - model.predict(sample_tau, np.zeros(1))
-            size = np.linalg.lstsq(_bends(sample_tau), rest.reshape(len(rest), -1), rcond=None)[0]
-            bend = (_bends(own_tau) @ size).reshape(-1, *model.end.shape)
+            size = np.linalg.lstsq(
+                _two_cubics(sample_tau), rest.reshape(len(rest), -1), rcond=None
+            )[0]
+            bend = (_two_cubics(own_tau) @ size).reshape(-1, *model.end.shape)
             coefficients = model.predict(own_tau, np.zeros(1)) + bend
-            out[name][which == sub] = contour(coefficients, points.shape[1], wavelet, coarse)
+            out[name][which == sub] = contour_from_descriptor(
+                coefficients, points.shape[1], wavelet, coarse
+            )
     later, second = film.contours_half_cycle_later(out), np.mod(film.phase, 1.0) >= 0.5
     return {
         name: np.where(
@@ -344,7 +348,7 @@ def _smooth(
     }
 
 
-def _bends(tau: Points) -> Points:
+def _two_cubics(tau: Points) -> Points:
     """Return the two cubics that are 0 at τ = 0 and 1, at tau (s,): (s, 2)."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
@@ -365,12 +369,12 @@ def fit(
     name: of the gait; split: phase of key 2, in cycles; coarse: approximation coefficients of the
     descriptor; per_scale: fit one γ for each scale instead of one for all. The caller fills in the
     gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs to all contours together.
-    FinloopError as in `check_phases` and `corrected_keys`.
+    FinloopError as in `check_phases` and `correct_keys`.
     """
     check_phases(film)
-    keys, subcycles = corrected_keys(film, split, wavelet, coarse)
+    keys, subcycles = correct_keys(film, split, wavelet, coarse)
     still = LEAST_MOTION * film.body_length
-    gamma = gammas_of(subcycles, per_scale, still)
+    gamma = fit_gammas(subcycles, per_scale, still)
     for sub, letter in enumerate("AB"):
         sums = [model.sums() for (_, which), model in subcycles.items() if which == sub]
         gamma.setdefault(POOLED, {})[letter] = (gamma_fit(sums),)

@@ -122,7 +122,7 @@ def limbs(
             for each, of in zip(pair, np.split(both, len(pair)), strict=True):
                 points[each] = of - course[:, None]
     points = {name: points[name] for name in names if name != BODY}
-    return Limbs(points, course, _length([regions[name] for name in where]), notes)
+    return Limbs(points, course, _median_width([regions[name] for name in where]), notes)
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
@@ -167,7 +167,7 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
     """
     time = np.arange(len(track), dtype=float)
     if window is None or len(track) < 2 * window:
-        return _line(time, track, time)
+        return _fit_line(time, track, time)
     half = int(np.ceil(window / 2))
     # The share of each frame's time within the window.
     weight = np.clip(window / 2 + 0.5 - np.abs(np.arange(-half, half + 1)), 0, 1)
@@ -175,18 +175,18 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
         [np.convolve(values, weight / weight.sum(), "valid") for values in track.T]
     )
     inner, some = time[half : len(track) - half], round(window)
-    before = _line(inner[:some], means[:some], time[:half])
-    after = _line(inner[-some:], means[-some:], time[len(track) - half :])
+    before = _fit_line(inner[:some], means[:some], time[:half])
+    after = _fit_line(inner[-some:], means[-some:], time[len(track) - half :])
     return np.concatenate([before, means, after])
 
 
-def _line(time: Floats, values: Floats, times: Floats) -> Floats:
+def _fit_line(time: Floats, values: Floats, times: Floats) -> Floats:
     """Return the least-squares line through values (m, k), evaluated at `times`."""
     basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
     return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
-def _length(regions: Sequence[Sequence[Region]]) -> float:
+def _median_width(regions: Sequence[Sequence[Region]]) -> float:
     """Return the median width of all contours together, over the most complete frames."""
     frames = zip(*regions, strict=True)
     contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
@@ -209,7 +209,7 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
             ]
             for why in (MISSING, EMPTY, BORDER)
         }
-        gaps = [f"{_numbers(which)}: {why}" for why, which in lacking.items() if which]
+        gaps = [f"{_format_runs(which)}: {why}" for why, which in lacking.items() if which]
         if name not in often:
             wrong.append(f"{name!r} in frames {'; '.join(gaps)}")
             hints += difflib.get_close_matches(name, sorted(often), 1, 0.8)
@@ -225,8 +225,9 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
             [area(region) if isinstance(region, Curve) else np.nan for region in frames]
         )
         if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
+            which = _format_runs([first + k for k in small])
             notes.append(
-                f"{name} is smaller than usual in frames {_numbers([first + k for k in small])}:"
+                f"{name} is smaller than usual in frames {which}:"
                 " if something hides a part of it there, trace it whole or omit it"
             )
     if wrong:
@@ -240,7 +241,7 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
     return tuple(notes)
 
 
-def _numbers(which: Sequence[int]) -> str:
+def _format_runs(which: Sequence[int]) -> str:
     """Return frame numbers as text, runs as "3-7"."""
     cuts = [0, *(i for i in range(1, len(which)) if which[i] != which[i - 1] + 1), len(which)]
     runs = [(which[a], which[b - 1]) for a, b in pairwise(cuts)]

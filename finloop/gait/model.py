@@ -49,14 +49,14 @@ WANTED = "a gait as the stage `gait` writes it"
 DO = "correct it by the examples in data/gaits/, or fit a gait: dvc repro gait"
 
 
-def _power_of_two(count: int) -> int:
+def _check_power_of_two(count: int) -> int:
     """Return the count; ValueError unless it is a power of two."""
     if count & (count - 1):
         raise ValueError("no power of two")
     return count
 
 
-def _apart(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     """Return spans of phase (from, to); ValueError unless they rise and never overlap."""
     if not all(0 <= start < end <= min(2, start + 1) for start, end in spans):
         raise ValueError("no list of [from, to], 0 ≤ from < to ≤ 2")
@@ -71,7 +71,7 @@ def _apart(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
 Number = Annotated[float, Field(ge=-1000, le=1000)]
 Gammas = Annotated[tuple[Number, ...], Field(min_length=1)]
 Subcycles = Annotated[Mapping[Annotated[str, Field(pattern="^[AB]$")], Gammas], Field(min_length=2)]
-Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_apart)]
+Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_check_spans)]
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Gait:
     gamma: Annotated[Mapping[str, Subcycles], Field(min_length=1)]
     split: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     wavelet: str = "coif2"
-    coarse: Annotated[int, Field(ge=1, le=2**16), AfterValidator(_power_of_two)] = 4
+    coarse: Annotated[int, Field(ge=1, le=2**16), AfterValidator(_check_power_of_two)] = 4
     # by id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1. Swap
     # only
     support: Mapping[str, Spans] = field(default_factory=dict)
@@ -183,7 +183,9 @@ def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -
     return wavelet_transform(points, wavelet, _levels(points.shape[-2], coarse, closed))
 
 
-def contour(coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True) -> Points:
+def contour_from_descriptor(
+    coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True
+) -> Points:
     """Return contours (…, n, 2) from their wavelet coefficients: the inverse of `descriptor`."""
     levels = _levels(coefficients.shape[-2], coarse, closed)
     return inverse_transform(coefficients, wavelet, levels)[..., :n, :]
@@ -197,7 +199,9 @@ def scale_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
     return scales(n, _levels(n, coarse, closed))
 
 
-def per_coefficient(gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True) -> Points:
+def gamma_per_coefficient(
+    gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True
+) -> Points:
     """Return γ for each of n coefficients, (n,), from one γ per scale, coarse to fine.
 
     The last γ holds for all finer scales.
@@ -225,8 +229,10 @@ def interpolate_contours(
     if len(gamma) == 1:
         return end + clock(tau, gamma[0])[:, None, None] * (start - end)
     step = descriptor(start - end, wavelet, coarse, closed)
-    weights = clock(tau[:, None], per_coefficient(gamma, len(step), coarse, closed))
-    return end + contour(weights[..., None] * step, len(end), wavelet, coarse, closed)
+    weights = clock(tau[:, None], gamma_per_coefficient(gamma, len(step), coarse, closed))
+    return end + contour_from_descriptor(
+        weights[..., None] * step, len(end), wavelet, coarse, closed
+    )
 
 
 def _few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:
@@ -249,25 +255,25 @@ def _few_control(points: Points, control: int, wavelet: str, closed: bool = True
 
 
 def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
-    """Return the id with left and right exchanged if it is among `names`, else the id itself."""
+    """Return the id of the limb on the other side if it is among `names`, else the id itself."""
     for side, opposite in (("left", "right"), ("right", "left")):
         if side in name and (swapped := name.replace(side, opposite)) in names:
             return swapped
     return name
 
 
-def reversal(n: int, start: int = 0) -> Ints:
-    """Return the indices (start − i) mod n, (n,), that reverse a closed contour of n points."""
+def reversed_order(n: int, start: int = 0) -> Ints:
+    """Return the indices (n,) that reverse a closed contour and begin at point `start`."""
     return (start - np.arange(n)) % n
 
 
 def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
     """Return contours (…, n, 2) reflected in the line y = middle; they keep their direction.
 
-    order (n,): indices that renumber the points, by default `reversal(n)`, for an outline from the
-    snout on. Reflecting twice is the identity if `order` is its own inverse.
+    order (n,): indices that renumber the points, by default `reversed_order(n)`, for an outline
+    from the snout on. Reflecting twice is the identity if `order` is its own inverse.
     """
-    order = reversal(points.shape[-2]) if order is None else order
+    order = reversed_order(points.shape[-2]) if order is None else order
     return points[..., order, :] * [1, -1] + [0, 2 * middle]
 
 
@@ -316,11 +322,11 @@ def four_keys(
             "give the contours of a pair the same id and resample them alike",
         )
     keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
-    later = [half_later(key, symmetry, layout) for key in keys]
+    later = [half_cycle_later(key, symmetry, layout) for key in keys]
     return keys[0], keys[1], later[0], later[1]
 
 
-def half_later(
+def half_cycle_later(
     contours: Mapping[str, Points], symmetry: Symmetry, layout: Layout = Layout()
 ) -> dict[str, Points]:
     """Return contours (…, n, 2) by id as they are half a cycle later, by symmetry.
@@ -337,7 +343,7 @@ def half_later(
     for name in contours:
         twin = partner(name, contours)
         if symmetry == "mirror":
-            order = orders.get(name, reversal(contours[twin].shape[-2]))
+            order = orders.get(name, reversed_order(contours[twin].shape[-2]))
             identity = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
             out[name] = mirror_contours(contours[twin], layout.middle, order)
         else:
@@ -405,10 +411,10 @@ def at_phases(
 ) -> dict[str, Points]:
     """Return contours (f, n, 2) by id at phases (f,) of a gait cycle, from two key frames and γ.
 
-    key1, key2: contours (n, 2) by id; phases: in cycles; layout: as in `half_later`; closed: by id,
-    True if absent; control: control points of each contour (Fig. 14), a power of two, None = all.
-    FinloopError as in `four_keys`, or if γ per scale or control points meet contours whose number
-    of points is no power of two.
+    key1, key2: contours (n, 2) by id; phases: in cycles; closed: by id, True if absent; control:
+    control points of each contour (Fig. 14), a power of two, None = all. FinloopError as in
+    `four_keys`, or if γ per scale or control points meet contours whose number of points is no
+    power of two.
     """
     keys = four_keys(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
@@ -429,7 +435,7 @@ def at_phases(
         out[name] = frames
     # C and D are images of A and B, not computed again: reversed numbering changes the descriptor
     # a little.
-    later = half_later(out, gait.symmetry, layout)
+    later = half_cycle_later(out, gait.symmetry, layout)
     return {
         name: np.where((phases < 0.5)[:, None, None], frames, later[name])
         for name, frames in out.items()

@@ -68,13 +68,13 @@ def swim_contours(
     """
     points = contours(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
-    centre, angle = pose(points, backbone_px)
+    centre, angle = centre_and_direction(points, backbone_px)
     own = in_body_frame(points, centre, angle) / length
     # The midline's place, the mean of the two points equally far from the snout: a tail beat moves
     # it; fins that spread on both sides do not.
     y = own[..., 1]
     sideways = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2
-    beat = period(sideways, frame_rate_hz, -tail(own))
+    beat = period(sideways, frame_rate_hz, -tail_offset(own))
     if not beat.cycles:
         return TrackContours(own, beat, length)
     smooth = remove_beat(np.column_stack([centre, angle]), beat.phase)
@@ -85,7 +85,7 @@ def swim_contours(
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
         return TrackContours(own, replace(steady, why=why), length)
-    return TrackContours(straightened, with_phase_zero(steady, -tail(straightened)), length)
+    return TrackContours(straightened, with_phase_zero(steady, -tail_offset(straightened)), length)
 
 
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
@@ -141,7 +141,7 @@ def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     return out
 
 
-def pose(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
+def centre_and_direction(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
     """Return the centre (frames, 2) of contours and the direction (frames,) of backbones.
 
     points (frames, n, 2); backbone (frames, k, 2), head first, in the same unit. The direction is
@@ -175,7 +175,7 @@ def asymmetry(points: Floats) -> Floats:
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
 
 
-def tail(points: Floats) -> Floats:
+def tail_offset(points: Floats) -> Floats:
     """Return the tail end's sideways position (frames,) in the body frame, + to the right."""
     n = points.shape[1]
     reach = max(1, round(TAIL * n))

@@ -79,15 +79,15 @@ def period(
     whole = np.asarray(np.isfinite(signal).all(axis=1))
     frames = len(signal)
     if frames < LEAST_FRAMES:
-        return _none(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
+        return _no_period(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
     modes = _modes(fill_gaps(np.where(whole[:, None], signal, np.nan)))
     if not modes.size:
-        return _none(frames, "nothing moves")
+        return _no_period(frames, "nothing moves")
     low = max(frame_rate_hz / frames, slowest_hz)
     high = min(_FASTEST * frame_rate_hz, fastest_hz)
     if high <= low:
         share_of_cycle = frames * high / frame_rate_hz
-        return _none(
+        return _no_period(
             frames, f"{frames} frames hold {share_of_cycle:.1g} of a cycle of at most {high:.3g} Hz"
         )
     count = max(3, int(np.ceil(np.log(high / low) / np.log(_STEP))))
@@ -116,7 +116,9 @@ def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> P
     inner = steady[1:] & steady[:-1]
     cycles = float(np.diff(phase)[inner].sum())
     if cycles < _LEAST_CYCLES:
-        return _none(len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed")
+        return _no_period(
+            len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed"
+        )
     confidence = _predicted_share(signal - remove_beat(signal, phase), phase, steady)
     why = "" if confidence >= CONFIDENT else "no cycle is much like another"
     frequency = cycles / np.count_nonzero(inner) * frame_rate_hz
@@ -147,7 +149,7 @@ def require_periodic(beat: Period, name: str) -> Period:
     return beat
 
 
-def _none(frames: int, why: str) -> Period:
+def _no_period(frames: int, why: str) -> Period:
     """Return the period of a motion that does not repeat, and why."""
     return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
 

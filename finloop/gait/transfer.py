@@ -21,7 +21,7 @@ from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, orient_clockwise, resample_curve
 from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
-from finloop.gait.model import POOLED, Gait, Layout, Symmetry, cycle, partner, reversal
+from finloop.gait.model import POOLED, Gait, Layout, Symmetry, cycle, partner, reversed_order
 from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing
 
 UPRIGHT = 0.02
@@ -224,7 +224,7 @@ def mirror_orders(
         n = len(key1[name])
         if closed[name]:
             product = [np.fft.ifft(np.fft.fft(a) * np.fft.fft(b.conj())) for a, b in pairs]
-            orders[name] = reversal(
+            orders[name] = reversed_order(
                 n, int(np.sum([_likeness(z) for z in product], axis=0).argmax())
             )
         else:

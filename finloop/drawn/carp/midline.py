@@ -74,7 +74,7 @@ def midline(
     return line - points @ line + (x, y)
 
 
-def bend_of(line: Floats) -> float:
+def midline_bend(line: Floats) -> float:
     """Return the signed area between a midline and its chord / length², + for a left bend.
 
     line (k, 2): head to tail, any unit.
@@ -84,7 +84,7 @@ def bend_of(line: Floats) -> float:
     return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
 
 
-def heading_of(line: Floats) -> float:
+def midline_heading(line: Floats) -> float:
     """Return the direction from a third of the midline to the head, degrees in (-180, 180].
 
     line (k, 2): head to tail, y down. 0 is to the right, + anticlockwise on screen.
@@ -96,7 +96,7 @@ def heading_of(line: Floats) -> float:
     return -float((-np.degrees(np.arctan2(-dy, dx)) + 180) % 360 - 180)
 
 
-def curvature_of(line: Floats) -> float:
+def midline_curvature(line: Floats) -> float:
     """Return the midline's direction at the head minus at the tail, degrees, + for left.
 
     line (k, 2): head to tail, y down.
