@@ -1,8 +1,8 @@
-"""Speed and error of the wavelet curves: against PyWavelets, scipy's integrator, a sparse product.
+"""Speed and error of moving wavelet curves: against scipy's integrator, a sparse product.
 
 `python -m benchmarks.curve` prints the tables and writes benchmarks/curve.csv. Ratios come from
 runs in turn. The exact solution is that of a bent hoop of 1024 points; peers get sparse K in the φ
-basis. Round trips, off-diagonal energies and the errors of all methods are printed only.
+basis. Off-diagonal energies and the errors of all methods are printed only.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -11,74 +11,23 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-import pywt
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import time_call, time_pairs
-from finloop.curve.dynamics import solve
-from finloop.curve.filters import CUBIC
-from finloop.curve.problem import Material, Problem, SolverOptions
-from finloop.curve.stiffness import off_diagonal, stiffness, stiffness_phi
-from finloop.curve.wavelet import inverse_transform, wavelet_transform
+from finloop.curve.dynamics import Material, Problem, SolverOptions, solve
+from finloop.curve.stiffness import off_diagonal, stiffness
+from finloop.curve.wavelet import wavelet_transform
 
-CURVES, POINTS, LEVELS = 1000, 1024, 6
+POINTS = 1024
 LARGE, LIMIT_S = 4096, 0.1
 TIMES = np.linspace(0, 1, 61)  # the paper's τ: a swing of the slowest mode
 TIGHT = 1e-10
 MATERIAL = Material(1.0, 1.0, 0.5, 0.0)
 MASSLESS = Material(0.0, 1.0, 1.0, 0.01)
 WAVELETS = ("db3", "db4", "db6", "sym8", "coif1", "coif2", "coif5")
-
-
-def loop(points: NDArray, wavelet: pywt.Wavelet) -> list[list[NDArray]]:
-    """Transform by PyWavelets, one curve and one coordinate at a time."""
-    return [
-        pywt.wavedec(column, wavelet, mode="periodization", level=LEVELS)
-        for curve in points
-        for column in np.ascontiguousarray(curve.T)
-    ]
-
-
-def loop_back(coefficients: list[list[NDArray]], wavelet: pywt.Wavelet) -> list[NDArray]:
-    """Invert `loop`."""
-    return [pywt.waverec(one, wavelet, mode="periodization") for one in coefficients]
-
-
-def transforms() -> list[tuple[str, float, float, float]]:
-    """Return the rows of the table on transforms; print the worst round trip."""
-    points = np.random.default_rng(0).normal(size=(CURVES, POINTS, 2))
-    rows, worst = [], 0.0
-    for name in ("db4", "coif2", "bior4.4"):
-        wavelet = pywt.Wavelet(name)
-        theirs = loop(points, wavelet)
-        ours = wavelet_transform(points, name, LEVELS)
-        there = time_pairs(
-            partial(wavelet_transform, points, name, LEVELS), partial(loop, points, wavelet)
-        )
-        again = time_pairs(
-            partial(inverse_transform, ours, name, LEVELS), partial(loop_back, theirs, wavelet)
-        )
-        at_once = time_pairs(
-            partial(wavelet_transform, points, name, LEVELS),
-            partial(pywt.wavedec, points, wavelet, "periodization", LEVELS, axis=1),
-        )
-        rows.append((f"{name} forward / PyWavelets, curve by curve", *there[:3]))
-        rows.append((f"{name} back / PyWavelets, curve by curve", *again[:3]))
-        rows.append((f"{name} forward / PyWavelets, all at once", *at_once[:3]))
-    for name in (*pywt.wavelist(kind="discrete"), CUBIC):
-        if name != "dmey":
-            few = points[:4]
-            worst = max(
-                worst,
-                float(
-                    np.abs(inverse_transform(wavelet_transform(few, name, 3), name, 3) - few).max()
-                ),
-            )
-    print(f"worst round trip of all wavelets but dmey: {worst:.1e}")
-    return rows
 
 
 def bend_hoop(n: int) -> tuple[NDArray, NDArray]:
@@ -92,7 +41,7 @@ def bend_hoop(n: int) -> tuple[NDArray, NDArray]:
 def integrate_with_scipy(problem: Problem) -> NDArray:
     """Integrate (3.15) in the φ basis with scipy's DOP853, (t, n, 2)."""
     n = len(problem.rest)
-    k = stiffness_phi(problem.wavelet, n)
+    k = stiffness(problem.wavelet, n, 0)
     size = 2 * n
 
     def slope(time: float, state: NDArray) -> NDArray:
@@ -114,7 +63,7 @@ def change_basis(k: csr_array, basis: csr_array) -> csr_array:
 
 def main() -> None:
     """Measure, print, write."""
-    rows = transforms()
+    rows = []
     problem = Problem(*bend_hoop(POINTS), MATERIAL, TIMES)
     ours = solve(problem)
     mine, theirs, ratio, _ = time_pairs(
@@ -134,7 +83,7 @@ def main() -> None:
             )
         )
     basis = csr_array(wavelet_transform(np.eye(POINTS), "coif2", 4))
-    k = stiffness_phi("coif2", POINTS)
+    k = stiffness("coif2", POINTS, 0)
     done = time_pairs(lambda: stiffness("coif2", POINTS, 4), lambda: change_basis(k, basis))
     rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *done[:3]))
     table = pd.DataFrame(rows, columns=["what", "ours_s", "theirs_s", "ratio"])

@@ -25,8 +25,8 @@ from benchmarks.speed import time_call
 from finloop.curve.contour import Curve
 from finloop.curve.glyph import glyph
 from finloop.morph.folds import folds
-from finloop.morph.linear import linear, physical
-from finloop.morph.simple import path_length, simple_morph
+from finloop.morph.layers import linear, physical
+from finloop.morph.simple import path_lengths, simple_morph
 
 FRAMES, POINTS = 60 + 2, 256
 ELASTIC, DAMPING, MASS = 0.1, 4.0, 1.0
@@ -67,7 +67,7 @@ def main() -> None:
         simple_morph(a, b, FRAMES, POINTS)
         physical(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
     straight = [time_call(partial(linear, a, b, FRAMES, POINTS)) for a, b in pairs]
-    way = [path_length(frames) for _, frames in straight]
+    way = [path_lengths(frames)[-1] for _, frames in straight]
     swung = [
         time_call(partial(physical, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)) for a, b in pairs
     ]
@@ -77,7 +77,7 @@ def main() -> None:
             name,
             [not folds(frames).any() for _, frames in results],
             [seconds for seconds, _ in results],
-            [path_length(frames) / far for (_, frames), far in zip(results, way, strict=True)],
+            [path_lengths(frames)[-1] / far for (_, frames), far in zip(results, way, strict=True)],
         )
         for name, results in (
             ("here: linear", straight),
@@ -92,7 +92,7 @@ def main() -> None:
             "here: simple, where linear is",
             [not folds(found[k][1].frames).any() for k in kept],
             [found[k][0] for k in kept],
-            [path_length(found[k][1].frames) / way[k] for k in kept],
+            [path_lengths(found[k][1].frames)[-1] / way[k] for k in kept],
         )
     )
     rows += [

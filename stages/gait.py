@@ -16,13 +16,18 @@ from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
 from finloop.gait.compare import CLOCKS, ClockComparison, compare
 from finloop.gait.cycles import film_of_regions, film_of_swim
-from finloop.gait.film import GaitContours, Keys, hip_offsets, samples_of
-from finloop.gait.fit import fit, subcycles_of
+from finloop.gait.fit import (
+    GaitContours,
+    Keys,
+    build_subcycles,
+    fit,
+    hip_offsets,
+    sort_into_subcycles,
+)
 from finloop.gait.limbs import region_contour, trace_contour
-from finloop.gait.model import Gait
+from finloop.gait.model import Gait, record_of
 from finloop.gait.outline import swim_contours, track_outlines
 from finloop.gait.period import Period
-from finloop.gait.record import record_of
 from finloop.gait.settings import GaitSettings
 from finloop.gait.tool import load_gait
 from finloop.gait.transfer import repeat, transfer
@@ -65,8 +70,8 @@ class GaitFit(NamedTuple):
         pictures: of one cycle with their phases; without them Fig. 8 shows contours.
         """
         gait = self.gait
-        samples = samples_of(self.film, gait.split, gait.wavelet, gait.coarse)
-        subcycles = subcycles_of(self.keys, samples, gait.wavelet, gait.coarse)
+        samples = sort_into_subcycles(self.film, gait.split, gait.wavelet, gait.coarse)
+        subcycles = build_subcycles(self.keys, samples, gait.wavelet, gait.coarse)
         for name, figure in figures(self.film, gait, self.keys, subcycles, pictures):
             save_figure(folder / f"{name}.png", figure)
 

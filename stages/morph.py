@@ -9,12 +9,10 @@ import numpy as np
 import pandas as pd
 
 from finloop.curve.contour import Curve, area, resample_curve
-from finloop.curve.dynamics import energy, solve
-from finloop.curve.filters import CUBIC
+from finloop.curve.dynamics import Material, Problem, SolverOptions, energy, solve
 from finloop.curve.glyph import glyph
-from finloop.curve.problem import Material, Problem, SolverOptions
 from finloop.curve.stiffness import connection, off_diagonal, stiffness
-from finloop.curve.wavelet import drop_details
+from finloop.curve.wavelet import CUBIC, drop_details
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_figure, save_picture

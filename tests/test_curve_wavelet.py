@@ -11,13 +11,14 @@ from hypothesis.extra.numpy import arrays
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import orient_clockwise, resample_curve
-from finloop.curve.filters import CUBIC, filter_bank
 from finloop.curve.glyph import glyph
 from finloop.curve.wavelet import (
+    CUBIC,
     close_by_mirroring,
     control_points,
     curves_from_control,
     drop_details,
+    filter_bank,
     inverse_transform,
     scales,
     wavelet_transform,

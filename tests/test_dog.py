@@ -6,7 +6,7 @@ from fractions import Fraction
 import av
 import numpy as np
 import pytest
-from toy_dog import feet_px, fill, true_masks
+from toy_dog import feet_px, true_masks
 
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area
@@ -21,10 +21,8 @@ from finloop.drawn.dog.walk import (
     limb,
     phases,
     progress,
-    support,
     swings,
     trunk,
-    truth,
 )
 from finloop.gait.truth import true_gamma
 from finloop.io.movie import Mp4Writer
@@ -34,12 +32,6 @@ SMALL = DogFilm(
     frames=32, frame_rate_hz=16.0, cycles=2.0, width_px=240, height_px=160, trunk_px=85.0
 )
 PHASE = np.linspace(0, 1, 97)[:-1]
-
-
-def limb_shape(dog, name, phase):
-    """A limb's contours without its place in the depth of the picture."""
-    points = limb(dog, name, phase, 64)
-    return points - points[0].mean(axis=0)
 
 
 @pytest.mark.parametrize("shape", [FORE, HIND], ids=["fore", "hind"])
@@ -64,8 +56,6 @@ def test_planted_feet_stay_where_they_are_on_the_ground(name):
     assert np.ptp(on_ground) < 1e-12
     assert foot(SMALL, name, phase)[:, 1] == pytest.approx(0)
     assert (foot(SMALL, name, PHASE)[:, 1] <= 0).all()
-    ((begin, end),) = support(name)
-    assert not swings(name, np.linspace(begin + 1e-9, end - 1e-9, 9)).any()
 
 
 def test_a_foot_swings_slowly_at_both_ends_and_never_back():
@@ -106,32 +96,15 @@ def test_true_gamma_comes_to_that_of_the_clock_as_the_swing_becomes_small():
     for scale in (1.0, 0.25, 0.025):
         dog = DogFilm(stride=0.4 * scale, lift=0.08 * scale**3, bob=0.0)
         found = true_gamma(dog, 64)
-        apart.append(
-            max(
-                abs(found[name][label] - gammas(dog, name)[which])
-                for name in NAMES
-                for which, label in enumerate("AB")
-            )
-        )
+        off = [
+            abs(found[n][label] - gammas(dog, n)["AB".index(label)])
+            for n in NAMES
+            for label in "AB"
+        ]
+        apart.append(max(off))
     assert apart[0] > 0.1  # at full swing points go on arcs
     assert apart[0] > apart[1] > apart[2]
     assert apart[2] < 0.01
-
-
-def test_true_gamma_is_the_least_squares_of_many_frames():
-    # Written anew with numpy's own least squares, on a film of 100 frames a quarter.
-    dog = SMALL
-    found = true_gamma(dog, 64)
-    for name in NAMES:
-        for which, label in enumerate("AB"):
-            tau = np.linspace(0, 1, 101)
-            c = limb(dog, name, (which + np.minimum(tau, 1 - 1e-9)) / 4, 64)
-            way = c[0] - c[-1]
-            left = (c - c[-1] - (1 - tau)[:, None, None] * way).ravel()
-            column = -((tau * (1 - tau))[:, None, None] * way).reshape(-1, 1)
-            assert np.linalg.lstsq(column, left, rcond=None)[0][0] == pytest.approx(
-                found[name][label], abs=2e-3
-            )
 
 
 @pytest.mark.parametrize(
@@ -165,17 +138,6 @@ def test_the_film_is_the_same_again_and_shows_the_near_limbs_where_they_are(tmp_
             assert both > 0.9
     with pytest.raises(FinloopError, match="0 regions"):
         limb_masks(np.zeros((20, 20, 3), np.uint8))
-
-
-def test_traced_regions_are_the_exact_contours():
-    exact = truth(SMALL, 256)
-    for k in (0, 7):
-        masks = true_masks(SMALL, k)
-        assert set(masks) == {*NAMES, "body"}
-        for name in NAMES:
-            points = exact[name][k] + course_px(SMALL)[k]
-            assert masks[name].sum() == pytest.approx(area(Curve(points, True)), rel=0.02)
-            assert (masks[name] == fill(points, 160, 240)).all()
 
 
 def test_the_dog_stands_on_the_ground_and_heads_to_the_right():

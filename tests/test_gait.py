@@ -7,20 +7,22 @@ import numpy as np
 import pytest
 
 from finloop.base.errors import FinloopError
-from finloop.gait.clock import clock
-from finloop.gait.descriptor import descriptor, interpolate_contours, scale_slices
 from finloop.gait.model import (
     Gait,
     Layout,
     at_phases,
+    clock,
     cycle,
+    descriptor,
     four_keys,
+    interpolate_contours,
     mirror_contours,
     partner,
-    reversal,
+    record_of,
+    reversed_order,
+    scale_slices,
     subcycle,
 )
-from finloop.gait.record import record_of
 from finloop.gait.tool import load_gait
 from finloop.io.record import save_json
 
@@ -58,8 +60,10 @@ def test_partner_is_the_other_side_if_it_is_there():
 
 def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
     points = np.random.default_rng(7).normal(size=(3, 16, 2))
-    flipped = mirror_contours(points, 2.0, reversal(16, 3))
-    np.testing.assert_allclose(mirror_contours(flipped, 2.0, reversal(16, 3)), points, atol=1e-15)
+    flipped = mirror_contours(points, 2.0, reversed_order(16, 3))
+    np.testing.assert_allclose(
+        mirror_contours(flipped, 2.0, reversed_order(16, 3)), points, atol=1e-15
+    )
     x, y = points[0].T
     u, v = flipped[0].T
     area = [a @ np.roll(b, -1) - b @ np.roll(a, -1) for a, b in ((x, y), (u, v))]
@@ -81,11 +85,7 @@ def test_the_cycle_goes_through_its_keys_and_its_second_half_repeats_the_first(g
         other = whole[partner(name, LIMBS)][:10]
         expected = other if gait.symmetry == "swap" else mirror_contours(other)
         np.testing.assert_allclose(whole[name][10:], expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("gait", [WALK, SWIM], ids=lambda gait: gait.name)
-def test_a_cycle_repeats_without_a_jump(gait):
-    """Across every key, the end of the cycle among them, steps are as small as the time step."""
+    # Across every key, the end of the cycle among them, steps are as small as the time step.
     ends = np.array([0.0, gait.split, 0.5, 0.5 + gait.split, 1.0])
     for frames in at_phases(ONE, TWO, gait, np.r_[ends - 1e-7, ends + 1e-7]).values():
         assert np.abs(frames[:5] - frames[5:]).max() < 1e-4
@@ -154,19 +154,22 @@ def test_keys_that_do_not_belong_together_are_refused(change, said):
 
 
 def test_numbers_out_of_range_are_refused():
-    with pytest.raises(FinloopError, match="3 frames"):
-        cycle(ONE, TWO, WALK, 3)
-    with pytest.raises(FinloopError, match=r"split of 0\.6"):
-        cycle(ONE, TWO, replace(WALK, split=0.6), 8)
-    with pytest.raises(FinloopError, match="'turn'"):
-        four_keys(ONE, TWO, "turn")
-    with pytest.raises(FinloopError, match="64 control points"):
-        cycle(ONE, TWO, WALK, 8, control=64)
+    for said, gait, frames, control in (
+        ("3 frames", WALK, 3, None),
+        (r"split of 0\.6", replace(WALK, split=0.6), 8, None),
+        ("'turn'", replace(WALK, symmetry="turn"), 8, None),
+        ("64 control points", WALK, 8, 64),
+    ):
+        with pytest.raises(FinloopError, match=said):
+            cycle(ONE, TWO, gait, frames, control=control)
 
 
-def test_a_gait_comes_back_from_its_file(tmp_path):
+@pytest.mark.parametrize(
+    "spans", [((0.0, 0.25), (0.5, 1.0)), ((0.5, 1.0), (0.0, 0.5)), ((0.3, 1.3),)]
+)
+def test_a_gait_comes_back_from_its_file(tmp_path, spans):
     gait = replace(
-        WALK, support={"fore_left": ((0.5, 1.0),)}, source="a film", confidence=0.9, cycles=3.0,
+        WALK, support={"fore_left": spans}, source="a film", confidence=0.9, cycles=3.0,
         frames=72, residuals={"linear": 0.02, "gamma": 0.01},
     )  # fmt: skip
     path = tmp_path / "walk.json"
@@ -192,10 +195,8 @@ def test_the_least_that_a_person_must_write(tmp_path):
     ("change", "said"),
     [
         ({"speed": 1}, "gait.speed: unknown"),
-        ({"name": None}, "gait.name: should be a valid string"),
         ({"symmetry": "turn"}, "gait.symmetry: should be 'swap' or 'mirror'"),
         ({"split": 0.5}, "gait.split: should be less than 0.5"),
-        ({"frequency_hz": True}, "gait.frequency_hz: should be a valid number"),
         ({"coarse": 3}, "no power of two"),
         ({"gamma": {}}, "gait.gamma: .* at least 1 item"),
         ({"gamma": {"*": {"A": [0]}}}, r"gait.gamma.\*: .* at least 2 items"),
@@ -203,12 +204,9 @@ def test_the_least_that_a_person_must_write(tmp_path):
         ({"gamma": {"*": {"A": [0], "B": [float("inf")]}}}, "finite number"),
         ({"support": {"fore_left": [[0.5, 0.2]]}}, "gait.support.fore_left: no list"),
         ({"gamma": {"*": {"A": [0], "B": [1e300]}}}, "less than or equal to 1000"),
-        ({"gamma": {"*": {"A": [0], "B": [10**400]}}}, r"gait.gamma.\*.B.0"),
         ({"frequency_hz": 10**400}, "gait.frequency_hz"),
-        ({"confidence": 1.1}, "gait.confidence: should be less than or equal to 1"),
-        ({"support": {"fore_left": [[0, 0.5], [0.4, 0.8]]}}, "overlap"),
         ({"support": {"fore_left": [[0.6, 0.8], [0.9, 1.7]]}}, "overlap"),
-        ({"residuals": {"gamma": "small"}}, "gait.residuals.gamma"),
+        ({"colour": "red", "name": None}, "gait.name: should .*, got None; gait.colour: unknown"),
     ],
 )
 def test_a_file_that_is_no_gait_is_refused_by_name(tmp_path, change, said):
@@ -226,24 +224,3 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, text):
         path.write_text(text)
     with pytest.raises(FinloopError, match=r"walk\.json"):
         load_gait(path)
-
-
-def test_a_foot_may_stand_twice_in_a_cycle(tmp_path):
-    path = tmp_path / "walk.json"
-    for spans in (((0.0, 0.25), (0.5, 1.0)), ((0.5, 1.0), (0.0, 0.5)), ((0.3, 1.3),)):
-        save_json(path, record_of(replace(WALK, support={"fore_left": spans})))
-        assert load_gait(path).support["fore_left"] == spans
-
-
-def test_all_that_is_wrong_is_said_at_once(tmp_path):
-    path = tmp_path / "walk.json"
-    path.write_text('{"name": 3, "colour": "red"}')
-    with pytest.raises(FinloopError) as raised:
-        load_gait(path)
-    for word in (
-        "gait.name: should be a valid string",
-        "gait.colour: unknown",
-        "gait.gamma: has no value",
-        "gait.symmetry: has no value",
-    ):
-        assert word in raised.value.came

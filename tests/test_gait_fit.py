@@ -7,12 +7,18 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, phases, truth
-from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.compare import compare, holdouts
-from finloop.gait.feet import align_phase, foot_positions
-from finloop.gait.film import GaitContours, keys_of
-from finloop.gait.fit import fit
-from finloop.gait.model import Gait, Layout, at_phases, four_keys, mirror_contours
+from finloop.gait.cycles import align_phase, foot_positions
+from finloop.gait.fit import GaitContours, fit, interpolate_keys
+from finloop.gait.model import (
+    Gait,
+    Layout,
+    at_phases,
+    clock,
+    gamma_fit,
+    gamma_sums,
+    mirror_contours,
+)
 
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right")
 TRUE = {
@@ -85,7 +91,7 @@ def test_keys_between_frames_allow_for_the_bend_of_the_way():
     """Straight lines from frame to frame would be off by the bend (and γ by a tenth and more)."""
     film = _film(np.arange(48) / 24 + 1 / 48)
     gait, keys = fit(film, "x", 1.0, wavelet="db4")
-    rough = keys_of(film, 0.25)
+    rough = interpolate_keys(film, 0.25)
     off = [
         sum(
             ((found.first[n] - ONE[n]) ** 2).sum() + ((found.second[n] - TWO[n]) ** 2).sum()
@@ -151,13 +157,15 @@ def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
         noisy.contours["fore_left"][[0, 16]].sum(0)
         + film.contours_half_cycle_later(later)["fore_left"].sum(0)
     ) / 4
-    np.testing.assert_allclose(keys_of(noisy, 0.25).first["fore_left"], mean)
+    np.testing.assert_allclose(interpolate_keys(noisy, 0.25).first["fore_left"], mean)
     between = _film((np.arange(4) - 0.5) / 4 + 0.25, straight)  # key 2 amid two frames
     expected = between.contours["fore_left"][:2].mean(axis=0)
     twin = _film(between.phase + 0.5, straight)
     other = twin.contours_half_cycle_later(twin.contours)["fore_left"][:2].mean(axis=0)
     np.testing.assert_allclose(expected, other, atol=1e-12)
-    np.testing.assert_allclose(keys_of(between, 0.25).second["fore_left"], expected, atol=1e-12)
+    np.testing.assert_allclose(
+        interpolate_keys(between, 0.25).second["fore_left"], expected, atol=1e-12
+    )
 
 
 def test_limbs_missing_in_some_frames_are_fitted_from_the_others():
@@ -173,17 +181,14 @@ def test_limbs_missing_in_some_frames_are_fitted_from_the_others():
         fit(film, "x", 1.0)
 
 
-def test_a_limb_that_is_missing_near_a_key_is_said():
+def test_what_a_film_lacks_is_said():
+    with pytest.raises(FinloopError, match="'fore_left' in A"):
+        fit(_film(np.arange(8) / 4), "x", 1.0)
     film = _film(np.arange(32) / 16)
     film.contours["hind_left"][[0, 1, 2, 14, 15, 16, 17, 18, 30, 31]] = np.nan
     film.contours["hind_right"][[6, 7, 8, 9, 10, 22, 23, 24, 25, 26]] = np.nan
     with pytest.raises(FinloopError, match="no frame shows 'hind_left' near key 1\n"):
         fit(film, "x", 1.0)
-
-
-def test_too_few_frames_between_keys_is_said():
-    with pytest.raises(FinloopError, match="'fore_left' in A"):
-        fit(_film(np.arange(8) / 4), "x", 1.0)
 
 
 def test_support_is_from_the_foremost_place_to_the_hindmost():
@@ -244,13 +249,6 @@ def test_the_keys_that_a_film_starts_from_do_not_matter():
     for name, of in fit(film, "x", 1.0)[0].gamma.items():
         assert of["A"] == pytest.approx(fit(large, "x", 1.0)[0].gamma[name]["A"], rel=1e-9)
     assert compare(film).rms == pytest.approx(compare(large).rms, rel=1e-9)
-
-
-def test_keys_of_the_model_agree():
-    keys = four_keys(ONE, TWO, "swap")
-    film = _film(np.arange(4) / 4)
-    for k in range(4):
-        np.testing.assert_allclose(film.contours["hind_left"][k], keys[k]["hind_left"], atol=1e-12)
 
 
 @pytest.mark.parametrize("late", [-0.03, 0.0, 0.02])

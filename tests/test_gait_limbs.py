@@ -62,11 +62,7 @@ def test_of_several_parts_the_largest_counts_and_its_holes_do_not():
     found = region_contour(mask)
     assert found.points[:, 0].max() == pytest.approx(39.5, abs=0.1)
     assert area(found) == pytest.approx(900, rel=0.02)
-
-
-def test_masks_without_a_whole_limb_say_why():
-    mask = np.zeros((40, 40), bool)
-    assert region_contour(mask) == EMPTY
+    mask[:] = False
     mask[5, 5] = True
     assert region_contour(mask) == EMPTY
     mask[30:, 10:20] = True
@@ -180,25 +176,20 @@ def test_a_limb_that_some_frames_lack_is_said_and_the_others_stay(regions, whole
     gone = np.isnan(found.points["fore_left"]).all(axis=(1, 2))
     assert np.flatnonzero(gone).tolist() == [3, 4, 9]
     assert found.points["hind_left"] == pytest.approx(whole.points["hind_left"])
-
-
-def test_a_limb_that_another_hides_in_part_is_said(regions):
+    cut = regions[6]["hind_left"].points  # another limb hides a part
     frames = [dict(frame) for frame in regions]
-    cut = frames[6]["hind_left"].points
     frames[6]["hind_left"] = Curve(np.minimum(cut, np.median(cut, axis=0)), True)
     (note,) = limbs(frames, 64, 16).notes
     assert note.startswith("hind_left is smaller than usual in frames 6:")
 
 
-def test_an_id_that_most_frames_lack_is_refused(regions):
+def test_regions_without_a_limb_are_refused(regions):
     frames = [dict(frame) for frame in regions]
     frames[7]["fore_lft"] = frames[7].pop("fore_left")
-    with pytest.raises(FinloopError, match=r"'fore_lft' in frames 0-6, 8-31.*is it fore_left\?"):
-        limbs(frames, 64)
-
-
-def test_regions_without_a_limb_are_refused(regions):
-    with pytest.raises(FinloopError, match="without a limb"):
-        limbs([{"body": frame["body"]} for frame in regions], 64)
-    with pytest.raises(FinloopError, match="0 frames"):
-        limbs([], 64)
+    for given, said in (
+        (frames, r"'fore_lft' in frames 0-6, 8-31.*is it fore_left\?"),
+        ([{"body": frame["body"]} for frame in regions], "without a limb"),
+        ([], "0 frames"),
+    ):
+        with pytest.raises(FinloopError, match=said):
+            limbs(given, 64)

@@ -110,7 +110,10 @@ def test_a_single_burst_is_no_beat() -> None:
     assert not found.steady.any()
 
 
-def test_fewer_frames_than_half_a_cycle() -> None:
+def test_what_has_no_period_says_why() -> None:
+    assert period(np.ones((30, 3)), RATE).why == "nothing moves"
+    phase = 2.0 * TIME  # halves of cycles do not add up to a beat
+    assert "0.0 cycles are steady" in assess(wave(phase), phase, phase % 1 < 0.6, RATE).why
     found = period(wave(0.15 * TIME), RATE)
     assert "half a cycle" in found.why
     assert np.isnan(found.frequency_hz)
@@ -156,10 +159,6 @@ def test_what_is_no_motion_is_refused(signal: np.ndarray, rate: float, message: 
         period(signal, rate)
 
 
-def test_what_does_not_move_has_no_period() -> None:
-    assert period(np.ones((30, 3)), RATE).why == "nothing moves"
-
-
 def test_the_course_keeps_a_line_and_drops_the_beat() -> None:
     phase = 1.7 * TIME + 0.2
     line = np.column_stack([3 * TIME - 1, 2 - TIME])
@@ -184,10 +183,3 @@ def test_a_cycle_is_not_foretold_by_itself() -> None:
     """Two cycles of noise: a curve through both goes near them, one says nothing of the other."""
     noise = np.random.default_rng(3).standard_normal((16, 8))
     assert assess(noise, np.arange(16) / 8, np.ones(16, bool), RATE).confidence < 0.02
-
-
-def test_halves_of_cycles_do_not_add_up_to_a_beat() -> None:
-    phase = 2.0 * TIME
-    found = assess(wave(phase), phase, phase % 1 < 0.6, RATE)
-    assert not found.steady.any()
-    assert "0.0 cycles are steady" in found.why

@@ -11,7 +11,7 @@ from conftest import ROOT
 from scratch import save_svg
 
 from finloop.base.errors import FinloopError
-from finloop.gait.tool import SHIPPED, gaits, load_gait, main, path_of, timing
+from finloop.gait.tool import SHIPPED, gait_path, load_gait, main, shipped_gaits, timing
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 
@@ -76,24 +76,19 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
     assert "no contour is a foot of dog_walk" in capsys.readouterr().out
 
 
-# --- gaits
+# --- shipped_gaits
 
 
 def test_shipped_gaits_are_found_by_name_and_others_by_path(tmp_path):
-    assert path_of("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
+    assert gait_path("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
     own = tmp_path / "own.json"
     own.write_bytes((SHIPPED / "dog_walk.json").read_bytes())
-    assert path_of(str(own), SHIPPED) == own
+    assert gait_path(str(own), SHIPPED) == own
     with pytest.raises(FinloopError, match="dog_walk or "):
-        path_of("cat", SHIPPED)
+        gait_path("cat", SHIPPED)
+    assert all(load_gait(path).name == name for name, path in shipped_gaits(SHIPPED).items())
     with pytest.raises(FinloopError, match="wanted: the path of"):
-        path_of("cat", tmp_path / "nowhere")
-
-
-def test_shipped_gaits_are_whole_and_named_after_their_files():
-    assert {name: load_gait(path).name for name, path in gaits(SHIPPED).items()} == {
-        name: name for name in gaits(SHIPPED)
-    }
+        gait_path("cat", tmp_path / "nowhere")
 
 
 def test_the_list_shows_each_gait(capsys):
@@ -101,7 +96,7 @@ def test_the_list_shows_each_gait(capsys):
         main(["--list"])
     assert stop.value.code == 0
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(
-        gaits(SHIPPED)
+        shipped_gaits(SHIPPED)
     )
 
 
@@ -131,7 +126,6 @@ def test_tempo(hz, frames, rate, wanted):
         (leg("a"), "", [], "no contour"),
         (leg("a"), leg("a"), ["--gait", "cat"], "dog_walk or "),
         (leg("a"), leg("a"), ["--frames", "3"], "3 frames"),
-        (leg("a"), leg("a"), ["--frames", "0"], "0 frames"),
         (leg("a"), leg("a"), ["--frames", "99999"], "99999 frames"),
         (leg("a"), leg("a"), ["--points", "4"], "4 points"),
         (leg("a"), leg("a"), ["--cycles", "0"], "0 cycles"),
@@ -148,13 +142,6 @@ def test_what_is_wrong_is_said_and_nothing_is_left(tmp_path, one, two, given, sa
     assert said.err.startswith("finloop: ") and says in said.err
     assert said.out == ""
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0.svg", "1.svg"]
-
-
-def test_a_damaged_gait_is_told(tmp_path, capsys):
-    bad = tmp_path / "bad.json"
-    bad.write_text('{"name": "bad"}')
-    assert main([*DOG, "--gait", str(bad), "-o", str(tmp_path / "o.svg"), *SMALL]) == 1
-    assert "bad.json" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("output", ["out.gif", "out", "/dev/null/out.svg"])

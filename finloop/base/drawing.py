@@ -1,6 +1,6 @@
 """Drawings: contours by id, y down as on a screen and in SVG; and morphs, drawings in motion."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -83,6 +83,15 @@ class Morph:
     width: float  # of the picture
     height: float
     decimals: int  # digits after the point that coordinates have
+
+    def take_frames(self, frames: Ints) -> "Morph":
+        """Return the morph of the given frames (g,), numbers from 0, in this order."""
+        return replace(
+            self,
+            tau=self.tau[frames],
+            layers={name: stack[frames] for name, stack in self.layers.items()},
+            folds={name: count[frames] for name, count in self.folds.items()},
+        )
 
     def count_fold_frames(self) -> dict[str, int]:
         """Count, by contour id, the frames in which a contour crosses itself, without zeros."""

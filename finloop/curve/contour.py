@@ -1,7 +1,7 @@
 """Planar curves (curve paper §2.2): closed and open contours, their orientation, equal arc length.
 
 x is right and y is down, as on a screen and in SVG. The paper's curves run clockwise; as seen on
-such a screen that is the direction of positive `area`. Curves of equal n stack to (curves, n, 2).
+such a screen that is the direction of positive `area`.
 """
 
 import numpy as np
@@ -9,21 +9,6 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.base.drawing import Curve
 from finloop.base.errors import FinloopError
-
-
-def segment_lengths(curve: Curve) -> Floats:
-    """Return the segment lengths in order: (n,) for a closed curve of n points, else (n − 1,).
-
-    They are in the unit of the points.
-    """
-    points = curve.points
-    x, y = (np.roll(points, -1, axis=0) - points if curve.closed else np.diff(points, axis=0)).T
-    return np.hypot(x, y)
-
-
-def length(curve: Curve) -> float:
-    """Return the total arc length of the polyline, in the unit of its points."""
-    return float(segment_lengths(curve).sum())
 
 
 def area(curve: Curve) -> float:
@@ -46,17 +31,13 @@ def centroid(points: Floats) -> Floats:
 
 
 def orient_clockwise(curve: Curve) -> Curve:
-    """Return the curve so that it runs clockwise on screen if it is closed; y is down.
+    """Return the curve, reversed if it is closed and runs anticlockwise on screen; y is down.
 
-    An open curve comes back unchanged.
+    A closed curve keeps its first point; an open curve comes back unchanged.
     """
-    return reverse_curve(curve) if curve.closed and area(curve) < 0 else curve
-
-
-def reverse_curve(curve: Curve) -> Curve:
-    """Return the curve in the opposite direction; a closed curve keeps its first point."""
-    points = curve.points[::-1]
-    return Curve(np.roll(points, 1, axis=0) if curve.closed else points.copy(), curve.closed)
+    if not curve.closed or area(curve) >= 0:
+        return curve
+    return Curve(np.roll(curve.points[::-1], 1, axis=0), True)
 
 
 def resample_curve(curve: Curve, n: int) -> Curve:
@@ -71,7 +52,7 @@ def resample_curve(curve: Curve, n: int) -> Curve:
             f"a curve is to be resampled to {n} points", f"at least {least}", "set more points"
         )
     points = np.concatenate([curve.points, curve.points[:1]]) if curve.closed else curve.points
-    along = np.concatenate([[0.0], np.cumsum(segment_lengths(curve))])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     marks = np.linspace(0.0, along[-1], n, endpoint=not curve.closed)
     x, y = (np.interp(marks, along, values) for values in points.T)
     return Curve(np.stack([x, y], axis=1), curve.closed)

@@ -1,5 +1,8 @@
 """Deformation of a curve by its stiffness (curve paper §3.1, §3.3): M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
+Glossary: *rest* u₀ (n, d) the natural shape; *displacement* u from it; ρ *density*, e₀ *elastic*,
+s₁ *mass_damping*, s₂ *stiffness_damping*; Q a force per length, at every point.
+
 `solve` is the entry. In the φ basis K is circulant, and an FFT decouples it exactly. This is the
 method "modal", the reference for the errors of all other methods. The parameter of a curve runs
 from 0 to 1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
@@ -9,24 +12,116 @@ K preserves that symmetry, and the ends are free.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, eye_array
+from scipy.sparse.linalg import splu
 
 from finloop.base.arrays import Floats
-from finloop.curve.integrate import METHOD
-from finloop.curve.oscillator import Numbers, Oscillators, forced_motion, motion
-from finloop.curve.problem import (
-    Problem,
-    Solution,
-    SolverOptions,
-    Trajectory,
-    check_problem,
-    force_at,
-    velocity_at_start,
-)
+from finloop.base.errors import FinloopError
 from finloop.curve.stiffness import eigenvalues, stiffness
 from finloop.curve.wavelet import inverse_transform, wavelet_transform
+
+METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
+SCHULZ_ITERATIONS = 100
+"""Largest number of Schulz iterations; every matrix that float64 can invert needs fewer."""
+
+_MOST_EVALUATIONS = 50_000  # of a force that depends on place and time
+
+Field = Callable[[float, Floats], Floats]
+"""The force Q (n, d) as a function of time and the points' places (n, d)."""
+Numbers = NDArray[np.inexact]
+
+
+@dataclass(frozen=True)
+class Material:
+    """The material of a curve: density ρ, elastic constant e₀, and damping C = s₁M + s₂K (Eq. 3.5).
+
+    mass_damping is s₁, stiffness_damping s₂. With ρ = 0 (§3.3) the M of C is I instead of ρI = 0: K
+    alone cannot be inverted.
+    """
+
+    density: float = 1.0
+    elastic: float = 1.0
+    mass_damping: float = 0.0
+    stiffness_damping: float = 0.0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A curve of n points, a power of two, that is bent and released at times[0].
+
+    rest (n, d): its shape without force; displacement (n, d) from it at times[0], and velocity (n,
+    d), None = 0. times (t,): rising, at which the motion is wanted. force: (n, d); (d,) for the
+    same force at every point; a function of time and places; or None.
+    """
+
+    rest: Floats
+    displacement: Floats
+    material: Material
+    times: Floats
+    velocity: Floats | None = None
+    force: Floats | Field | None = None
+    wavelet: str = "coif2"
+
+    def state_at_start(self) -> Floats:
+        """Return displacement and velocity at times[0], (2, n, d)."""
+        u = np.asarray(self.displacement, np.float64)
+        return np.stack([u, np.zeros_like(u) if self.velocity is None else self.velocity])
+
+    def force_at(self, time: float, displacement: Floats) -> Floats:
+        """Return the force Q (n, d) on the points at a time, for displacements (n, d) from rest."""
+        if callable(self.force):
+            return np.broadcast_to(self.force(time, self.rest + displacement), displacement.shape)
+        return np.zeros_like(displacement) + (0 if self.force is None else self.force)
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Settings of the methods of `curve.dynamics.solve`.
+
+    All methods but "modal" use `levels` of the wavelet basis. "runge-kutta" uses the relative
+    tolerance `rtol` and scipy's `integrator`. Euler takes `substeps` between two times and inverts
+    C by "sparse" factors or "schulz". "modal" and "decoupled" use `tolerance` if the force depends
+    on place and time.
+    """
+
+    levels: int = 3
+    rtol: float = 1e-6
+    integrator: str = "RK45"
+    substeps: int = 10
+    inverse: str = "sparse"
+    tolerance: float = 1e-9
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Displacements from rest and velocities, each (t, n, d), at `times` (t,), and their error.
+
+    `error` is the largest deviation from the exact displacement, relative to the largest exact
+    displacement; "modal" estimates it itself, 0 for a closed form. `facts` holds steps, residuals
+    and other counts of the method.
+    """
+
+    times: Floats
+    displacement: Floats
+    velocity: Floats
+    error: float
+    facts: dict[str, float] = field(default_factory=dict)
+
+
+class Solution(NamedTuple):
+    """Displacements from rest and velocities, each (t, n, d), and counts of the method by name."""
+
+    displacement: Floats
+    velocity: Floats
+    facts: dict[str, float]
 
 
 def solve(
@@ -37,21 +132,181 @@ def solve(
     q is the displacement from rest, Q the force; M, C, K are mass, damping and stiffness. method:
     "modal" is exact. "runge-kutta" has adaptive steps (Eq. 3.15). "explicit-euler" and
     "implicit-euler" need density 0. "decoupled" uses the diagonal of K alone, in the wavelet basis
-    (Eq. 3.16). The result's `error` compares it with "modal". FinloopError if the problem or the
-    method's settings are invalid; the message names them.
+    (Eq. 3.16). FinloopError if the problem or the method's settings are invalid; the message names
+    them.
     """
     options = options or SolverOptions()
-    problem = check_problem(problem, method)
-    exact = modal(problem, options)
+    problem = _check_problem(problem, method)
+    exact = _solve_modal(problem, options)
     if method == "modal":
         return Trajectory(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
-    solution = {"decoupled": solve_decoupled, **METHOD}[method](problem, options)
+    if method == "decoupled":
+        solution = _solve_decoupled(problem, options)
+    elif method == "runge-kutta":
+        solution = runge_kutta(problem, options)
+    else:
+        solution = euler(problem, options, method == "implicit-euler")
     off = np.abs(solution.displacement - exact.displacement).max()
     size = np.abs(exact.displacement).max()
     error = float(off / size) if size else float(off)
     return Trajectory(
         problem.times, solution.displacement, solution.velocity, error, solution.facts
     )
+
+
+def _check_problem(problem: Problem, method: str) -> Problem:
+    """Return the problem with arrays in its fields; FinloopError if the method cannot solve it."""
+    material, force = problem.material, problem.force
+    times, rest = np.asarray(problem.times, np.float64), np.asarray(problem.rest, np.float64)
+    u = np.asarray(problem.displacement, np.float64)
+    v = np.zeros_like(u) if problem.velocity is None else np.asarray(problem.velocity, np.float64)
+    values = [rest, u, v, times, np.array(list(vars(material).values()), np.float64)]
+    negative = bool((values[-1] < 0).any())
+    if force is not None and not callable(force):
+        force = np.asarray(force, np.float64)
+        values.append(force)
+    massless = material.density == 0
+    refusals = (  # (whether it applies, what came, what is needed)
+        (method not in METHODS, f"the method {method!r}", f"one of {', '.join(METHODS)}"),
+        (not all(np.isfinite(array).all() for array in values),
+         "numbers that are not finite in a curve, a material, the times or a force",
+         "finite numbers"),
+        (not (u.ndim == 2 and u.shape == v.shape == rest.shape),
+         f"a rest shape of shape {rest.shape}, displacements {u.shape}, velocities {v.shape}",
+         "the same shape (n, d)"),
+        (isinstance(force, np.ndarray) and force.shape not in (u.shape, u.shape[1:]),
+         f"a force of shape {getattr(force, 'shape', ())}",
+         f"{u.shape}, or {u.shape[1:]} for the same force at every point"),
+        (times.ndim != 1 or len(times) < 1 or bool((np.diff(times) <= 0).any()),
+         "times that do not increase", "increasing times, the first at the start"),
+        (negative, f"a material with a negative number: {material}",
+         "density, elastic and both dampings of 0 or more"),
+        (massless and material.mass_damping == 0,
+         "a curve without mass (density 0) and without mass_damping",
+         "mass_damping above 0: without it C is singular, as nothing resists a shift"),
+        (massless and method == "runge-kutta",
+         "runge-kutta on Eq. 3.15, which divides by the density, 0",
+         "a density above 0, or one of the Euler methods, modal or decoupled"),
+        (not massless and method.endswith("euler"),
+         f"{method} with density {material.density:g}",
+         "density 0: these methods solve C q̇ + K q = Q (§3.3)"),
+    )  # fmt: skip
+    for applies, came, goal in refusals:
+        if applies:
+            raise FinloopError(came, goal, "change the problem, or use another method")
+    return Problem(rest, u, material, times, v, force, problem.wavelet)
+
+
+# --- independent oscillators, ρ a″ + c a′ + k a = Q (Eq. 3.16; the paper prints r̈, ṙ, e₀ and f₀)
+
+
+@dataclass(frozen=True)
+class Oscillators:
+    """m independent oscillators: density ρ, the same for all; damping c (m,); stiffness k (m,)."""
+
+    density: float
+    damping: Floats
+    stiffness: Floats
+
+    def count_root_kinds(self) -> dict[str, int]:
+        """Count the oscillators by the roots of ρr² + c r + k = 0: "real", "double", "complex".
+
+        Real roots creep, complex roots swing. If ρ = 0 every oscillator has one root, and counts as
+        real or, with c = 0, as double.
+        """
+        inside = self.damping**2 - 4 * self.density * self.stiffness
+        signs = {"real": inside > 0, "double": inside == 0, "complex": inside < 0}
+        return {kind: int(is_kind.sum()) for kind, is_kind in signs.items()}
+
+
+class Response(NamedTuple):
+    """Factors (t, m) that give places and speeds of m oscillators at t times, for a constant force.
+
+    With a₀, v₀ the first place and speed and Q the force, a = place · a₀ + speed · v₀ + pushed · Q.
+    The three `_rate` fields give the speed a′ in the same way.
+    """
+
+    place: Floats
+    speed: Floats
+    pushed: Floats
+    place_rate: Floats
+    speed_rate: Floats
+    pushed_rate: Floats
+
+
+def response(oscillators: Oscillators, times: Floats) -> Response:
+    """Return the factors of the solution of Eq. 3.16 at times (t,) since the start.
+
+    The formulas neither cancel nor overflow near double roots, which are the limit of real and of
+    complex roots.
+    """
+    t = np.asarray(times, np.float64)[:, None]
+    k = oscillators.stiffness
+    if oscillators.density == 0:
+        rate = k / oscillators.damping
+        place = np.exp(-rate * t)
+        none = np.zeros_like(place)
+        pushed = t * _mean_decay(rate * t) / oscillators.damping
+        return Response(place, none, pushed, -rate * place, none, place / oscillators.damping)
+    # The roots are r = −γ ± √(γ² − k / ρ).
+    gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
+    inside = gamma**2 - square
+    root, real = np.sqrt(np.abs(inside)), inside >= 0
+    slow = np.where(real, square / np.where(real & (gamma + root > 0), gamma + root, 1), gamma)
+    even = np.exp(-slow * t)
+    speed = even * t
+    apart, turn = 2 * root[real] * t, root[~real] * t
+    even[:, real] *= (1 + np.exp(-apart)) / 2
+    speed[:, real] *= _mean_decay(apart)
+    even[:, ~real] *= np.cos(turn)
+    speed[:, ~real] *= np.sin(turn) / np.where(turn > 0, turn, 1) + (turn == 0)
+    place = even + gamma * speed
+    share = _force_response(2 * gamma * t, square * t**2, slow * t, place)
+    return Response(
+        place,
+        speed,
+        t**2 * share / oscillators.density,
+        -square * speed,
+        even - gamma * speed,
+        speed / oscillators.density,
+    )
+
+
+def _mean_decay(x: Floats) -> Floats:
+    """Return (1 − e^−x) / x, which is 1 at 0."""
+    return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
+
+
+def _force_response(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
+    """Return (1 − place) / product, and its limit at 0, without loss of digits.
+
+    −x, −y are the roots in steps of t, `total` = x + y, `product` = xy, `slow` the x nearer 0. With
+    D = `_mean_decay` the value is (D(x) − D(y)) / (y − x), or a power series if both are small.
+    """
+    term, before = np.ones_like(product), np.zeros_like(product)
+    series = np.zeros_like(product)
+    near, spread = np.minimum(total, 0.5), np.minimum(product, 0.25)
+    for n in range(1, 16):
+        series += (-1) ** (n + 1) * term / factorial(n + 1)
+        term, before = near * term - spread * before, term
+    far = product < 0.01 * total**2  # x is much nearer 0 than y
+    x, y = np.where(far, slow, 0), np.where(far, total - slow, 1)
+    apart = (_mean_decay(x) - _mean_decay(y)) / (y - x)
+    rest = (1 - place) / np.where(product > 0, product, 1)
+    return np.where((total < 0.5) & (product < 0.25), series, np.where(far, apart, rest))
+
+
+def motion(
+    oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Numbers
+) -> tuple[Numbers, Numbers]:
+    """Return exact places and speeds, each (t, m, d), of m oscillators under a constant force.
+
+    a, v (m, d): places and speeds at the start, may be complex as FFTs are; times (t,): since the
+    start; force (m, d).
+    """
+    table = Response(*(part[..., None] for part in response(oscillators, times)))
+    places = table.place * a + table.speed * v + table.pushed * force
+    return places, table.place_rate * a + table.speed_rate * v + table.pushed_rate * force
 
 
 # --- in a basis in which K is diagonal, or treated as diagonal
@@ -69,13 +324,8 @@ class Basis(NamedTuple):
     k: Floats
 
 
-def modal(problem: Problem, options: SolverOptions) -> Solution:
-    """Return the exact motion (Eq. 3.3) by Fourier modes, which are independent.
-
-    The stiffness K is circulant in the φ basis, so a Fourier transform makes it diagonal. A force
-    that depends on place and time couples the modes. Then `forced_motion` refines its steps until
-    the error is below `options.tolerance`.
-    """
+def _solve_modal(problem: Problem, options: SolverOptions) -> Solution:
+    """Return the exact motion: a Fourier transform makes K diagonal, as K is circulant."""
     n = len(problem.rest)
     basis = Basis(
         lambda points: np.fft.rfft(points, axis=0),
@@ -85,53 +335,246 @@ def modal(problem: Problem, options: SolverOptions) -> Solution:
     return _solve_in_basis(basis, problem, options)
 
 
-def solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
-    """Return the motion by Eq. 3.16: only the diagonal of the stiffness K, in the wavelet basis.
+def _solve_decoupled(problem: Problem, options: SolverOptions) -> Solution:
+    """Return the motion by Eq. 3.16: only the diagonal of K, in the wavelet basis.
 
     The neglected entries beside the diagonal cause a considerable error.
     """
-    n, levels = len(problem.rest), options.levels
+    n, wavelet, levels = len(problem.rest), problem.wavelet, options.levels
     basis = Basis(
-        lambda points: wavelet_transform(points, problem.wavelet, levels),
-        lambda coefficients: inverse_transform(
-            np.asarray(coefficients, float), problem.wavelet, levels
-        ),
-        stiffness(problem.wavelet, n, levels, problem.material.elastic).diagonal(),
+        lambda points: wavelet_transform(points, wavelet, levels),
+        lambda coefficients: inverse_transform(np.asarray(coefficients, float), wavelet, levels),
+        stiffness(wavelet, n, levels, problem.material.elastic).diagonal(),
     )
     return _solve_in_basis(basis, problem, options)
 
 
 def _solve_in_basis(basis: Basis, problem: Problem, options: SolverOptions) -> Solution:
-    material = problem.material
-    mass = material.density or 1.0  # of C, see Material
-    damping = material.mass_damping * mass + material.stiffness_damping * basis.k
-    modes = Oscillators(material.density, damping, basis.k)
-    u, v = basis.to(problem.displacement), basis.to(velocity_at_start(problem))
-    estimate = 0.0
+    """Return the motion of independent oscillators, one for each coefficient of the basis."""
+    material, (u, v) = problem.material, problem.state_at_start()
+    c = material.mass_damping * (material.density or 1.0) + material.stiffness_damping * basis.k
+    modes = Oscillators(material.density, c, basis.k)
+    facts = {f"{kind}_roots": float(count) for kind, count in modes.count_root_kinds().items()}
     if callable(problem.force):
+        return _integrate_field(basis, modes, problem, facts, options.tolerance)
+    push = basis.to(problem.force_at(0.0, u))
+    places, speeds = motion(modes, basis.to(u), basis.to(v), problem.times - problem.times[0], push)
+    return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": 0.0})
 
-        def push(time: float, places: Numbers) -> Numbers:
-            return basis.to(force_at(problem, time, basis.points(places)))
 
-        places, speeds, estimate = forced_motion(
-            modes, u, v, problem.times, push, options.tolerance
+def _integrate_field(
+    basis: Basis, modes: Oscillators, problem: Problem, facts: dict[str, float], tolerance: float
+) -> Solution:
+    """Return the motion under a force of place and time, by scipy's integrators.
+
+    The integrator's tolerance is lowered until the places change by at most `tolerance`, relative
+    to the farthest place: the estimate of the error. FinloopError if the force changes too fast.
+    """
+    too_fast = FinloopError(
+        f"the force changes too fast for {_MOST_EVALUATIONS} evaluations",
+        f"a smooth force, with places accurate to {tolerance:g}",
+        "smooth or weaken the force, or pass times that lie closer together",
+    )
+    shape, density = problem.displacement.shape, modes.density
+    k, c = modes.stiffness[:, None], modes.damping[:, None]
+    evaluations = 0
+
+    def slope(time: float, state: Floats) -> Floats:
+        nonlocal evaluations
+        evaluations += 1
+        if evaluations > _MOST_EVALUATIONS:
+            raise too_fast
+        u, v = state.reshape(2, *shape)
+        push = basis.to(problem.force_at(time, u)) - k * basis.to(u)
+        if density == 0:
+            return np.stack([basis.points(push / c), np.zeros(shape)]).ravel()
+        return np.stack([v, basis.points(push - c * basis.to(v)) / density]).ravel()
+
+    start = problem.state_at_start().ravel()
+    formula = "DOP853" if density else "LSODA"  # without mass the equations are stiff
+    span, before = (problem.times[0], problem.times[-1]), None
+    for rtol in tolerance * np.array([0.1, 0.01, 1e-3, 1e-4]):
+        atol = rtol * (np.abs(start).max() or 1.0)
+        found = scipy.integrate.solve_ivp(
+            slope, span, start, formula, problem.times, rtol=max(rtol, 3e-14), atol=atol
         )
+        if not found.success:
+            raise too_fast
+        u, v = np.moveaxis(found.y.T.reshape(-1, 2, *shape), 1, 0)
+        if before is not None:
+            size = np.abs(u).max()
+            change = float(np.abs(u - before).max() / size) if size else 0.0
+            if change <= tolerance:
+                break
+        before = u
     else:
-        none = problem.force is None
-        q = None if none else basis.to(force_at(problem, 0.0, problem.displacement))
-        places, speeds = motion(modes, u, v, problem.times - problem.times[0], q)
-    facts = {f"{name}_roots": float(count) for name, count in modes.count_root_kinds().items()}
-    return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
+        raise too_fast
+    if density == 0:
+        rates = [slope(*moment)[: u[0].size] for moment in zip(found.t, found.y.T, strict=True)]
+        v = np.reshape(rates, u.shape)
+    return Solution(u, v, {**facts, "estimate": change})
+
+
+# --- the paper's integrators (§3.3), in the wavelet basis, where K is sparse
+
+
+class WaveletSystem(NamedTuple):
+    """Eq. 3.3 in the wavelet basis: damping C and stiffness K (n, n), and the transform."""
+
+    c: csr_array
+    k: csr_array
+    to: Callable[[Floats], Floats]  # from points (…, n, d) to coefficients (…, n, d)
+    points: Callable[[Floats], Floats]  # its inverse
+    push: Callable[[float, Floats], Floats]  # the force Q at a time and coefficients (n, d)
+
+
+def _wavelet_system(problem: Problem, options: SolverOptions) -> WaveletSystem:
+    """Return the matrices and the force of a problem in the wavelet basis."""
+    n, material = len(problem.rest), problem.material
+    k = stiffness(problem.wavelet, n, options.levels, material.elastic)
+    m = (material.density or 1.0) * eye_array(n)  # M = ρI: the basis functions are orthonormal
+    c = csr_array(material.mass_damping * m + material.stiffness_damping * k)
+
+    def to(points: Floats) -> Floats:
+        return wavelet_transform(points, problem.wavelet, options.levels)
+
+    def points(coefficients: Floats) -> Floats:
+        return inverse_transform(coefficients, problem.wavelet, options.levels)
+
+    constant = None
+    if not callable(problem.force):
+        constant = to(problem.force_at(0.0, problem.displacement))
+
+    def push(time: float, q: Floats) -> Floats:
+        return to(problem.force_at(time, points(q))) if constant is None else constant
+
+    return WaveletSystem(c, k, to, points, push)
+
+
+def runge_kutta(problem: Problem, options: SolverOptions) -> Solution:
+    """Return the motion by an adaptive Runge–Kutta formula of scipy (Eq. 3.15).
+
+    The density must not be 0. FinloopError if the formula fails.
+    """
+    system, shape = _wavelet_system(problem, options), problem.displacement.shape
+    density = problem.material.density
+    start = system.to(problem.state_at_start())
+
+    def slope(time: float, state: Floats) -> Floats:
+        q, rate = state.reshape(2, *shape)
+        pull = system.k @ q + system.c @ rate
+        return np.concatenate([rate.ravel(), ((system.push(time, q) - pull) / density).ravel()])
+
+    scale = float(np.abs(start).max()) or 1.0
+    state, states, evaluations, step = start.ravel(), [start.ravel()], 0, None
+    # One call per interval: scipy's interpolation between steps is less accurate than its steps.
+    for begin, end in pairwise(problem.times):
+        result = scipy.integrate.solve_ivp(
+            slope,
+            (begin, end),
+            state,
+            options.integrator,
+            rtol=options.rtol,
+            atol=options.rtol * scale,
+            first_step=None if step is None else min(step, end - begin),
+        )
+        if not result.success:
+            raise FinloopError(
+                f"{options.integrator} failed: {result.message}",
+                "an equation that the integrator can solve",
+                "use the method modal, or a larger options.rtol",
+            )
+        state, step = result.y[:, -1], float(np.diff(result.t).max())
+        evaluations += result.nfev
+        states.append(state)
+    q, rate = np.moveaxis(np.reshape(states, (-1, 2, *shape)), 1, 0)
+    return Solution(system.points(q), system.points(rate), {"evaluations": float(evaluations)})
+
+
+def euler(problem: Problem, options: SolverOptions, implicit: bool) -> Solution:
+    """Return the motion of a curve without mass, C q̇ + K q = Q, by Euler's steps (§3.3).
+
+    Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for stable steps.
+    Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q), with Q at time t: stable at any Δt.
+    FinloopError if the times are not even.
+    """
+    times, substeps = problem.times, options.substeps
+    gaps = np.diff(times)
+    if substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
+        raise FinloopError(
+            f"{len(times)} times, perhaps unevenly spaced, and {substeps} substeps",
+            "two or more evenly spaced times and at least 1 substep, for Euler's method",
+            "correct the times or options.substeps, or use the method modal",
+        )
+    step = float(gaps.mean()) / substeps
+    c, k, to, points, push = _wavelet_system(problem, options)
+    if not implicit:
+        stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
+        material = problem.material
+        fastest = stiffest / (material.mass_damping + material.stiffness_damping * stiffest)
+        if step * fastest > 2:
+            raise FinloopError(
+                f"explicit Euler with steps of {step:.3g}",
+                f"steps of {2 / fastest:.3g} at most: longer steps are unstable",
+                f"set options.substeps to {int(np.ceil(substeps * step * fastest / 2))} or "
+                "more, or use implicit-euler",
+            )
+    inverse, facts = _inverse(csr_array(c + step * k) if implicit else c, options.inverse)
+    rate_of = _inverse(c, "sparse")[0] if implicit else inverse
+    q = to(problem.displacement)
+    course = [q]
+    for begin in times[:-1]:
+        for time in begin + step * np.arange(substeps):
+            force = push(time, q)
+            q = inverse(c @ q + step * force) if implicit else q + step * inverse(force - k @ q)
+        course.append(q)
+    rates = [rate_of(push(time, q) - k @ q) for time, q in zip(times, course, strict=True)]
+    facts["steps"] = float(substeps * len(gaps))
+    return Solution(points(np.stack(course)), points(np.stack(rates)), facts)
+
+
+def _inverse(matrix: csr_array, kind: str) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
+    """Return a function that solves with the matrix, and facts about the factors or iterations."""
+    if kind == "schulz":
+        x, iterations, residual = schulz(matrix.toarray())
+        facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}
+        return lambda right: x @ right, facts
+    if kind == "sparse":
+        factors = splu(csc_array(matrix))
+        facts = {"factors_nonzero": float(factors.nnz)}
+        return lambda right: factors.solve(np.ascontiguousarray(right)), facts
+    raise FinloopError(f"options.inverse {kind!r}", "sparse or schulz", "choose one of the two")
+
+
+def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
+    """Invert a matrix (n, n) by Schulz iteration, X ← 2X − XCX from Cᵀ / ‖CᵀC‖, C the matrix.
+
+    Return the inverse (n, n), the number of iterations, and the largest entry of |I − XC|, at most
+    `tolerance`. The paper names no norm; this one is the largest row sum, which bounds every
+    eigenvalue, so the iteration converges. FinloopError if the matrix is singular, or nearly.
+    """
+    unit = np.eye(len(matrix))
+    x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()
+    for iteration in range(SCHULZ_ITERATIONS):
+        rest = unit - x @ matrix
+        residual = float(np.abs(rest).max())
+        if residual <= tolerance:
+            return x, iteration, residual
+        x = x + rest @ x
+    raise FinloopError(
+        f"the Schulz iteration has a residual of {residual:.2g} after {SCHULZ_ITERATIONS} steps",
+        f"{tolerance:g}: a matrix far from singular",
+        "raise mass_damping, or set options.inverse to sparse",
+    )
 
 
 # --- energy and momentum
 
 
 def energy(problem: Problem, motion: Trajectory) -> Floats:
-    """Return the kinetic plus elastic energy at every time: ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|².
+    """Return the kinetic plus elastic energy (t,) at every time: ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|².
 
-    motion: of the problem's curve at t times. The result is (t,); u is the displacement from rest,
-    ρ the density, e₀ the elastic constant.
+    u is the displacement from rest, ρ the density, e₀ the elastic constant.
     """
     n = len(problem.rest)
     k = eigenvalues(problem.wavelet, n, problem.material.elastic)
@@ -144,8 +587,8 @@ def energy(problem: Problem, motion: Trajectory) -> Floats:
 
 
 def momentum(problem: Problem, motion: Trajectory) -> Floats:
-    """Return the momentum ρ ∫ u̇ at every time; without force it decays as e^(−s₁ t).
+    """Return the momentum ρ ∫ u̇ (t, d) at every time; without force it decays as e^(−s₁ t).
 
-    The result is (t, d); u̇ is the velocity, ρ the density, s₁ the material's `mass_damping`.
+    u̇ is the velocity, ρ the density, s₁ the material's `mass_damping`.
     """
     return problem.material.density * motion.velocity.mean(axis=1)

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.sparse import csr_array, eye_array
+from scipy.sparse import csr_array
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.curve.filters import filter_bank
 from finloop.curve.wavelet import (
     check_transform,
+    filter_bank,
     inverse_transform,
     most_levels,
     scales,
@@ -37,7 +37,6 @@ class Connection:
     `autocorrelation` (P + 1,) is α_n = 2 Σ h_i h_{i+n} of the low filter h.
     """
 
-    wavelet: str
     autocorrelation: Floats
     mu: Floats
     nu: Floats
@@ -61,7 +60,7 @@ def connection(wavelet: str) -> Connection:
             "use db4, coif2, sym8, …",
         )
     alpha = 2 * np.correlate(low, low, "full")[taps - 1 :]
-    smooth = smoothness(alpha)
+    smooth = _smoothness(alpha)
     if smooth <= 1:
         raise FinloopError(
             f"φ of the wavelet {wavelet} lies in H^s for s < {smooth:.2f} only: its derivative is "
@@ -80,7 +79,7 @@ def connection(wavelet: str) -> Connection:
     nu[: len(even)] += 8 * even
     for table in (alpha, mu, nu):
         table.setflags(write=False)
-    return Connection(wavelet, alpha, mu, nu)
+    return Connection(alpha, mu, nu)
 
 
 def _transfer(alpha: Floats, size: int) -> Floats:
@@ -90,13 +89,12 @@ def _transfer(alpha: Floats, size: int) -> Floats:
     return np.where(far < len(alpha), alpha[np.minimum(far, len(alpha) - 1)], 0) / 2
 
 
-def smoothness(alpha: Floats) -> float:
+def _smoothness(alpha: Floats) -> float:
     """Return how smooth the scaling function φ is: the supremum, at most 2, of s with φ in H^s.
 
-    alpha: `Connection.autocorrelation`. The method is Villemoes's (1992): if the
-    shifts of φ sum to every line, the transfer operator of `alpha` (`_transfer`) keeps the moments
-    0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. If they do not, φ has a jump or
-    worse, and the result is 0.5.
+    The method is Villemoes's (1992): if the shifts of φ sum to every line, the transfer operator
+    keeps the moments 0 … 3 of a sequence at 0, and shrinks it by at most 4^−s a step. If they do
+    not, φ has a jump or worse, and the result is 0.5.
     """
     size = len(alpha) + 1  # even the shortest filter needs room for four moments
     index = np.arange(1 - size, size) / size
@@ -110,14 +108,6 @@ def smoothness(alpha: Floats) -> float:
     return exponent if abs(exponent - 1) > _ALMOST else 1.0
 
 
-def _round(band: Floats, n: int) -> Floats:
-    """Fold a symmetric band (l ≥ 0) round n places; return the first row of its circulant."""
-    index = np.arange(1 - len(band), len(band))
-    row = np.zeros(n)
-    np.add.at(row, index % n, band[np.abs(index)])
-    return row
-
-
 def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
     """Return the first row (n,) of the stiffness K in the φ basis, a symmetric circulant (Eq. 3.8).
 
@@ -125,7 +115,11 @@ def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
     FinloopError if n is no power of two, or the wavelet has no finite coefficients (`connection`).
     """
     most_levels(n)
-    return elastic * n**2 * _round(connection(wavelet).mu, n)
+    mu = connection(wavelet).mu
+    apart = np.arange(1 - len(mu), len(mu))
+    row = np.zeros(n)
+    np.add.at(row, apart % n, mu[np.abs(apart)])
+    return elastic * n**2 * row
 
 
 def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
@@ -138,65 +132,43 @@ def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
     return np.maximum(values, 0)
 
 
-def stiffness_phi(wavelet: str, n: int, elastic: float = 1.0) -> csr_array:
-    """Return the stiffness K (n, n) in the φ basis; FinloopError as in `first_row`."""
-    return _symmetric(first_row(wavelet, n, elastic)[None], [slice(0, n)], n)
-
-
 def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
     """Return the stiffness K (n, n) in the wavelet basis, ordered as by `wavelet_transform`.
 
-    A step at one scale is 2, 4, … steps at finer scales, so the first row of a scale gives all its
-    rows. Blocks below the diagonal are transposes. FinloopError as in `first_row`, or if n cannot
-    be halved `levels` times, or the wavelet is longer than the curve.
+    levels: 0 gives K in the φ basis. A step at one scale is 2, 4, … steps at finer scales, so the
+    first row of a scale gives all its rows. FinloopError as in `first_row`, or if n cannot be
+    halved `levels` times, or the wavelet is longer than the curve.
     """
     check_transform(n, wavelet, levels)
     row = first_row(wavelet, n, elastic)
-    places = scales(n, levels)
-    units = np.zeros((n, len(places)))
-    units[[place.start for place in places], range(len(places))] = 1
+    slices = scales(n, levels)
+    units = np.zeros((n, len(slices)))
+    units[[scale.start for scale in slices], range(len(slices))] = 1
     functions = inverse_transform(units, wavelet, levels)
     image = np.zeros_like(functions)
     for l in np.flatnonzero(row):  # noqa: E741  # zeros stay exactly 0, unlike by FFT
         image += row[l] * np.roll(functions, l, axis=0)
-    generators = wavelet_transform(image, wavelet, levels).T
-    return _symmetric(generators, places, n)
-
-
-def _symmetric(generators: Floats, places: list[slice], n: int) -> csr_array:
-    """Return the symmetric matrix with the given first rows of every scale."""
+    first_rows = wavelet_transform(image, wavelet, levels).T
     rows, columns, values = [], [], []
-    for number, here in enumerate(places):
-        count = here.stop - here.start
+    for number, scale in enumerate(slices):
+        count = scale.stop - scale.start
         steps = np.arange(count, dtype=np.int32)
-        for there in places[number:]:
-            size = there.stop - there.start
-            part = generators[number, there]
-            if there is here:
+        for finer in slices[number:]:
+            size = finer.stop - finer.start
+            part = first_rows[number, finer]
+            if finer is scale:
                 part = (part + np.roll(part[::-1], 1)) / 2  # symmetric to the last digit
             nonzero = np.flatnonzero(part).astype(np.int32)
-            row = np.repeat(steps + here.start, len(nonzero))
-            column = ((nonzero + (size // count) * steps[:, None]) % size + there.start).ravel()
-            value = np.tile(part[nonzero], count)
-            rows.append(row)
-            columns.append(column)
-            values.append(value)
-            if there is not here:
-                rows.append(column)
-                columns.append(row)
-                values.append(value)
-    entries = tuple(map(np.concatenate, (rows, columns)))
+            row = np.repeat(steps + scale.start, len(nonzero))
+            column = ((nonzero + (size // count) * steps[:, None]) % size + finer.start).ravel()
+            # Blocks below the diagonal are transposes.
+            pairs = [(row, column)] if finer is scale else [(row, column), (column, row)]
+            for down, across in pairs:
+                rows.append(down)
+                columns.append(across)
+                values.append(np.tile(part[nonzero], count))
+    entries = np.concatenate(rows), np.concatenate(columns)
     return csr_array((np.concatenate(values), entries), shape=(n, n))
-
-
-def mass(n: int, density: float) -> csr_array:
-    """Return the mass matrix M = ρI (n, n), ρ the density: the basis functions are orthonormal."""
-    return csr_array(density * eye_array(n))
-
-
-def damping(m: csr_array, k: csr_array, s1: float, s2: float) -> csr_array:
-    """Return the damping matrix C = s₁M + s₂K (n, n) of mass M and stiffness K (Eq. 3.5)."""
-    return csr_array(s1 * m + s2 * k)
 
 
 def off_diagonal(matrix: csr_array) -> float:

@@ -8,12 +8,116 @@ The filters are aligned as in PyWavelets' mode "periodization", so that coeffici
 with Eq. 2.8 this only renumbers them. A filter longer than a scale is folded round it (Eq. 2.7).
 """
 
+from functools import cache
+from math import comb
+
 import numpy as np
+import pywt
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.base.kernel import kernel
-from finloop.curve.filters import filter_bank
+
+CUBIC = "cubic"
+"""The biorthogonal cubic B-spline wavelet of Fig. 2, which PyWavelets lacks: its bior3.* use the
+quadratic spline, its bior4.4 uses no spline."""
+
+LOSSLESS = 1e-13  # largest loss of filters that reconstruct a curve
+
+_FREE = 1e-9  # relative size of singular values whose directions reduce no loss (from coif10 on)
+_TOLERANCE = (
+    1e-9  # largest loss of tabled filters (sym*, bior4.4, …); truncated dmey loses far more
+)
+
+
+# --- filters
+
+
+@cache
+def filter_bank(wavelet: str) -> Floats:
+    """Return a wavelet's four filters (4, taps): analysis low, high, synthesis low, high.
+
+    wavelet: CUBIC or a discrete wavelet of PyWavelets, such as "db4". FinloopError if the wavelet
+    is unknown, or its filters do not reconstruct a curve.
+    """
+    if wavelet == CUBIC:
+        bank = _cubic_spline()
+    elif wavelet in pywt.wavelist(kind="discrete"):
+        bank = np.array(pywt.Wavelet(wavelet).filter_bank)
+    else:
+        raise FinloopError(
+            f"the wavelet {wavelet!r}",
+            f"{CUBIC} or a discrete wavelet of PyWavelets",
+            "choose db4, coif2, sym8, bior4.4, …: pywt.wavelist(kind='discrete') lists them",
+        )
+    if _loss(bank) < _TOLERANCE:
+        bank = _exact(bank)
+    loss = _loss(bank)
+    if loss > LOSSLESS:
+        raise FinloopError(
+            f"the filters of the wavelet {wavelet} lose {loss:.1g} of a curve",
+            f"filters that reconstruct it to {LOSSLESS:g}",
+            "choose another wavelet, such as db4, coif2 or sym8",
+        )
+    bank.setflags(write=False)
+    return bank
+
+
+def _cubic_spline() -> Floats:
+    """Return Cohen–Daubechies–Feauveau filters of the cubic spline, 4 + 4 vanishing moments."""
+    spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
+    sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
+    dual, power = np.zeros(7), np.ones(1)
+    for k in range(4):
+        dual[3 - k : 4 + k] += comb(3 + k, k) * power
+        power = np.convolve(power, sine)
+    low = np.zeros((2, 12))
+    low[0, 1:] = np.sqrt(2) * np.convolve(spline, dual)
+    low[1, 3:8] = np.sqrt(2) * spline
+    sign = (-1.0) ** np.arange(12)
+    return np.stack([low[0], -sign * low[1], low[1], sign * low[0]])
+
+
+def _exact(bank: Floats) -> Floats:
+    """Return the nearest filters that reconstruct: Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0.
+
+    Newton steps of least norm. The filters of an orthogonal wavelet stay mirror images of each
+    other. For a biorthogonal wavelet only the analysis changes, so the synthesis keeps its spline.
+    """
+    taps = bank.shape[1]
+    orthogonal = np.allclose(bank[2], bank[0, ::-1], rtol=0, atol=_TOLERANCE)
+    shift = 2 * np.arange(-(taps // 2 - 1), taps // 2)[:, None] + np.arange(taps)
+    inside = (shift >= 0) & (shift < taps)
+    unit = (np.arange(-(taps // 2 - 1), taps // 2) == 0).astype(float)
+    dual, low = bank[0, ::-1].copy(), bank[2].copy()
+    for _ in range(3):
+        if orthogonal:
+            low = dual
+        slope = np.where(inside, low[shift * inside], 0)
+        missing = unit - slope @ dual
+        if orthogonal:  # both factors move
+            slope = slope + slope[::-1]
+        dual = dual + np.linalg.lstsq(slope, missing, rcond=_FREE)[0]
+    if orthogonal:
+        low = dual
+    sign = (-1.0) ** np.arange(taps)
+    return np.stack([dual[::-1], -sign * low, low, sign * dual[::-1]])
+
+
+def _loss(bank: Floats) -> float:
+    """Return how far analysis plus synthesis is from a pure delay, summed over both filters."""
+    taps = bank.shape[1]
+    parts = []
+    for phase in (0, 1):  # even samples, odd samples
+        total = np.zeros(2 * taps)
+        for analysis, synthesis in ((bank[0], bank[2]), (bank[1], bank[3])):
+            phase_taps = np.where(np.arange(taps) % 2 == phase, synthesis, 0)
+            total[:-1] += np.convolve(phase_taps, analysis)
+        total[taps - 1] -= 1
+        parts.append(np.abs(total).sum())
+    return max(parts)
+
+
+# --- the transform
 
 
 def most_levels(n: int) -> int:
@@ -46,9 +150,9 @@ def check_transform(n: int, wavelet: str, levels: int) -> Floats:
 
 
 def scales(n: int, levels: int) -> list[slice]:
-    """Return the slices of n coefficients that belong to each scale.
+    """Return the slices of n coefficients that belong to each scale: levels + 1 slices.
 
-    The approximation comes first, then the details from coarse to fine: levels + 1 slices.
+    The approximation comes first, then the details from coarse to fine.
     """
     coarse = n >> levels
     return [slice(0, coarse), *(slice(coarse << m, coarse << m + 1) for m in range(levels))]
@@ -57,110 +161,41 @@ def scales(n: int, levels: int) -> list[slice]:
 def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
     """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
 
-    The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
-    details from coarse to fine. FinloopError as in `check_transform`.
+    The transform runs along n; k is 2 for plane curves. FinloopError as in `check_transform`.
     """
-    bank = check_transform(points.shape[-2], wavelet, levels)
-    out = np.array(points, np.float64, order="C")
-    # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
-    _analyse(out.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
+    n = points.shape[-2]
+    filters = check_transform(n, wavelet, levels)[:2, ::-1]
+    out = np.array(points, np.float64)
+    for scale in reversed(scales(n, levels)[1:]):
+        size, reach = scale.stop, filters.shape[1] // 2
+        padded = out[..., np.arange(1 - reach, size + reach) % size, :]
+        low, high = np.zeros((2, *out.shape[:-2], size // 2, out.shape[-1]))
+        for i, (a, b) in enumerate(filters.T):
+            samples = padded[..., i : i + size : 2, :]
+            low += a * samples
+            high += b * samples
+        out[..., :size, :] = np.concatenate([low, high], axis=-2)
     return out
 
 
 def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the points (…, n, k) of wavelet coefficients (…, n, k), undoing `wavelet_transform`.
+    """Return the points (…, n, k) of wavelet coefficients (…, n, k) (Eq. 2.9).
 
-    This is Eq. 2.9. FinloopError as in `check_transform`.
+    This undoes `wavelet_transform`. FinloopError as in `check_transform`.
     """
-    bank = check_transform(coefficients.shape[-2], wavelet, levels)
-    out = np.array(coefficients, np.float64, order="C")
-    _synthesise(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
+    n = coefficients.shape[-2]
+    filters = check_transform(n, wavelet, levels)[2:]
+    out = np.array(coefficients, np.float64)
+    for scale in scales(n, levels)[1:]:
+        half = scale.start
+        low, high = out[..., :half, :], out[..., half : 2 * half, :]
+        points = np.zeros((*out.shape[:-2], half, 2, out.shape[-1]))  # even and odd points
+        for i, (a, b) in enumerate(filters.T):
+            shift, odd = divmod(i + 1 - filters.shape[1] // 2, 2)
+            row = (np.arange(half) - shift) % half
+            points[..., odd, :] += a * low[..., row, :] + b * high[..., row, :]
+        out[..., : 2 * half, :] = points.reshape(*out.shape[:-2], 2 * half, out.shape[-1])
     return out
-
-
-@kernel
-def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
-    """Fill `padded` with rows of `source` (half · k,) from row `first` on, periodically."""
-    start = (first % half) * k
-    size = half * k
-    for i in range(len(padded)):
-        index = start + i
-        while index >= size:
-            index -= size
-        padded[i] = source[index]
-
-
-@kernel
-def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """Transform curves (b, n, k) in place as `wavelet_transform` does, filters (2, taps).
-
-    Even and odd samples are stored separately. Every tap then adds one run of numbers to another,
-    which compilers make fast for every k.
-    """
-    count, n, k = curves.shape
-    taps = filters.shape[1]
-    before = taps // 2 - 1
-    first = -((before + 1) // 2)
-    last = (taps - 1 - before) // 2
-    split = np.empty((2, n // 2 * k))
-    padded = np.empty((2, (n // 2 + last - first) * k))
-    for c in range(count):
-        curve = curves[c].reshape(-1)
-        half = n
-        for _ in range(levels):
-            half //= 2
-            size = half * k
-            for r in range(half):
-                for j in range(k):
-                    split[0, r * k + j] = curve[2 * r * k + j]
-                    split[1, r * k + j] = curve[(2 * r + 1) * k + j]
-            for p in range(2):
-                _spread(padded[p, : (half + last - first) * k], split[p], half, k, first)
-            low, high = curve[:size], curve[size : 2 * size]
-            low[:] = 0.0
-            high[:] = 0.0
-            for i in range(taps):
-                p = (i - before) % 2
-                start = ((i - before - p) // 2 - first) * k
-                run = padded[p, start : start + size]
-                a, b = filters[0, i], filters[1, i]
-                for j in range(size):
-                    low[j] += a * run[j]
-                    high[j] += b * run[j]
-
-
-@kernel
-def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
-    """Transform curves (b, n, k) in place as `inverse_transform` does, filters (2, taps)."""
-    count, n, k = curves.shape
-    taps = filters.shape[1]
-    before = taps // 2 - 1
-    first = -(taps // 2)
-    last = taps // 2
-    split = np.empty((2, n // 2 * k))
-    padded = np.empty((2, (n // 2 + last - first) * k))
-    for c in range(count):
-        curve = curves[c].reshape(-1)
-        half = n >> levels
-        for _ in range(levels):
-            size = half * k
-            for p in range(2):
-                source = curve[p * size : (p + 1) * size]
-                _spread(padded[p, : (half + last - first) * k], source, half, k, first)
-            split[:, :size] = 0.0
-            for i in range(taps):
-                p = (i - before) % 2
-                start = (-((i - before - p) // 2) - first) * k
-                low, high = padded[0, start : start + size], padded[1, start : start + size]
-                a, b = filters[0, i], filters[1, i]
-                out = split[p]
-                for j in range(size):
-                    out[j] += a * low[j] + b * high[j]
-            for r in range(half):
-                for j in range(k):
-                    curve[2 * r * k + j] = split[0, r * k + j]
-                    curve[(2 * r + 1) * k + j] = split[1, r * k + j]
-            half *= 2
 
 
 def close_by_mirroring(points: Floats) -> Floats:
@@ -173,10 +208,10 @@ def close_by_mirroring(points: Floats) -> Floats:
 
 
 def control_points(points: Floats, wavelet: str, level: int) -> Floats:
-    """Return the n / 2^level control points of closed curves (…, n, k), in the same unit.
+    """Return the control points (…, n / 2^level, k) of closed curves (…, n, k), in their unit.
 
-    The result is (…, n / 2^level, k): the approximation coefficients of Eq. 2.11, divided by √2 for
-    each level, the factor by which the filters scale a constant.
+    They are the approximation coefficients of Eq. 2.11, divided by √2 for each level, the factor by
+    which the filters scale a constant.
     """
     coarse = points.shape[-2] >> level
     return wavelet_transform(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
@@ -196,8 +231,7 @@ def curves_from_control(points: Floats, wavelet: str, level: int) -> Floats:
 def drop_details(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
     """Return curves (…, n, k) rebuilt from 1/2^level as many control points (Fig. 2).
 
-    The finer details are lost. closed: False mirrors open curves first. FinloopError as in
-    `check_transform`.
+    closed: False mirrors open curves first. FinloopError as in `check_transform`.
     """
     if not closed:
         return drop_details(close_by_mirroring(points), wavelet, level)[..., : points.shape[-2], :]

@@ -15,9 +15,16 @@ import scipy
 
 from finloop.base.arrays import Mask, Points
 from finloop.base.errors import FinloopError
-from finloop.gait.descriptor import contour, per_coefficient
-from finloop.gait.film import GaitContours, check_phases, samples_of
-from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
+from finloop.gait.fit import (
+    LEAST_MOTION,
+    GaitContours,
+    Subcycle,
+    check_phases,
+    correct_keys,
+    fit_gammas,
+    sort_into_subcycles,
+)
+from finloop.gait.model import contour_from_descriptor, gamma_per_coefficient
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
 LEAST_GAIN = 0.02
@@ -75,7 +82,7 @@ def compare(
             problem = error
     if problem is not None and not rows:
         raise problem
-    _, subcycles = corrected_keys(film, split, wavelet, coarse)
+    _, subcycles = correct_keys(film, split, wavelet, coarse)
     table = pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
     contours = table[table["scale"] == _WHOLE].drop(columns="scale").reset_index(drop=True)
     total = contours["frames"].sum()
@@ -91,16 +98,16 @@ def _errors(
 ) -> Iterator[dict[str, Any]]:
     """Yield squared errors by clock on a mask: rows by contour, subcycle and scale, or _WHOLE."""
     still = LEAST_MOTION * film.body_length
-    _, subcycles = corrected_keys(_part(film, ~mask), split, wavelet, coarse)
-    per_limb, per_scale = (gammas_of(subcycles, per, still) for per in (False, True))
-    tests = samples_of(_part(film, mask), split, wavelet, coarse)
+    _, subcycles = correct_keys(_select_frames(film, ~mask), split, wavelet, coarse)
+    per_limb, per_scale = (fit_gammas(subcycles, per, still) for per in (False, True))
+    tests = sort_into_subcycles(_select_frames(film, mask), split, wavelet, coarse)
     for (name, sub), model in subcycles.items():
         test = tests[name][sub]
         if not len(test.tau):
             continue
         size, letter = len(model.end), "AB"[sub]
-        spread = per_coefficient(per_scale[name][letter], size, coarse)
-        f = fit_free_clock(model, test.tau)[:, None, None]
+        spread = gamma_per_coefficient(per_scale[name][letter], size, coarse)
+        f = _fit_free_clock(model, test.tau)[:, None, None]
         predictions = {
             "linear": model.predict(test.tau, np.zeros(1)),
             "gamma": model.predict(test.tau, np.array(per_limb[name][letter])),
@@ -108,7 +115,9 @@ def _errors(
             "free": model.end + f * (model.start - model.end),
         }
         errors = {clock: test.coefficients - frames for clock, frames in predictions.items()}
-        parts = {_WHOLE: {c: contour(errors[c], size, wavelet, coarse) for c in CLOCKS}}
+        parts = {
+            _WHOLE: {c: contour_from_descriptor(errors[c], size, wavelet, coarse) for c in CLOCKS}
+        }
         for number, scale in enumerate(model.scales):
             parts[number] = {c: errors[c][:, scale] for c in CLOCKS}
         for number, part in parts.items():
@@ -117,16 +126,16 @@ def _errors(
             yield keys | {"frames": len(test.tau)} | squares
 
 
-def _part(film: GaitContours, mask: Mask) -> GaitContours:
+def _select_frames(film: GaitContours, mask: Mask) -> GaitContours:
     """Return the film's frames within a mask."""
     contours = {name: points[mask] for name, points in film.contours.items()}
     return replace(film, phase=film.phase[mask], contours=contours)
 
 
-def fit_free_clock(model: Subcycle, tau: Points) -> Points:
+def _fit_free_clock(model: Subcycle, tau: Points) -> Points:
     """Return the monotone clock (s,) at tau (s,) that fits a subcycle best (isotonic regression).
 
-    It falls from 1 to 0, as `gait.clock.clock` does, but may have any shape.
+    It falls from 1 to 0, as `gait.model.clock` does, but may have any shape.
     """
     way = (model.start - model.end).ravel()
     norm = float(way @ way)

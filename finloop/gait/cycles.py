@@ -2,20 +2,29 @@
 
 Phase 0 is key 1 (curve paper, Fig. 9). In a walker from the side, the right fore and left hind
 limbs are foremost then, the others hindmost. In a fish, the tail is farthest to the left.
+
+The fundamental of a walk gives its period well, but not the phase at which the feet turn: a foot on
+the ground moves evenly, a lifted foot does not. In a gait of four subcycles every foot moves along
+four parabolas joined at the keys. So the keys are where four parabolas fit all feet best.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from finloop.base.arrays import Floats
-from finloop.gait.feet import align_phase, foot_positions
-from finloop.gait.film import GaitContours, hip_offsets
+from finloop.gait.fit import GaitContours, hip_offsets
 from finloop.gait.limbs import Limbs, Region, limbs
+from finloop.gait.model import subcycle
 from finloop.gait.outline import TrackContours, join_steady_frames
 from finloop.gait.period import Period, fill_gaps, period, require_periodic
 
 OUTLINE = "outline"
+FOOT = 16  # the lowest 1/FOOT of a limb's contour is its foot
+REACH = 0.06  # cycles: half width of the search for key 1
+STEPS = 61
 
 
 def film_of_swim(swim: TrackContours) -> GaitContours:
@@ -42,27 +51,27 @@ def film_of_regions(
     `gait.limbs.limbs`, or if no motion repeats.
     """
     contours = limbs(frames, n, None, first)
-    beat = _beat(contours, frame_rate_hz)
+    beat = _limb_period(contours, frame_rate_hz)
     contours = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
-    beat = _beat(contours, frame_rate_hz)
+    beat = _limb_period(contours, frame_rate_hz)
     steady = {name: points[beat.steady] for name, points in contours.points.items()}
     phase = align_phase(beat.phase[beat.steady], foot_positions(steady), split)
     film = GaitContours(steady, phase, contours.length_px, "swap").complete()
     return replace(film, offsets=hip_offsets(film)), beat, contours
 
 
-def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
+def _limb_period(contours: Limbs, frame_rate_hz: float) -> Period:
+    """Return the period of all limbs together; FinloopError if they do not repeat."""
     points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
-    beat = period(fill_gaps(signal), frame_rate_hz, limb_signal(points))
+    beat = period(fill_gaps(signal), frame_rate_hz, _limb_signal(points))
     return require_periodic(beat, f"the limbs {', '.join(points)}")
 
 
-def limb_signal(points: dict[str, Floats]) -> Floats:
+def _limb_signal(points: dict[str, Floats]) -> Floats:
     """Return a signal (frames,) that is greatest at key 1: right fore and left hind limbs ahead.
 
-    points: limbs (frames, n, 2) by id, x ahead; NaN where missing. The result has their unit. The
-    other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
+    The other limbs are behind. Among ids that are neither fore nor hind, the right are ahead.
     """
     total = np.zeros(len(next(iter(points.values()))))
     for name, limb in points.items():
@@ -70,3 +79,57 @@ def limb_signal(points: dict[str, Floats]) -> Floats:
         sign = 1 if ("right" in name) != ("hind" in name) else -1
         total += sign * fill_gaps((x - np.nanmean(x))[:, None])[:, 0]
     return total
+
+
+def foot_positions(limbs: Mapping[str, Floats]) -> Floats:
+    """Return how far ahead each foot is, (frames, limbs): x, in the unit of the contours, or NaN.
+
+    limbs: contours (frames, n, 2) by id, x ahead and y down. A foot is the lowest 1/FOOT of the
+    points.
+    """
+    feet = []
+    for points in limbs.values():
+        low = np.argsort(-np.nanmean(points[..., 1], axis=0), kind="stable")
+        feet.append(points[:, low[: max(1, len(low) // FOOT)], 0].mean(axis=1))
+    return np.stack(feet, axis=1)
+
+
+def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
+    """Return the phase (frames,), shifted and stretched so that the feet turn round at the keys.
+
+    phase: in cycles; ahead (frames, k): how far ahead k feet are; split: phase of key 2. Least
+    squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
+    """
+    whole = np.isfinite(ahead).all(axis=1)
+    if whole.sum() < 12:  # the fit has eight numbers per foot
+        return phase
+    phases, way = phase[whole], ahead[whole] - ahead[whole].mean(axis=0)
+    middle = float(phases.mean())
+
+    def off(change: Floats) -> float:
+        return _fit_residual(phases - change[0] + change[1] * (phases - middle), way, split)
+
+    moves = np.linspace(-REACH, REACH, STEPS)
+    first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])
+    best = scipy.optimize.minimize(
+        off,
+        (first, 0.0),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": [(first, 0.0), (first + 0.004, 0.0), (first, 0.003)],
+            "xatol": 1e-5,
+            "fatol": 1e-12 * float((way**2).sum()),
+        },
+    ).x
+    return phase - best[0] + best[1] * (phase - middle)
+
+
+def _fit_residual(phase: Floats, way: Floats, split: float) -> float:
+    """Return the squared residual of four parabolas, joined at the keys, fitted to (frames, k)."""
+    which, tau = subcycle(phase, split)
+    terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
+    terms[row, which] = 1 - tau
+    terms[row, (which + 1) % 4] = tau
+    terms[row, 4 + which] = tau * (1 - tau)
+    left = way - terms @ np.linalg.lstsq(terms, way, rcond=None)[0]
+    return float((left**2).sum())

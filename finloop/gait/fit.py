@@ -1,7 +1,9 @@
-"""A gait from the contours of a film: its key frames and γ (curve paper §4.2, Figs. 10, 11).
+"""A gait from the contours of a film: its key frames and γ (curve paper §4.2, Figs. 9 to 11).
 
-γ is fitted over the frames of a subcycle, see `gait.clock`. The inner products run over the
-coefficients of one scale, or of all scales together, each weighted by its energy.
+The contours are sorted into the cycle of the gait. By symmetry every frame counts in the first half
+of the cycle: frames of C and D are the partner's frames of A and B. γ is fitted over the frames of
+a subcycle, see `gait.model`. The inner products run over the coefficients of one scale, or of all
+scales together, each weighted by its energy.
 """
 
 from collections.abc import Mapping
@@ -9,19 +11,201 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from finloop.base.arrays import Points
+from finloop.base.arrays import Ints, Points
 from finloop.base.errors import FinloopError
-from finloop.gait.clock import clock, gamma_fit, gamma_sums
-from finloop.gait.descriptor import contour, descriptor, scale_slices
-from finloop.gait.film import GaitContours, Keys, Samples, check_phases, keys_of, samples_of
-from finloop.gait.model import POOLED, Gait, Layout, cycle, subcycle
+from finloop.gait.model import (
+    POOLED,
+    Gait,
+    Layout,
+    Symmetry,
+    clock,
+    contour_from_descriptor,
+    cycle,
+    descriptor,
+    gamma_fit,
+    gamma_sums,
+    half_cycle_later,
+    partner,
+    scale_slices,
+    subcycle,
+)
 
+WIDEST = 0.125
+"""Cycles: largest distance in phase of a frame that stands in for a key, or one frame if longer."""
 Gammas = dict[str, dict[str, tuple[float, ...]]]
 LEAST = 2  # fewest frames between the keys of a subcycle
 ROUNDS = 3
-"""Rounds of `corrected_keys`. They bring γ of the drawn dog within 6 % at any frame rate, from 44 %
+"""Rounds of `correct_keys`. They bring γ of the drawn dog within 6 % at any frame rate, from 44 %
 without correction. With more rounds the cubics follow the noise of few frames."""
 LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys gets γ = 0
+
+
+@dataclass(frozen=True)
+class GaitContours:
+    """Contours of a film in the frame of the body, with the phase of every frame."""
+
+    # closed, (frames, n, 2) by id, n a power of two; NaN in frames without the contour. With
+    # symmetry "mirror" they begin at the snout
+    contours: Mapping[str, Points]
+    phase: Points  # (frames,) in cycles, rising; the whole part counts the cycles
+    body_length: float  # in the unit of the contours
+    # symmetry, offsets: as in `gait.model.Layout`
+    symmetry: Symmetry
+    offsets: Mapping[str, Points] | None = None
+
+    def contours_half_cycle_later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
+        """Return the animal's contours by id as they are half a cycle later, by its symmetry."""
+        return half_cycle_later(contours, self.symmetry, Layout(offsets=self.offsets))
+
+    def complete(self) -> "GaitContours":
+        """Return the film with hidden limbs added as NaN, if the animal is seen from the side.
+
+        A hidden limb follows from its partner by symmetry, see `gait.model.partner`.
+        """
+        if self.symmetry != "swap":
+            return self
+        contours = dict(self.contours)
+        for name, points in self.contours.items():
+            for side, opposite in (("left", "right"), ("right", "left")):
+                if side in name:
+                    contours.setdefault(name.replace(side, opposite), np.full_like(points, np.nan))
+        return replace(self, contours=contours)
+
+    @property
+    def cycles(self) -> float:
+        """Return the number of gait cycles in the film: frames times the median step of phase."""
+        return float(len(self.phase) * np.median(np.diff(self.phase)))
+
+
+@dataclass(frozen=True)
+class Keys:
+    """The key frames 1, 2 and 1' (half a cycle after 1): contours (n, 2) by id."""
+
+    first: dict[str, Points]
+    second: dict[str, Points]
+    first_later: dict[str, Points]
+
+    def ends(self, name: str, which: int) -> tuple[Points, Points]:
+        """Return the contours (n, 2) of an id at which subcycle A (0) or B (1) begins and ends."""
+        start, end = (self.first, self.second) if which == 0 else (self.second, self.first_later)
+        return start[name], end[name]
+
+
+def check_phases(film: GaitContours) -> None:
+    """Raise FinloopError if the film covers less than half a cycle, or its phase does not rise."""
+    if len(film.phase) < 3 or (np.diff(film.phase) <= 0).any():
+        raise FinloopError(
+            f"{len(film.phase)} frames whose phase does not always rise",
+            "at least 3 frames, each later in the cycle than the previous frame",
+            "use a longer film, or find its period again",
+        )
+    if film.cycles < 0.5:
+        raise FinloopError(
+            f"{len(film.phase)} frames show {film.cycles:.2f} of a cycle",
+            "at least half a cycle: the other half follows by symmetry",
+            "use a longer film",
+        )
+
+
+def hip_offsets(film: GaitContours) -> dict[str, Points]:
+    """Return how far right and down of its partner each limb hangs: (2,) by id, the contours' unit.
+
+    It is the mean over the film of the difference between a limb and its partner half a cycle
+    later, when both are at the same point of their motion. 0 if the film is shorter than a cycle,
+    or lacks one of the two limbs.
+    """
+    out = {name: np.zeros(2) for name in film.contours}
+    if film.cycles < 1 - 1e-6:
+        return out
+    centre = {name: points.mean(axis=1) for name, points in film.contours.items()}
+    for name, here in centre.items():
+        twin = partner(name, film.contours)
+        if name < twin:
+            own, twins = (np.isfinite(centre[limb]).all(axis=1) for limb in (name, twin))
+            if own.any() and twins.any():
+                phase = film.phase[own] + 0.5
+                there = [
+                    np.interp(phase, film.phase[twins], centre[twin][twins, k], period=1.0)
+                    for k in range(2)
+                ]
+                out[name] = (here[own] - np.column_stack(there)).mean(axis=0)
+                out[twin] = -out[name]
+    return out
+
+
+def interpolate_keys(film: GaitContours, split: float) -> Keys:
+    """Return key frames by linear interpolation, the mean over all cycles and both halves.
+
+    split: phase of key 2, in cycles. Weights fall linearly to 0 at one frame's step from the key's
+    phase. So one cycle gives the interpolation between the two frames beside the phase, and several
+    cycles give its mean. Missing frames widen the weights up to WIDEST. For the error of the
+    interpolation see `gait.fit.correct_keys`. FinloopError if a contour is missing in every frame
+    near a key; the message names all such contours.
+    """
+    phase, here = film.phase, film.contours
+    there = film.contours_half_cycle_later(here)
+    step = float(np.median(np.diff(phase)))
+    keys: list[dict[str, Points]] = []
+    lacking = []
+    for number, key_phase in enumerate((0.0, split), start=1):
+        halves = np.round((phase - key_phase) / 0.5)
+        apart = np.abs(phase - key_phase - 0.5 * halves)
+        key = dict[str, Points]()
+        for name, points in here.items():
+            nearby = np.where((halves % 2 == 0)[:, None, None], points, there[name])
+            present = np.isfinite(nearby).all(axis=(1, 2))
+            width = step
+            while not (weight := np.clip(1 - apart / width, 0, None) * present).any():
+                if width >= WIDEST:
+                    lacking.append(f"{name!r} near key {number}")
+                    break
+                width = min(2 * width, WIDEST)
+            else:
+                key[name] = np.tensordot(weight[present] / weight.sum(), nearby[present], 1)
+        keys.append(key)
+    if lacking:
+        raise FinloopError(
+            f"no frame shows {', '.join(lacking)}",
+            f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
+            "use more cycles, or omit the contours that the film does not show",
+        )
+    return Keys(keys[0], keys[1], film.contours_half_cycle_later(keys[0]))
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The s frames that show one contour in one subcycle.
+
+    tau (s,): shares 0-1 of the subcycle; coefficients (s, n, 2): of the contour; frame (s,):
+    numbers of the frames in the film.
+    """
+
+    tau: Points
+    coefficients: Points
+    frame: Ints
+
+
+def sort_into_subcycles(
+    film: GaitContours, split: float, wavelet: str, coarse: int
+) -> dict[str, list[Samples]]:
+    """Sort a film's frames into subcycles: return, by contour id, those in A and those in B.
+
+    By symmetry they include the frames of C and D. split: phase of key 2, in cycles; wavelet,
+    coarse: of the descriptor.
+    """
+    later = film.contours_half_cycle_later(film.contours)
+    second = np.mod(film.phase, 1.0) >= 0.5
+    which, tau = subcycle(np.mod(film.phase, 0.5), split)
+    out = dict[str, list[Samples]]()
+    for name, points in film.contours.items():
+        points = np.where(second[:, None, None], later[name], points)
+        present = np.isfinite(points).all(axis=(1, 2))
+        out[name] = []
+        for sub in range(2):
+            frame = np.flatnonzero(present & (which == sub))
+            coefficients = descriptor(points[frame], wavelet, coarse)
+            out[name].append(Samples(tau[frame], coefficients, frame))
+    return out
 
 
 @dataclass(frozen=True)
@@ -35,7 +219,7 @@ class Subcycle:
     scales: list[slice]  # the slice of each scale in the n coefficients
 
     def sums(self, scale: slice = slice(None)) -> tuple[float, float]:
-        """Return numerator and denominator of γ (`gamma_sums`) for a scale, by default for all."""
+        """Return the sums from which `gamma_fit` finds γ, for a slice of the coefficients."""
         frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
         return gamma_sums(
             self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
@@ -61,10 +245,10 @@ class Subcycle:
         return self.end + clock(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
 
-def subcycles_of(
+def build_subcycles(
     keys: Keys, samples: Mapping[str, list[Samples]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Subcycle]:
-    """Return every contour in subcycles A (0) and B (1), with key (id, 0 or 1).
+    """Join key frames and the film's frames: return subcycles by contour and 0 for A, 1 for B.
 
     samples: by id, the frames in A and in B.
     """
@@ -76,7 +260,7 @@ def subcycles_of(
     return out
 
 
-def gammas_of(
+def fit_gammas(
     subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
 ) -> Gammas:
     """Return γ of every contour, by id and then by "A" and "B": one per scale, or one for all.
@@ -89,7 +273,19 @@ def gammas_of(
     return out
 
 
-def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
+def correct_keys(
+    film: GaitContours, split: float, wavelet: str, coarse: int
+) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
+    """Return key frames corrected for the curvature of the motion, and the subcycles between them.
+
+    The subcycles have keys (id, 0 for A or 1 for B). `interpolate_keys` is linear between two
+    frames beside a key, which flattens the curved motion. A model of the film, a cubic for each
+    coefficient of each subcycle, gives the error: the same interpolation of the model is off by as
+    much. ROUNDS times that difference is subtracted. A frame exactly at a key's phase stays that
+    key. FinloopError as in `interpolate_keys`, or if a subcycle of a contour has fewer than LEAST
+    frames between its keys.
+    """
+    samples = sort_into_subcycles(film, split, wavelet, coarse)
     few = [
         f"{name!r} in {'AB'[sub]}"
         for name, pair in samples.items()
@@ -102,27 +298,11 @@ def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
             f"{LEAST} or more of each contour in each subcycle",
             "use more cycles or a higher frame rate, or omit these contours",
         )
-
-
-def corrected_keys(
-    film: GaitContours, split: float, wavelet: str, coarse: int
-) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
-    """Return key frames corrected for the curvature of the motion, and the subcycles between them.
-
-    The subcycles have keys (id, 0 for A or 1 for B). `keys_of` interpolates linearly between the
-    frames beside a key, which flattens the curved motion. A model of the film, a cubic for each
-    coefficient of each subcycle, gives the error: the same interpolation of the model is off by as
-    much. ROUNDS times that difference is subtracted. A frame exactly at a key's phase stays that
-    key. FinloopError as in `keys_of`, or if a subcycle of a contour has fewer than LEAST frames
-    between its keys.
-    """
-    samples = samples_of(film, split, wavelet, coarse)
-    _check_samples(samples)
-    linear = keys = keys_of(film, split)
-    subcycles = subcycles_of(keys, samples, wavelet, coarse)
+    linear = keys = interpolate_keys(film, split)
+    subcycles = build_subcycles(keys, samples, wavelet, coarse)
     for _ in range(ROUNDS):
-        model = replace(film, contours=_smooth(film, subcycles, split, wavelet, coarse))
-        short = keys_of(model, split)
+        model = replace(film, contours=_smooth_contours(film, subcycles, split, wavelet, coarse))
+        short = interpolate_keys(model, split)
         first, second = (
             {name: key[name] + film_key[name] - model_key[name] for name in key}
             for key, film_key, model_key in (
@@ -131,11 +311,11 @@ def corrected_keys(
             )
         )
         keys = Keys(first, second, film.contours_half_cycle_later(first))
-        subcycles = subcycles_of(keys, samples, wavelet, coarse)
+        subcycles = build_subcycles(keys, samples, wavelet, coarse)
     return keys, subcycles
 
 
-def _smooth(
+def _smooth_contours(
     film: GaitContours,
     subcycles: Mapping[tuple[str, int], Subcycle],
     split: float,
@@ -151,10 +331,14 @@ def _smooth(
             model, own_tau = subcycles[name, sub], tau[which == sub]
             sample_tau = model.samples.tau
             rest = model.samples.coefficients - model.predict(sample_tau, np.zeros(1))
-            size = np.linalg.lstsq(_bends(sample_tau), rest.reshape(len(rest), -1), rcond=None)[0]
-            bend = (_bends(own_tau) @ size).reshape(-1, *model.end.shape)
+            size = np.linalg.lstsq(
+                _two_cubics(sample_tau), rest.reshape(len(rest), -1), rcond=None
+            )[0]
+            bend = (_two_cubics(own_tau) @ size).reshape(-1, *model.end.shape)
             coefficients = model.predict(own_tau, np.zeros(1)) + bend
-            out[name][which == sub] = contour(coefficients, points.shape[1], wavelet, coarse)
+            out[name][which == sub] = contour_from_descriptor(
+                coefficients, points.shape[1], wavelet, coarse
+            )
     later, second = film.contours_half_cycle_later(out), np.mod(film.phase, 1.0) >= 0.5
     return {
         name: np.where(
@@ -164,7 +348,7 @@ def _smooth(
     }
 
 
-def _bends(tau: Points) -> Points:
+def _two_cubics(tau: Points) -> Points:
     """Return the two cubics that are 0 at τ = 0 and 1, at tau (s,): (s, 2)."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
@@ -182,26 +366,15 @@ def fit(
 ) -> tuple[Gait, Keys]:
     """Fit a gait to the contours of a film; return the gait and its key frames.
 
-    The caller fills in the gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs
-    to all contours together. FinloopError as in `check_phases` and `corrected_keys`.
-
-    Parameters
-    ----------
-    film
-        Contours with their phases.
-    name, frequency_hz
-        Name of the gait, and its cycles per second.
-    split
-        Phase of key 2, in cycles.
-    wavelet, coarse
-        Wavelet of the descriptor, and its number of approximation coefficients.
-    per_scale
-        Fit one γ for each scale instead of one for all.
+    name: of the gait; split: phase of key 2, in cycles; coarse: approximation coefficients of the
+    descriptor; per_scale: fit one γ for each scale instead of one for all. The caller fills in the
+    gait's `source`, `confidence` and `residuals`. The γ of POOLED belongs to all contours together.
+    FinloopError as in `check_phases` and `correct_keys`.
     """
     check_phases(film)
-    keys, subcycles = corrected_keys(film, split, wavelet, coarse)
+    keys, subcycles = correct_keys(film, split, wavelet, coarse)
     still = LEAST_MOTION * film.body_length
-    gamma = gammas_of(subcycles, per_scale, still)
+    gamma = fit_gammas(subcycles, per_scale, still)
     for sub, letter in enumerate("AB"):
         sums = [model.sums() for (_, which), model in subcycles.items() if which == sub]
         gamma.setdefault(POOLED, {})[letter] = (gamma_fit(sums),)
@@ -218,16 +391,15 @@ def fit(
     )
     if film.symmetry == "mirror":
         return gait, keys
-    return replace(gait, support=support_of(film, keys, gait)), keys
+    return replace(gait, support=_support(film, keys, gait)), keys
 
 
-def support_of(
+def _support(
     film: GaitContours, keys: Keys, gait: Gait
 ) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return, by id, the spans of phase (from, to) in which a limb's foot is on the ground.
+    """Return `Gait.support`: a foot is down from its foremost to its hindmost place.
 
-    Phases are in cycles; `to` may exceed 1. A foot is down from its foremost to its hindmost place;
-    the animal heads for screen right. A foot is the lowest point of a contour that has "left" or
+    The animal heads for screen right. A foot is the lowest point of a contour that has "left" or
     "right" in its id.
     """
     frames = 240

@@ -75,10 +75,10 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
 
 def foot_displacement(stack: Points) -> Points:
     """Return how far the foot of a limb (f, n, 2) moves in x since the first frame: (f,)."""
-    return np.concatenate([[0.0], np.cumsum([_step(*pair) for pair in pairwise(stack)])])
+    return np.concatenate([[0.0], np.cumsum([_foot_step(*pair) for pair in pairwise(stack)])])
 
 
-def _step(here: Points, there: Points) -> float:
+def _foot_step(here: Points, there: Points) -> float:
     """Return the foot's motion in x at its contact, between two contours (n, 2), closed or open."""
     middle = (here + there) / 2
     along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
@@ -94,6 +94,7 @@ def _step(here: Points, there: Points) -> float:
 
 
 def _paths(limbs: Mapping[str, Points], support: Support) -> Paths:
+    """Return the frames of each support, and the displacement of the foot in them, by id."""
     paths: Paths = {}
     for name, stack in limbs.items():
         if runs := supports(support.get(name, ()), len(stack)):
@@ -102,6 +103,7 @@ def _paths(limbs: Mapping[str, Points], support: Support) -> Paths:
 
 
 def _ground(paths: Paths) -> Ground:
+    """Return the ground speed that fits all paths of feet best, and how far each foot slides."""
     runs = [
         (run - run.mean(), way - way.mean()) for supports in paths.values() for run, way in supports
     ]
@@ -115,6 +117,7 @@ def _ground(paths: Paths) -> Ground:
 
 
 def _shear_limb(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: float) -> Points:
+    """Return the limb's contours, sheared so that its foot moves with the ground in supports."""
     frames = len(stack)
     top, low = stack[..., 1].min(axis=1), stack[..., 1].max(axis=1)
     if not (low - top > FLAT * (low - top).max()).all():

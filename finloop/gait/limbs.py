@@ -84,22 +84,12 @@ def limbs(
     smooth_frames: float | None = None,
     first: int = 0,
 ) -> Limbs:
-    """Return the contours of all limbs in all frames, in the body frame.
+    """Return the contours of all limbs in all frames, n points each, in the body frame.
 
-    FinloopError if there is no limb, or less than half of the frames show a limb.
-
-    Parameters
-    ----------
-    frames
-        For each frame, contours by id, None where missing. The id "body" gives the place of the
-        body; without it the mean of the limbs does.
-    n
-        Points of a contour.
-    smooth_frames
-        Frames of a cycle, over which the body's track is smoothed: its sway within a cycle counts
-        as motion of the limbs. None = the body moves straight.
-    first
-        Number of the first frame, for messages.
+    frames: contours by id for each frame, None where missing; the id "body" gives the place of the
+    body, without it the mean of the limbs does. smooth_frames: frames of a cycle, over which the
+    body's track is smoothed, None = the body moves straight. first: number of the first frame, for
+    messages. FinloopError if there is no limb, or less than half of the frames show a limb.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
     if not [name for name in names if name != BODY]:
@@ -110,8 +100,16 @@ def limbs(
         )
     regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
     notes = _check_regions(regions, first)
-    centres = {name: _centres(of) for name, of in regions.items()}
     where = [BODY] if BODY in regions else names
+    centres = {
+        name: np.array(
+            [
+                centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
+                for region in regions[name]
+            ]
+        )
+        for name in where
+    }
     course = smooth_track(
         np.mean([fill_gaps(centres[name]) for name in where], axis=0), smooth_frames
     )
@@ -124,7 +122,7 @@ def limbs(
             for each, of in zip(pair, np.split(both, len(pair)), strict=True):
                 points[each] = of - course[:, None]
     points = {name: points[name] for name in names if name != BODY}
-    return Limbs(points, course, _length([regions[name] for name in where]), notes)
+    return Limbs(points, course, _median_width([regions[name] for name in where]), notes)
 
 
 def match_contours(regions: Sequence[Region], n: int) -> Floats:
@@ -156,8 +154,8 @@ def match_contours(regions: Sequence[Region], n: int) -> Floats:
         mean = aligned.mean(axis=0)
     top = int(mean.imag.argmin())
     for k, shape, start in zip(there, fine, starts, strict=True):
-        contour = np.roll(shape, -start - top)[::FINE]
-        out[k] = np.column_stack([contour.real, contour.imag])
+        ring = np.roll(shape, -start - top)[::FINE]
+        out[k] = np.column_stack([ring.real, ring.imag])
     return out
 
 
@@ -169,7 +167,7 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
     """
     time = np.arange(len(track), dtype=float)
     if window is None or len(track) < 2 * window:
-        return _line(time, track, time)
+        return _fit_line(time, track, time)
     half = int(np.ceil(window / 2))
     # The share of each frame's time within the window.
     weight = np.clip(window / 2 + 0.5 - np.abs(np.arange(-half, half + 1)), 0, 1)
@@ -177,28 +175,18 @@ def smooth_track(track: Floats, window: float | None) -> Floats:
         [np.convolve(values, weight / weight.sum(), "valid") for values in track.T]
     )
     inner, some = time[half : len(track) - half], round(window)
-    before = _line(inner[:some], means[:some], time[:half])
-    after = _line(inner[-some:], means[-some:], time[len(track) - half :])
+    before = _fit_line(inner[:some], means[:some], time[:half])
+    after = _fit_line(inner[-some:], means[-some:], time[len(track) - half :])
     return np.concatenate([before, means, after])
 
 
-def _line(time: Floats, values: Floats, times: Floats) -> Floats:
+def _fit_line(time: Floats, values: Floats, times: Floats) -> Floats:
     """Return the least-squares line through values (m, k), evaluated at `times`."""
     basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
     return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
-def _centres(regions: Sequence[Region]) -> Floats:
-    """Return the centroids of the areas (frames, 2); NaN where there is no contour."""
-    return np.array(
-        [
-            centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
-            for region in regions
-        ]
-    )
-
-
-def _length(regions: Sequence[Sequence[Region]]) -> float:
+def _median_width(regions: Sequence[Sequence[Region]]) -> float:
     """Return the median width of all contours together, over the most complete frames."""
     frames = zip(*regions, strict=True)
     contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
@@ -221,7 +209,7 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
             ]
             for why in (MISSING, EMPTY, BORDER)
         }
-        gaps = [f"{_numbers(which)}: {why}" for why, which in lacking.items() if which]
+        gaps = [f"{_format_runs(which)}: {why}" for why, which in lacking.items() if which]
         if name not in often:
             wrong.append(f"{name!r} in frames {'; '.join(gaps)}")
             hints += difflib.get_close_matches(name, sorted(often), 1, 0.8)
@@ -237,8 +225,9 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
             [area(region) if isinstance(region, Curve) else np.nan for region in frames]
         )
         if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
+            which = _format_runs([first + k for k in small])
             notes.append(
-                f"{name} is smaller than usual in frames {_numbers([first + k for k in small])}:"
+                f"{name} is smaller than usual in frames {which}:"
                 " if something hides a part of it there, trace it whole or omit it"
             )
     if wrong:
@@ -252,7 +241,7 @@ def _check_regions(regions: Mapping[str, Sequence[Region]], first: int) -> tuple
     return tuple(notes)
 
 
-def _numbers(which: Sequence[int]) -> str:
+def _format_runs(which: Sequence[int]) -> str:
     """Return frame numbers as text, runs as "3-7"."""
     cuts = [0, *(i for i in range(1, len(which)) if which[i] != which[i - 1] + 1), len(which)]
     runs = [(which[a], which[b - 1]) for a, b in pairwise(cuts)]

@@ -1,7 +1,18 @@
 """A gait: two key frames and a clock give the whole cycle (curve paper §4.2, Figs. 9, 12–14).
 
 Glossary: *phase* 0…1 of a cycle; *keys* 1, 2, 1', 2' at phases 0, s, ½, ½ + s with s the *split*;
-*subcycles* A 1→2, B 2→1', C 1'→2', D 2'→1; *tau* 0…1 evenly within one; γ bends the clock f.
+*subcycles* A 1→2, B 2→1', C 1'→2', D 2'→1; *tau* 0…1 evenly within one; γ bends the clock f;
+*coarse* the number of coefficients in the approximation, at any number of points. So scale m means
+the same for contours of 64 and of 256 points, and γ per scale fits both. An open contour is
+mirrored: 2n points, 2 `coarse` coefficients in the approximation.
+
+Between the key frames c_from and c_to of a subcycle the model is
+
+    c(τ) = c_to + f(τ) d,   d = c_from − c_to,   f(τ) = 1 − (1 + γ)τ + γτ² = (1 − τ) − γ τ(1 − τ).
+
+It is linear in γ, so least squares over frames y has a closed form:
+
+    γ = −Σ τ(1 − τ) ⟨d, y − c_to − (1 − τ) d⟩ / Σ τ²(1 − τ)² ‖d‖²
 
 The second half repeats the first by symmetry. "swap", an animal from the side: 1' is 1 with the
 left and right limbs exchanged. "mirror", a fish from above: 1' is 1 reflected in the axis of the
@@ -9,8 +20,9 @@ body, left and right parts exchanged too. So C is the partner's A, D is the part
 belongs to A and B alone.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -18,21 +30,33 @@ from pydantic import AfterValidator, Field
 
 from finloop.base.arrays import Ints, Points
 from finloop.base.errors import FinloopError
-from finloop.gait.descriptor import few_control, interpolate_contours
+from finloop.base.settings import check_values
+from finloop.curve.wavelet import (
+    close_by_mirroring,
+    drop_details,
+    inverse_transform,
+    most_levels,
+    scales,
+    wavelet_transform,
+)
 
 Symmetry = Literal["swap", "mirror"]
 SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
 SUBCYCLES = ("A", "B", "C", "D")
 POOLED = "*"  # the id whose γ holds for contours that a gait does not name
+DECIMALS = 6  # of a gait's record
+WANTED = "a gait as the stage `gait` writes it"
+DO = "correct it by the examples in data/gaits/, or fit a gait: dvc repro gait"
 
 
-def _power_of_two(count: int) -> int:
+def _check_power_of_two(count: int) -> int:
+    """Return the count; ValueError unless it is a power of two."""
     if count & (count - 1):
         raise ValueError("no power of two")
     return count
 
 
-def _apart(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def _check_spans(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     """Return spans of phase (from, to); ValueError unless they rise and never overlap."""
     if not all(0 <= start < end <= min(2, start + 1) for start, end in spans):
         raise ValueError("no list of [from, to], 0 ≤ from < to ≤ 2")
@@ -47,7 +71,7 @@ def _apart(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
 Number = Annotated[float, Field(ge=-1000, le=1000)]
 Gammas = Annotated[tuple[Number, ...], Field(min_length=1)]
 Subcycles = Annotated[Mapping[Annotated[str, Field(pattern="^[AB]$")], Gammas], Field(min_length=2)]
-Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_apart)]
+Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_check_spans)]
 
 
 @dataclass(frozen=True)
@@ -63,7 +87,7 @@ class Gait:
     gamma: Annotated[Mapping[str, Subcycles], Field(min_length=1)]
     split: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     wavelet: str = "coif2"
-    coarse: Annotated[int, Field(ge=1, le=2**16), AfterValidator(_power_of_two)] = 4
+    coarse: Annotated[int, Field(ge=1, le=2**16), AfterValidator(_check_power_of_two)] = 4
     # by id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1. Swap
     # only
     support: Mapping[str, Spans] = field(default_factory=dict)
@@ -76,26 +100,180 @@ class Gait:
     residuals: Mapping[str, Number] = field(default_factory=dict)
 
 
+def record_of(gait: Gait) -> dict[str, Any]:
+    """Return a gait as plain values for JSON, rounded to DECIMALS.
+
+    FinloopError if the gait is invalid, so that `gait_of` would reject its record.
+    """
+    content = json.loads(json.dumps(_round_floats(asdict(gait))))
+    try:
+        gait_of(content)
+    except ValueError as error:
+        raise FinloopError(str(error), WANTED, DO) from error
+    return content
+
+
+def gait_of(content: Any) -> Gait:
+    """Return the gait that plain values describe, from `record_of` or written by hand.
+
+    ValueError, with all problems, if the content is no gait.
+    """
+    gait, problems = check_values("gait", {"default": Gait}, content)
+    if gait is None:
+        raise ValueError("no gait: " + "; ".join(problems))
+    return gait
+
+
+def _round_floats(value: Any) -> Any:
+    """Return nested plain values with their floats rounded to DECIMALS."""
+    if isinstance(value, dict):
+        return {key: _round_floats(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_round_floats(item) for item in value]
+    return round(float(value), DECIMALS) + 0.0 if isinstance(value, float) else value
+
+
+# --- the clock of a subcycle (Fig. 11)
+
+
+def clock(tau: Points, gamma: float | Points) -> Points:
+    """Return how much of the first key frame is left at tau, f(τ) = 1 − (1 + γ)τ + γτ² (§4.2).
+
+    tau: shares 0-1 of a subcycle. f falls from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear. It is
+    monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
+    """
+    return 1 - (1 + gamma) * tau + gamma * tau**2
+
+
+def gamma_sums(tau: Points, frames: Points, start: Points, end: Points) -> tuple[float, float]:
+    """Return the numerator and denominator of γ by least squares, for frames of one subcycle.
+
+    tau (s,): shares 0-1 of the subcycle; frames (s, k): their coordinates; start, end (k,): of the
+    key frames.
+    """
+    way = start - end
+    bow = tau * (1 - tau)
+    rest = (frames - end) @ way - (1 - tau) * float(way @ way)
+    return -float(bow @ rest), float(bow @ bow) * float(way @ way)
+
+
+def gamma_fit(sums: Iterable[tuple[float, float]]) -> float:
+    """Return the γ that fits one or more sets of frames together, from their `gamma_sums`.
+
+    Sets that move more count more. γ is 0 if nothing moves, or no frame lies between the keys.
+    """
+    above, below = np.sum([*sums], axis=0)
+    return float(above / below) if below > 0 else 0.0
+
+
+# --- contours as wavelet descriptors
+
+
+def _levels(n: int, coarse: int, closed: bool) -> int:
+    """Return how many halvings reduce n points, those of a mirrored contour, to `coarse`."""
+    return max(0, most_levels(n) - most_levels(2 * coarse) + 1 - (0 if closed else 1))
+
+
+def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
+    """Return the wavelet coefficients of contours (…, n, 2): closed (…, n, 2), open (…, 2n, 2).
+
+    coarse: number of coefficients in the approximation, a power of two.
+    """
+    points = points if closed else close_by_mirroring(points)
+    return wavelet_transform(points, wavelet, _levels(points.shape[-2], coarse, closed))
+
+
+def contour_from_descriptor(
+    coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True
+) -> Points:
+    """Return contours (…, n, 2) from their wavelet coefficients: the inverse of `descriptor`."""
+    levels = _levels(coefficients.shape[-2], coarse, closed)
+    return inverse_transform(coefficients, wavelet, levels)[..., :n, :]
+
+
+def scale_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
+    """Return the slice of each scale in the n coefficients of `descriptor`, coarse to fine.
+
+    n: for an open contour, twice its points.
+    """
+    return scales(n, _levels(n, coarse, closed))
+
+
+def gamma_per_coefficient(
+    gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True
+) -> Points:
+    """Return γ for each of n coefficients, (n,), from one γ per scale, coarse to fine.
+
+    The last γ holds for all finer scales.
+    """
+    out = np.empty(n)
+    for m, scale in enumerate(scale_slices(n, coarse, closed)):
+        out[scale] = gamma[min(m, len(gamma) - 1)]
+    return out
+
+
+def interpolate_contours(
+    start: Points,
+    end: Points,
+    tau: Points,
+    gamma: tuple[float, ...],
+    wavelet: str,
+    coarse: int,
+    closed: bool = True,
+) -> Points:
+    """Return frames (f, n, 2) between two contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
+
+    tau (f,): shares 0-1 of the way; gamma: one γ per scale, coarse to fine, or a single one. A
+    single γ moves every coefficient, and so every point, alike: no transform is needed.
+    """
+    if len(gamma) == 1:
+        return end + clock(tau, gamma[0])[:, None, None] * (start - end)
+    step = descriptor(start - end, wavelet, coarse, closed)
+    weights = clock(tau[:, None], gamma_per_coefficient(gamma, len(step), coarse, closed))
+    return end + contour_from_descriptor(
+        weights[..., None] * step, len(end), wavelet, coarse, closed
+    )
+
+
+def _few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:
+    """Return contours (…, n, 2) rebuilt from only `control` control points each (Fig. 14)."""
+    if control < 1 or control & (control - 1):
+        raise FinloopError(
+            f"{control} control points", "a power of two", "set 4, 16 or 64 control points"
+        )
+    level = most_levels(points.shape[-2]) - most_levels(2 * control) + 1
+    if level < 0:
+        raise FinloopError(
+            f"{control} control points for contours of {points.shape[-2]} points",
+            "at most as many control points as points",
+            "set fewer control points, or give the contours more points",
+        )
+    return drop_details(points, wavelet, level, closed) if level else points
+
+
+# --- symmetry
+
+
 def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
-    """Return the id with left and right exchanged if it is among `names`, else the id itself."""
+    """Return the id of the limb on the other side if it is among `names`, else the id itself."""
     for side, opposite in (("left", "right"), ("right", "left")):
         if side in name and (swapped := name.replace(side, opposite)) in names:
             return swapped
     return name
 
 
-def reversal(n: int, start: int = 0) -> Ints:
-    """Return the indices (start − i) mod n, (n,), that reverse a closed contour of n points."""
+def reversed_order(n: int, start: int = 0) -> Ints:
+    """Return the indices (n,) that reverse a closed contour and begin at point `start`."""
     return (start - np.arange(n)) % n
 
 
 def mirror_contours(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
     """Return contours (…, n, 2) reflected in the line y = middle; they keep their direction.
 
-    order (n,): indices that renumber the points, by default `reversal(n)`, for an outline from the
-    snout on. Reflecting twice is the identity if `order` is its own inverse.
+    order (n,): indices that renumber the points, by default `reversed_order(n)`, for an outline
+    from the snout on. Reflecting twice is the identity if `order` is its own inverse.
     """
-    order = reversal(points.shape[-2]) if order is None else order
+    order = reversed_order(points.shape[-2]) if order is None else order
     return points[..., order, :] * [1, -1] + [0, 2 * middle]
 
 
@@ -120,16 +298,35 @@ def four_keys(
     """Return keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2: contours (n, 2) by id.
 
     Point i of an id corresponds to point i in the other key, and, if the symmetry is "swap", to
-    point i of its partner. FinloopError if ids or numbers of points differ between the keys or
-    between partners.
+    point i of its partner. FinloopError, with all problems, if ids or numbers of points differ
+    between the keys or between partners.
     """
-    _check_keys(key1, key2)
+    wrong = [
+        f"{name!r} only in key {which}"
+        for which, here, there in ((1, key1, key2), (2, key2, key1))
+        for name in here
+        if name not in there
+    ]
+    for name in key1:
+        if name in key2 and len(key1[name]) != len(key2[name]):
+            wrong.append(f"{name!r} has {len(key1[name])} points in key 1, {len(key2[name])} in 2")
+        twin = partner(name, key1)
+        if name < twin and len(key1[name]) != len(key1[twin]):
+            wrong.append(
+                f"{name!r} has {len(key1[name])} points, its partner {twin!r} {len(key1[twin])}"
+            )
+    if wrong or not key1:
+        raise FinloopError(
+            f"the keys do not match: {'; '.join(wrong[:6]) or 'no contours'}",
+            "the same ids and numbers of points in both keys and in left and right",
+            "give the contours of a pair the same id and resample them alike",
+        )
     keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
-    later = [half_later(key, symmetry, layout) for key in keys]
+    later = [half_cycle_later(key, symmetry, layout) for key in keys]
     return keys[0], keys[1], later[0], later[1]
 
 
-def half_later(
+def half_cycle_later(
     contours: Mapping[str, Points], symmetry: Symmetry, layout: Layout = Layout()
 ) -> dict[str, Points]:
     """Return contours (…, n, 2) by id as they are half a cycle later, by symmetry.
@@ -146,7 +343,7 @@ def half_later(
     for name in contours:
         twin = partner(name, contours)
         if symmetry == "mirror":
-            order = orders.get(name, reversal(contours[twin].shape[-2]))
+            order = orders.get(name, reversed_order(contours[twin].shape[-2]))
             identity = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
             out[name] = mirror_contours(contours[twin], layout.middle, order)
         else:
@@ -167,19 +364,19 @@ def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 
     phase: in cycles, any shape, which the results share; split: phase of key 2.
     """
-    ends = _ends(split)
+    if not 0 < split < 0.5:
+        raise FinloopError(
+            f"a split of {split:g}, the phase of key 2",
+            "more than 0 and less than 0.5, in cycles",
+            "correct the gait's split, such as 0.25",
+        )
+    ends = np.array([0.0, split, 0.5, 0.5 + split, 1.0])
     phase = np.mod(phase, 1.0)
     which = np.searchsorted(ends[1:-1], phase, side="right")
     return which, (phase - ends[which]) / (ends[which + 1] - ends[which])
 
 
-def gamma_of(gait: Gait, name: str, which: int) -> tuple[float, ...]:
-    """Return γ of an id in subcycle A (0) or B (1): one per scale, or one for all.
-
-    Ids that the gait lacks get the γ of POOLED, or 0.
-    """
-    gammas = gait.gamma.get(name, gait.gamma.get(POOLED))
-    return (0.0,) if gammas is None else gammas[SUBCYCLES[which]]
+# --- the cycle
 
 
 def cycle(
@@ -214,76 +411,32 @@ def at_phases(
 ) -> dict[str, Points]:
     """Return contours (f, n, 2) by id at phases (f,) of a gait cycle, from two key frames and γ.
 
-    FinloopError as in `four_keys`, or if γ per scale or control points meet contours whose number
-    of points is no power of two.
-
-    Parameters
-    ----------
-    key1, key2
-        Key frames: contours (n, 2) by id.
-    gait, layout
-        The gait gives γ, split and symmetry; the layout is that of `half_later`.
-    phases
-        In cycles.
-    closed
-        Whether a contour is closed, by id; True if absent.
-    control
-        Control points of each contour (Fig. 14), a power of two; None = all.
+    key1, key2: contours (n, 2) by id; phases: in cycles; closed: by id, True if absent; control:
+    control points of each contour (Fig. 14), a power of two, None = all. FinloopError as in
+    `four_keys`, or if γ per scale or control points meet contours whose number of points is no
+    power of two.
     """
     keys = four_keys(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
     which, tau = subcycle(np.mod(phases, 0.5), gait.split)
     out = dict[str, Points]()
     for name in key1:
+        gammas = gait.gamma.get(name, gait.gamma.get(POOLED, {}))
         loop = (closed or {}).get(name, True)
         frames = np.empty((len(which), *keys[0][name].shape))
         for sub in range(2):
             start, end = keys[sub][name], keys[sub + 1][name]
-            gamma = gamma_of(gait, name, sub)
+            gamma = gammas.get("AB"[sub], (0.0,))
             frames[which == sub] = interpolate_contours(
                 start, end, tau[which == sub], gamma, gait.wavelet, gait.coarse, loop
             )
         if control is not None:
-            frames = few_control(frames, control, gait.wavelet, loop)
+            frames = _few_control(frames, control, gait.wavelet, loop)
         out[name] = frames
     # C and D are images of A and B, not computed again: reversed numbering changes the descriptor
     # a little.
-    later = half_later(out, gait.symmetry, layout)
+    later = half_cycle_later(out, gait.symmetry, layout)
     return {
         name: np.where((phases < 0.5)[:, None, None], frames, later[name])
         for name, frames in out.items()
     }
-
-
-def _ends(split: float) -> Points:
-    if not 0 < split < 0.5:
-        raise FinloopError(
-            f"a split of {split:g}, the phase of key 2",
-            "more than 0 and less than 0.5, in cycles",
-            "correct the gait's split, such as 0.25",
-        )
-    return np.array([0.0, split, 0.5, 0.5 + split, 1.0])
-
-
-def _check_keys(key1: Mapping[str, Points], key2: Mapping[str, Points]) -> None:
-    """Raise FinloopError, with all problems, if the keys do not match."""
-    wrong = [
-        f"{name!r} only in key {which}"
-        for which, here, there in ((1, key1, key2), (2, key2, key1))
-        for name in here
-        if name not in there
-    ]
-    for name in key1:
-        if name in key2 and len(key1[name]) != len(key2[name]):
-            wrong.append(f"{name!r} has {len(key1[name])} points in key 1, {len(key2[name])} in 2")
-        twin = partner(name, key1)
-        if name < twin and len(key1[name]) != len(key1[twin]):
-            wrong.append(
-                f"{name!r} has {len(key1[name])} points, its partner {twin!r} {len(key1[twin])}"
-            )
-    if wrong or not key1:
-        raise FinloopError(
-            f"the keys do not match: {'; '.join(wrong[:6]) or 'no contours'}",
-            "the same ids and numbers of points in both keys and in left and right",
-            "give the contours of a pair the same id and resample them alike",
-        )

@@ -45,8 +45,7 @@ class TrackContours:
 def track_outlines(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Floats]:
     """Return a track's outlines (frames, m, 2) and backbones (frames, k, 2), head first, px.
 
-    track, features: rows of both tables for the same frames; the feature table determines which end
-    is the head.
+    track, features: rows of both tables for the same frames; `features` tell where the head is.
     """
     outline, backbone = (lists_to_points(track, name) for name in ("outline", "backbone"))
     if len(track) != len(features) or (track["frame"].values != features["frame"].values).any():
@@ -69,9 +68,13 @@ def swim_contours(
     """
     points = contours(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
-    centre, angle = pose(points, backbone_px)
+    centre, angle = centre_and_direction(points, backbone_px)
     own = in_body_frame(points, centre, angle) / length
-    beat = period(midline_sideways(own), frame_rate_hz, -tail(own))
+    # The midline's place, the mean of the two points equally far from the snout: a tail beat moves
+    # it; fins that spread on both sides do not.
+    y = own[..., 1]
+    sideways = (y + y[:, -np.arange(n)])[:, : n // 2 + 1] / 2
+    beat = period(sideways, frame_rate_hz, -tail_offset(own))
     if not beat.cycles:
         return TrackContours(own, beat, length)
     smooth = remove_beat(np.column_stack([centre, angle]), beat.phase)
@@ -82,7 +85,7 @@ def swim_contours(
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
         return TrackContours(own, replace(steady, why=why), length)
-    return TrackContours(straightened, with_phase_zero(steady, -tail(straightened)), length)
+    return TrackContours(straightened, with_phase_zero(steady, -tail_offset(straightened)), length)
 
 
 def join_steady_frames(swims: Sequence[TrackContours]) -> tuple[Floats, Floats]:
@@ -138,7 +141,7 @@ def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     return out
 
 
-def pose(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
+def centre_and_direction(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
     """Return the centre (frames, 2) of contours and the direction (frames,) of backbones.
 
     points (frames, n, 2); backbone (frames, k, 2), head first, in the same unit. The direction is
@@ -163,32 +166,17 @@ def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
     return (points - centre[:, None]) @ turn
 
 
-def midline_sideways(points: Floats) -> Floats:
-    """Return the midline's sideways position (frames, n / 2 + 1), snout to tail, + to the right.
-
-    points (frames, n, 2): contours in the body frame, whose unit the result has. It is the mean of
-    the two points equally far from the snout on either side. A tail beat moves it; fins that spread
-    on both sides do not.
-    """
-    y = points[..., 1]
-    return (y + y[:, -np.arange(y.shape[1])])[:, : y.shape[1] // 2 + 1] / 2
-
-
 def asymmetry(points: Floats) -> Floats:
-    """Return how asymmetric contours (frames, n, 2) in the body frame are; 0 is straight.
+    """Return how asymmetric contours (frames, n, 2) in the body frame are, (frames,); 0 = straight.
 
-    The result (frames,) has the contours' unit. It is half the RMS distance of corresponding points
-    of the contour and its mirror image.
+    It is half the RMS distance of points of the contour and its mirror image, in their unit.
     """
     image = points[:, -np.arange(points.shape[1])] * [1, -1]
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
 
 
-def tail(points: Floats) -> Floats:
-    """Return the tail end's sideways position (frames,) in the body frame, + to the right.
-
-    points (frames, n, 2): contours from the snout on, whose unit the result has.
-    """
+def tail_offset(points: Floats) -> Floats:
+    """Return the tail end's sideways position (frames,) in the body frame, + to the right."""
     n = points.shape[1]
     reach = max(1, round(TAIL * n))
     return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

@@ -1,8 +1,10 @@
 """Frequency and phase of a motion that repeats, from contours over time (for curve paper §4.2).
 
-The paper cuts the gait cycle out of the film by hand. Here `gait.ridge` finds the frequency and
-phase of every frame from the principal modes of all coordinates. The confidence is how well all
-other cycles predict each cycle.
+The paper cuts the gait cycle out of the film by hand. Here the principal modes of all coordinates
+give the frequency and phase of every frame. For every frequency a sinusoid and a straight line are
+fitted to a window of two cycles about every frame (harmonic least squares). Viterbi's algorithm
+finds the best path of frequencies through the frames, and the modes give the phase along it. The
+confidence is how well all other cycles predict each cycle.
 
 Glossary: *ridge* the path of frequencies over the frames; *share* the part of the variance in a
 window that its sinusoid explains, 0-1.
@@ -11,12 +13,19 @@ window that its sinusoid explains, 0-1.
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Complex, Floats, Mask
 from finloop.base.errors import FinloopError
-from finloop.gait.ridge import LEAST_FRAMES, grid_of, phase_along, ridge, shares
 
 CONFIDENT = 0.5  # least confidence of a periodic motion
+LEAST_FRAMES = 8  # least frames of a window: the fit has four numbers
+
+_STEP = 1.04  # ratio of neighbouring frequencies
+_CYCLES = 2.0  # cycles in a window
+_QUIET = 0.1  # share of the whole variance: a window with less shows rest, not a beat
+_OCTAVE = 0.5  # cost, in shares, of a change of frequency by an octave within a cycle
 
 _MODES = 6  # most principal modes used
 _VARIANCE = 0.98  # share of the motion's variance that the modes hold together
@@ -49,46 +58,52 @@ def period(
 ) -> Period:
     """Find the frequency and phase of a motion that repeats, from coordinates (frames, k).
 
+    signal: NaN where missing. extreme (frames,): phase 0 is where its fundamental is greatest; by
+    default the strongest mode, signed so that its largest coordinate is positive. slowest_hz,
+    fastest_hz: bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
     FinloopError if the signal is not (frames, k), has no complete row, or the rate is not positive.
     A motion that does not repeat is no error: see `Period.why` and `require_periodic`.
-
-    Parameters
-    ----------
-    signal, frame_rate_hz
-        Coordinates, a row for each frame, NaN where missing; and the frames per second.
-    extreme
-        (frames,): phase 0 is where its fundamental is greatest; by default the strongest mode,
-        signed so that its largest coordinate is positive.
-    slowest_hz, fastest_hz
-        Bounds of the search, limited to one cycle in the film and to 0.4 of the frame rate.
     """
-    signal = _check_signal(signal, frame_rate_hz)
+    signal = np.asarray(signal, np.float64)
+    if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
+        raise FinloopError(
+            f"a motion of shape {signal.shape}, "
+            f"{np.count_nonzero(~np.isfinite(signal))} of its values not numbers",
+            "coordinates (frames, k) with at least one complete frame",
+            "pass one row of coordinates per frame, NaN where the frame shows nothing",
+        )
+    if not 0 < frame_rate_hz < np.inf:
+        raise FinloopError(
+            f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "pass the film's rate"
+        )
     whole = np.asarray(np.isfinite(signal).all(axis=1))
     frames = len(signal)
     if frames < LEAST_FRAMES:
-        return _none(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
+        return _no_period(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
     modes = _modes(fill_gaps(np.where(whole[:, None], signal, np.nan)))
     if not modes.size:
-        return _none(frames, "nothing moves")
+        return _no_period(frames, "nothing moves")
     low = max(frame_rate_hz / frames, slowest_hz)
     high = min(_FASTEST * frame_rate_hz, fastest_hz)
     if high <= low:
         share_of_cycle = frames * high / frame_rate_hz
-        return _none(
+        return _no_period(
             frames, f"{frames} frames hold {share_of_cycle:.1g} of a cycle of at most {high:.3g} Hz"
         )
-    grid = grid_of(low, high) / frame_rate_hz
-    share = shares(modes, grid)
-    path = ridge(share, grid)
-    phase = phase_along(modes, share, path, grid)
+    count = max(3, int(np.ceil(np.log(high / low) / np.log(_STEP))))
+    grid = np.geomspace(low, high, count) / frame_rate_hz  # cycles a frame
+    share = np.stack([_windows(modes, frequency)[0] for frequency in grid])
+    path = _ridge(share, grid)
+    phase = _phase_along(modes, share, path, grid)
     along = path, np.arange(frames)
     beat = assess(modes, phase, (share[along] >= _STEADY) & whole, frame_rate_hz)
     if not beat.cycles:
         return replace(beat, why=_why_not(modes, share[along], beat.why))
-    reference = (
-        modes[:, 0] * _sign(signal[whole]) if extreme is None else np.asarray(extreme, float)
-    )
-    return with_phase_zero(beat, reference)
+    if extreme is None:
+        complete = signal[whole]
+        mode = np.linalg.svd(complete - complete.mean(axis=0), full_matrices=False)[2][0]
+        extreme = modes[:, 0] * np.sign(mode[np.abs(mode).argmax()])
+    return with_phase_zero(beat, np.asarray(extreme, float))
 
 
 def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
@@ -101,7 +116,9 @@ def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> P
     inner = steady[1:] & steady[:-1]
     cycles = float(np.diff(phase)[inner].sum())
     if cycles < _LEAST_CYCLES:
-        return _none(len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed")
+        return _no_period(
+            len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed"
+        )
     confidence = _predicted_share(signal - remove_beat(signal, phase), phase, steady)
     why = "" if confidence >= CONFIDENT else "no cycle is much like another"
     frequency = cycles / np.count_nonzero(inner) * frame_rate_hz
@@ -132,23 +149,8 @@ def require_periodic(beat: Period, name: str) -> Period:
     return beat
 
 
-def _check_signal(signal: Floats, frame_rate_hz: float) -> Floats:
-    signal = np.asarray(signal, np.float64)
-    if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
-        raise FinloopError(
-            f"a motion of shape {signal.shape}, "
-            f"{np.count_nonzero(~np.isfinite(signal))} of its values not numbers",
-            "coordinates (frames, k) with at least one complete frame",
-            "pass one row of coordinates per frame, NaN where the frame shows nothing",
-        )
-    if not 0 < frame_rate_hz < np.inf:
-        raise FinloopError(
-            f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "pass the film's rate"
-        )
-    return signal
-
-
-def _none(frames: int, why: str) -> Period:
+def _no_period(frames: int, why: str) -> Period:
+    """Return the period of a motion that does not repeat, and why."""
     return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
 
 
@@ -177,12 +179,6 @@ def _modes(signal: Floats) -> Floats:
     variance = np.cumsum(size**2) / (size**2).sum()
     keep = min(_MODES, int(np.searchsorted(variance, _VARIANCE)) + 1)
     return left[:, :keep] * size[:keep]
-
-
-def _sign(signal: Floats) -> float:
-    """Return the sign that makes the largest coordinate of the strongest mode positive."""
-    along = np.linalg.svd(signal - signal.mean(axis=0), full_matrices=False)[2][0]
-    return float(np.sign(along[np.abs(along).argmax()]))
 
 
 def _long_runs(good: Mask, phase: Floats) -> Mask:
@@ -216,6 +212,7 @@ def remove_beat(values: Floats, phase: Floats) -> Floats:
 
 
 def _harmonics(phase: Floats, count: int) -> Floats:
+    """Return a constant, and cosines and sines of the first harmonics: (frames, 1 + 2 count)."""
     angle = 2 * np.pi * phase[:, None] * np.arange(1, count + 1)
     return np.hstack([np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)])
 
@@ -244,3 +241,87 @@ def _why_not(modes: Floats, share: Floats, why: str) -> str:
     if left @ left < 0.1 * (first @ first):
         return f"the {len(modes)} frames hold no more than about half a cycle"
     return f"at most in bursts: {why}" if share.max() >= _STEADY else "no frequency explains it"
+
+
+# --- the frequency and phase of every frame
+
+
+def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
+    """Fit a sinusoid of `frequency` (cycles a frame) in a window about every frame.
+
+    Least squares with a sine-shaped weight, together with a straight line (a turn, a drift). The
+    first and last frames share the first and last whole window. Return the explained
+    share (frames,), the amplitude in the middle of the window (frames, modes), and the distance of
+    the frame from that middle (frames,).
+    """
+    frames = len(modes)
+    n = min(frames, max(LEAST_FRAMES, round(_CYCLES / frequency)))
+    t = np.arange(n) - (n - 1) / 2
+    angle = 2 * np.pi * frequency * t
+    weight = np.sin(np.pi * (np.arange(n) + 0.5) / n)
+    terms = np.stack([np.ones(n), t / n, np.cos(angle), np.sin(angle)], axis=1)
+    basis, upper = np.linalg.qr(terms * weight[:, None])
+    kernels = (basis * weight[:, None])[::-1]
+    along = scipy.signal.fftconvolve(modes[:, :, None], kernels[:, None], mode="valid", axes=0)
+    total = scipy.signal.fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
+    total = np.maximum(total - (along[..., :2] ** 2).sum(axis=(1, 2)), 0)
+    explained = (along[..., 2:] ** 2).sum(axis=(1, 2))
+    # Subtract what noise alone would give: two of the n - 2 numbers that a line leaves.
+    fair = explained - np.maximum(total - explained, 0) * 2 / (n - 4)
+    rest = _QUIET * modes.var(axis=0).sum() * (weight**2).sum()
+    cos, sin = np.moveaxis(along[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
+    start = np.clip(np.arange(frames) - n // 2, 0, frames - n)
+    apart = (np.arange(frames) - start - (n - 1) / 2).astype(np.float64)
+    share: Floats = (np.maximum(fair, 0) / (total + rest))[start]
+    return share, (cos - 1j * sin)[start], apart
+
+
+def _ridge(share: Floats, grid: Floats) -> NDArray[np.intp]:
+    """Return the path of frequencies with the greatest sum of shares: indices (frames,) in `grid`.
+
+    From one frame to the next an index changes by at most one. A change costs more for a slow
+    beat, as a beat changes little within a cycle.
+    """
+    count, frames = share.shape
+    cost = _OCTAVE * np.log2(grid[1] / grid[0]) / grid  # cycles a frame: slow beats move seldom
+    best = share[:, 0].copy()
+    came = np.zeros((frames, count), np.intp)
+    for t in range(1, frames):
+        options = np.stack(
+            [np.r_[-np.inf, best[:-1] - cost[:-1]], best, np.r_[best[1:] - cost[1:], -np.inf]]
+        )
+        move = options.argmax(axis=0)
+        came[t] = np.arange(count) + move - 1
+        best = np.take_along_axis(options, move[None], axis=0)[0] + share[:, t]
+    path = np.empty(frames, np.intp)
+    path[-1] = best.argmax()
+    for t in range(frames - 1, 0, -1):
+        path[t - 1] = came[t, path[t]]
+    return path
+
+
+def _phase_along(modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
+    """Return the common phase (frames,) of all modes (frames, m), in cycles, not wrapped.
+
+    The amplitudes (frames, m), turned from the middle of the window to the frame, are approximated
+    by one pattern of modes times one complex number a frame. A wave runs through the modes in one
+    direction, so the number's angle always rises.
+    """
+    # The frequency of the greatest share near the ridge, interpolated.
+    frame = np.arange(len(path))
+    middle = np.clip(path, 1, len(grid) - 2)
+    low, here, high = (share[middle + step, frame] for step in (-1, 0, 1))
+    bow = 2 * here - low - high
+    off = np.divide(high - low, 2 * bow, out=np.zeros(len(path)), where=bow > 1e-12)
+    frequency = grid[middle] * (grid[1] / grid[0]) ** np.clip(off, -1, 1)
+    amplitudes = np.empty(modes.shape, np.complex128)
+    for place in np.unique(path):
+        here = path == place
+        _, amplitude, apart = _windows(modes, grid[place])
+        turn = np.exp(2j * np.pi * frequency[here] * apart[here])
+        amplitudes[here] = amplitude[here] * turn[:, None]
+    pattern = np.linalg.svd(amplitudes, full_matrices=False)[2][0]
+    angle = np.angle(amplitudes @ pattern.conj()) / (2 * np.pi)
+    # Unwrapped about the phase that the frequencies predict, so that every step has the right sign.
+    predicted = np.concatenate([[0.0], np.cumsum((frequency[1:] + frequency[:-1]) / 2)])
+    return predicted + np.unwrap(angle - predicted, period=1.0)

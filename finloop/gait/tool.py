@@ -11,8 +11,7 @@ from typing import Any
 
 from finloop.base.errors import FinloopError
 from finloop.base.tool import format_frame_counts, frame_rate, run_tool
-from finloop.gait.model import Gait
-from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
+from finloop.gait.model import DO, WANTED, Gait, gait_of
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer
 from finloop.io.animation import ENDINGS, find_writer, save_animation
 from finloop.io.record import load_json
@@ -21,6 +20,7 @@ from finloop.morph.layers import MOST_FRAMES
 
 SHIPPED = Path(__file__).parents[2] / "data/gaits"
 RATE = Fraction(30)
+MOST_BYTES = 1_000_000  # of a gait's file
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _write(options: argparse.Namespace) -> str:
     """Write the cycle and return its summary."""
     find_writer(options.output)  # check the ending first
-    gait = load_gait(path_of(options.gait, SHIPPED))
+    gait = load_gait(gait_path(options.gait, SHIPPED))
     frames, rate = timing(gait.frequency_hz, options.frames, options.rate)
     if options.cycles < 1 or options.cycles * frames > MOST_FRAMES:
         raise FinloopError(
@@ -43,7 +43,7 @@ def _write(options: argparse.Namespace) -> str:
     poses = load_svg(options.key1), load_svg(options.key2)
     result = transfer(*poses, gait, frames, options.points, options.control)
     save_animation(options.output, repeat(result.morph, options.cycles), rate, options.size)
-    return summary(result, gait, float(frames / rate))
+    return _summary(result, gait, float(frames / rate))
 
 
 def load_gait(path: Path) -> Gait:
@@ -51,12 +51,12 @@ def load_gait(path: Path) -> Gait:
     return load_json(path, gait_of, WANTED, DO, MOST_BYTES)
 
 
-def path_of(name: str, shipped: Path) -> Path:
+def gait_path(name: str, shipped: Path) -> Path:
     """Return the JSON file of a gait, given the name of a shipped gait or a path.
 
     shipped: folder of the shipped gaits. FinloopError if there is no such gait.
     """
-    paths = gaits(shipped)
+    paths = shipped_gaits(shipped)
     if name in paths:
         return paths[name]
     if Path(name).is_file():
@@ -68,7 +68,7 @@ def path_of(name: str, shipped: Path) -> Path:
     )
 
 
-def gaits(shipped: Path) -> dict[str, Path]:
+def shipped_gaits(shipped: Path) -> dict[str, Path]:
     """Return the JSON files of the gaits in the folder `shipped`, by name."""
     return {path.stem: path for path in sorted(shipped.glob("*.json"))}
 
@@ -84,7 +84,7 @@ def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tu
     return frames, rate or Fraction(frames * frequency_hz).limit_denominator(1000)
 
 
-def summary(result: Transfer, gait: Gait, seconds: float) -> str:
+def _summary(result: Transfer, gait: Gait, seconds: float) -> str:
     """Return some lines for the user: the size of a cycle, how far feet slide, and where it folds.
 
     seconds: duration of the cycle.
@@ -120,7 +120,7 @@ class _List(argparse.Action):
     """Print the shipped gaits and exit, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
-        for name, path in gaits(SHIPPED).items():
+        for name, path in shipped_gaits(SHIPPED).items():
             gait = load_gait(path)
             kind = {"swap": "left and right exchange", "mirror": "left mirrors right"}
             print(f"{name}: {gait.frequency_hz:.3g} Hz, {kind[gait.symmetry]}; {gait.source}")

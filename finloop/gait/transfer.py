@@ -3,25 +3,32 @@
 Keys 1 and 2 are drawings with the same ids; keys 1' and 2' follow by symmetry. In a "swap" left and
 right limbs exchange their poses, so a limb and its partner should hang at the same place of the
 body. In a "mirror" the axis is the horizontal middle line of the picture.
+
+Points of two poses correspond although parts turn, as limbs and tails do. A closed contour is
+renumbered so that it is most like the other contour, up to a turn. Contours are complex here,
+a = x + iy about their mean, and likeness is |z| + UPRIGHT · Re z with z = Σ a_i conj(b_i): |z| is
+the likeness after the best turn. The second part decides for contours that look the same turned,
+such as an eye: they should not turn.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil, log10
 
 import numpy as np
 
-from finloop.base.arrays import Ints, Points
+from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing, Morph
+from finloop.base.errors import FinloopError
+from finloop.curve.contour import Curve, orient_clockwise, resample_curve
 from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
-from finloop.gait.match import match_poses, mirror_orders
-from finloop.gait.model import POOLED, Gait, Layout, cycle, partner
-from finloop.morph.folds import folds, stays_simple
-from finloop.morph.layers import check_pairs, check_sizes, fit_drawing
+from finloop.gait.model import POOLED, Gait, Layout, Symmetry, cycle, partner, reversed_order
+from finloop.morph.layers import build_morph, check_pairs, check_sizes, fit_drawing
 
+UPRIGHT = 0.02
+FINE = 8  # start points tried between two points of a contour
 LEAST_FRAMES = 4  # one per key
 LIFT = 0.02  # least height of a lifted foot, as a share of the limb's height
-DIGITS = 5  # significant digits of the larger side: 0.01 px if the drawing has 1000 px
+DIGITS = (5,)  # significant digits of the larger side: 0.01 px if the drawing has 1000 px
 
 
 @dataclass(frozen=True)
@@ -50,21 +57,11 @@ def transfer(
 ) -> Transfer:
     """Animate a drawing: return the cycle from its key poses 1 and 2, with its feet on the ground.
 
-    FinloopError if the poses do not match, a limb has no height, or a number is out of range.
-
-    Parameters
-    ----------
-    key1, key2
-        Key poses with the same ids, each contour closed in both or open in both; the second is
-        fitted into the picture of the first.
-    gait
-        The gait; its pooled γ holds for ids that it lacks.
-    frames
-        Frames of the cycle, at least 4.
-    points
-        Points of every contour; a power of two if γ is per scale, or with `control`.
-    control
-        Control points of every contour (Fig. 14); None = all.
+    key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
+    is fitted into the picture of the first. frames: of the cycle, at least 4. points: of every
+    contour, a power of two if γ is per scale, or with `control`, the number of control points of
+    every contour (Fig. 14); None = all. FinloopError if the poses do not match, a limb has no
+    height, or a number is out of range.
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)
@@ -80,47 +77,25 @@ def transfer(
     layers = cycle(*keys, with_pooled_gamma(gait), frames, layout, closed=closed, control=control)
     width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
     support = gait.support if swap else {}
-    morph = _morph(key1, key2, plant_feet(layers, support), closed)
+    tau = 1 - np.abs(1 - 2 * np.arange(frames) / frames)
+    morph = build_morph(key1, key2, tau, plant_feet(layers, support), DIGITS, repeats=True)
+    size = [morph.width, morph.height]
+    outside = {
+        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
+        for name, stack in morph.layers.items()
+    }
     return Transfer(
         morph,
         before=_ground(layers, support, width),
         after=_ground(morph.layers, support, width),
-        outside=_outside(morph),
+        outside={name: count for name, count in outside.items() if count},
         lifted=_find_lifted_feet(keys[1], gait, layout.offsets or {}) if swap else (),
-    )
-
-
-def _morph(
-    key1: Drawing, key2: Drawing, layers: dict[str, Points], closed: dict[str, bool]
-) -> Morph:
-    """Return the cycle as a morph, with rounded coordinates and counted folds."""
-    decimals = DIGITS - ceil(log10(max(key1.width, key1.height)))
-    layers = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
-    frames = len(next(iter(layers.values())))
-    return Morph(
-        tau=1 - np.abs(1 - 2 * np.arange(frames) / frames),
-        layers=layers,
-        closed=closed,
-        folds={name: folds(stack, closed[name]) for name, stack in layers.items()},
-        continuous={
-            name: stays_simple(np.concatenate([stack, stack[:1]]), closed[name])
-            for name, stack in layers.items()
-        },
-        styles=key2.styles | key1.styles,
-        width=key1.width,
-        height=key1.height,
-        decimals=decimals,
     )
 
 
 def repeat(morph: Morph, cycles: int) -> Morph:
     """Return the morph of one cycle repeated `cycles` times."""
-    return replace(
-        morph,
-        tau=np.tile(morph.tau, cycles),
-        layers={name: np.tile(stack, (cycles, 1, 1)) for name, stack in morph.layers.items()},
-        folds={name: np.tile(count, cycles) for name, count in morph.folds.items()},
-    )
+    return morph.take_frames(np.tile(np.arange(len(morph.tau)), cycles))
 
 
 def with_pooled_gamma(gait: Gait) -> Gait:
@@ -139,7 +114,13 @@ def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
 
     The far limbs of a drawing often stand higher in the picture: farther up on the ground.
     """
-    down = {name for name in key1 if any(0 in run for run in _support_keys(gait, name))}
+    down = {
+        name
+        for name in key1
+        if any(
+            0 in run % LEAST_FRAMES for run in supports(gait.support.get(name, ()), LEAST_FRAMES)
+        )
+    }
     return {
         name: np.array([0, key1[name][:, 1].max() - key1[twin][:, 1].max()])
         for name in down
@@ -165,11 +146,6 @@ def _find_lifted_feet(
     return tuple(sorted(out))
 
 
-def _support_keys(gait: Gait, name: str) -> list[Ints]:
-    """Return the key numbers 0…3 in each support of a limb."""
-    return [run % LEAST_FRAMES for run in supports(gait.support.get(name, ()), LEAST_FRAMES)]
-
-
 def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
     """Return the ground in widths of the drawing; None without feet."""
     px = ground(limbs, support)
@@ -179,10 +155,94 @@ def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground 
     return Ground(px.speed / width, slide)
 
 
-def _outside(morph: Morph) -> dict[str, int]:
-    size = np.array([morph.width, morph.height])
-    out = {
-        name: int(((stack < 0) | (stack > size)).any(axis=(1, 2)).sum())
-        for name, stack in morph.layers.items()
-    }
-    return {name: count for name, count in out.items() if count}
+# --- corresponding points
+
+
+def match_poses(
+    key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
+) -> tuple[dict[str, Points], dict[str, Points]]:
+    """Return the contours (points, 2) of both key poses by id, with corresponding rows.
+
+    In a swap the rows of left and right limbs correspond too: the first of the pair in drawing
+    order numbers all four contours. FinloopError if a limb is closed and its partner or its other
+    pose open.
+    """
+    first, second = dict[str, Points](), dict[str, Points]()
+    for name, curve in key1.curves.items():
+        twin = partner(name, key1.curves) if symmetry == "swap" else name
+        kinds = {which.closed for which in (curve, key1.curves[twin], key2.curves[name])}
+        if len(kinds) > 1:
+            raise FinloopError(
+                f"one of {name!r} and {twin!r} is closed, the other open",
+                "contours that are closed in every pose, left and right, or open in every pose",
+                "close all of them, or none",
+            )
+        model = first.get(twin, resample_curve(orient_clockwise(curve), points).points)
+        first[name] = renumber_curve(model, curve) if twin in first else model
+        second[name] = renumber_curve(model, key2.curves[name])
+    return first, second
+
+
+def renumber_curve(model: Points, curve: Curve) -> Points:
+    """Return the curve resampled to n points (n, 2), numbered to be most like `model` (n, 2).
+
+    A closed curve may start between two points: an error of half a step would make feet slide.
+    """
+    a, n = _complex(model), len(model)
+    if not curve.closed:
+        points = resample_curve(curve, n).points
+        ways = [points, points[::-1]]
+        return max(ways, key=lambda way: float(_likeness(a @ _complex(way).conj())))
+    points = resample_curve(orient_clockwise(curve), n * FINE).points
+    ways = [points[start::FINE] for start in range(FINE)]
+    # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
+    b = np.stack([_complex(way) for way in ways])
+    alike = _likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
+    start, shift = np.unravel_index(int(alike.argmax()), alike.shape)
+    return np.roll(ways[int(start)], int(shift), axis=0)
+
+
+def mirror_orders(
+    key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
+) -> dict[str, Ints]:
+    """Return, by id, the point order (n,) that makes mirrored key poses most like the other key.
+
+    key1, key2: contours (n, 2) by id; closed: by id. `gait.model.four_keys` mirrors key 1 into 1'
+    and key 2 into 2' with these orders. The cycle blends 1' with 2 and 2' with 1. An id and its
+    partner share one order.
+    """
+    orders = dict[str, Ints]()
+    for name in key1:
+        twin = partner(name, key1)
+        if twin in orders:
+            orders[name] = orders[twin]
+            continue
+        pairs = [
+            (_complex(here[name]), _complex(there[twin] * [1, -1]))
+            for here, there in ((key2, key1), (key1, key2))
+        ]
+        n = len(key1[name])
+        if closed[name]:
+            product = [np.fft.ifft(np.fft.fft(a) * np.fft.fft(b.conj())) for a, b in pairs]
+            orders[name] = reversed_order(
+                n, int(np.sum([_likeness(z) for z in product], axis=0).argmax())
+            )
+        else:
+            ways = (np.arange(n), np.arange(n)[::-1])
+            orders[name] = max(
+                ways, key=lambda way: float(sum(_likeness(a @ b[way].conj()) for a, b in pairs))
+            )
+    return orders
+
+
+def _likeness(product: Complex) -> Points:
+    """Return how alike two contours are, from z = Σ a conj(b) of any shape.
+
+    a, b: the contours' points as centred complex numbers. A turn of one contour lowers the likeness
+    a little.
+    """
+    return np.abs(product) + UPRIGHT * product.real
+
+
+def _complex(points: Points) -> Complex:
+    return (points - points.mean(axis=0)) @ np.array([1, 1j])

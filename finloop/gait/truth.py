@@ -3,7 +3,7 @@
 import numpy as np
 
 from finloop.drawn.dog.walk import NAMES, DogFilm, limb
-from finloop.gait.clock import gamma_fit, gamma_sums
+from finloop.gait.model import gamma_fit, gamma_sums
 
 QUADRATURE = 401
 

@@ -1,7 +1,7 @@
 """Morphs between drawings: linear, physical, and fold-free (curve paper §4.1).
 
-Corresponding points (`match`), the methods (`linear`, `simple`), counting and excluding folds
-(`folds`, `exact`, `flow`), whole drawings (`layers`). `tool` is the command line.
+Corresponding points (`match`), a morph without folds (`simple`), counting and excluding folds
+(`folds`), whole drawings and the paper's methods (`layers`). `tool` is the command line.
 """
 
 import lazy_loader

@@ -1,6 +1,9 @@
 """Tests of whether a polygon meets itself, in one pose or at any moment of a motion.
 
-In one pose (`folds`, `is_simple`) the answer is exact, see `morph.exact`.
+In one pose (`folds`, `is_simple`) the answer is exact (Shewchuk 1997, *Adaptive precision floating-
+point arithmetic and fast robust geometric predicates*): an orientation is computed in floats, and
+again without rounding if rounding could change its sign. Products must neither overflow nor
+underflow: magnitudes 0 or 1e-70 … 1e70 are safe.
 
 During a motion (`stays_simple`) the vertices move straight from one pose to the next. A simple
 polygon stays simple until a vertex touches an edge that does not end at it. Two quadratics in time
@@ -10,44 +13,25 @@ decide this. They are bounded by their Bernstein coefficients, with a margin for
 Blocks group consecutive edges, and only blocks with overlapping boxes are compared.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.morph.exact import segments_meet, turns_back
 
 BLOCK = 16  # edges
 _ROUNDING = 64 * 2.0**-52  # margin for a coefficient halved DEPTH times: twice the rounding error
 DEPTH = 14  # halvings of the time between two poses before giving up
-
-
-class EdgePolynomials(NamedTuple):
-    """Bernstein coefficients, over time, of a cross and a dot product; and the rounding margin."""
-
-    cross_0: float
-    cross_1: float
-    cross_2: float
-    dot_0: float
-    dot_1: float
-    dot_2: float
-    margin: float
+_SURE = (3 + 16 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
+_SPLIT = 134217729.0  # 2^27 + 1
 
 
 def folds(stack: Reals, closed: bool = True) -> Ints:
     """Count the pairs of edges that meet in each polygon, (f,), exactly; 0 = strictly simple.
 
     Neighbours count if they overlap in more than their vertex, an edge of length 0 counts as one
-    more. FinloopError if a coordinate is not finite, or there are too few vertices.
-
-    Parameters
-    ----------
-    stack
-        Polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not repeated.
-    closed
-        Whether the last vertex is joined to the first.
+    more. stack: polygons (f, n, 2), or one (n, 2); n ≥ 3 (open: 2); the first vertex is not
+    repeated. FinloopError if a coordinate is not finite, or there are too few vertices.
     """
     stack = _stack(stack, closed)
     return np.array([count_folds(points, closed, False) for points in stack], np.int64)
@@ -71,6 +55,7 @@ def stays_simple(path: Reals, closed: bool = True) -> bool:
 
 
 def _stack(stack: Reals, closed: bool) -> Floats:
+    """Return polygons as an array (f, n, 2); FinloopError if they have no such shape."""
     polygons: Floats = np.ascontiguousarray(stack, np.float64)
     polygons = polygons[None] if polygons.ndim == 2 else polygons
     if polygons.ndim != 3 or polygons.shape[2] != 2 or polygons.shape[1] < 2 + closed:
@@ -88,22 +73,97 @@ def _stack(stack: Reals, closed: bool) -> Floats:
     return polygons
 
 
+# --- one pose, exactly
+
+
 @kernel
-def _edge_boxes(points: Floats, edges: int) -> tuple[Floats, Floats]:
-    """Return boxes (edges, 4), left top right bottom, of the edges, and of the blocks."""
-    n = len(points)
+def _two_product(a: float, b: float) -> tuple[float, float]:
+    """Return a·b as a float, and its rounding error (Dekker)."""
+    product = a * b
+    wide = _SPLIT * a
+    a_high = wide - (wide - a)
+    a_low = a - a_high
+    wide = _SPLIT * b
+    b_high = wide - (wide - b)
+    b_low = b - b_high
+    rest = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    return product, rest
+
+
+@kernel
+def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
+    """Return the determinant's sign, adding its six products without rounding (grow-expansion)."""
+    left = (ax, -ay, bx, -by, cx, -cy)
+    right = (by, bx, cy, cx, ay, ax)
+    sums = np.zeros(12)
+    count = 0
+    for k in range(6):
+        high, low = _two_product(left[k], right[k])
+        for term in (low, high):
+            q = term
+            for m in range(count):
+                total = q + sums[m]
+                part = total - q
+                sums[m] = (q - (total - part)) + (sums[m] - part)
+                q = total
+            sums[count] = q
+            count += 1
+    for k in range(11, -1, -1):
+        if sums[k] > 0:
+            return 1
+        if sums[k] < 0:
+            return -1
+    return 0
+
+
+@kernel
+def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
+    """Return the exact sign of (a − c) × (b − c)."""
+    left = (ax - cx) * (by - cy)
+    right = (ay - cy) * (bx - cx)
+    det = left - right
+    if abs(det) > _SURE * (abs(left) + abs(right)):
+        return 1 if det > 0 else -1
+    return _exact_sign(ax, ay, bx, by, cx, cy)
+
+
+@kernel
+def _segments_meet(points: Floats, a: int, b: int, c: int, d: int) -> bool:
+    """Return whether segments ab and cd with overlapping boxes share a point; a … d: rows."""
+    ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
+    cx, cy, dx, dy = points[c, 0], points[c, 1], points[d, 0], points[d, 1]
+    abc = _orientation(ax, ay, bx, by, cx, cy)
+    abd = _orientation(ax, ay, bx, by, dx, dy)
+    if abc * abd > 0:
+        return False
+    # If all four lie on one line, overlapping boxes are overlapping segments.
+    return _orientation(cx, cy, dx, dy, ax, ay) * _orientation(cx, cy, dx, dy, bx, by) <= 0
+
+
+@kernel
+def _turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
+    """Return whether the edges pq and qr, both longer than 0, share more than their corner q."""
+    if _orientation(px, py, qx, qy, rx, ry) != 0:
+        return False
+    return ((px > qx) == (rx > qx) and px != qx) or ((py > qy) == (ry > qy) and py != qy)
+
+
+@kernel
+def _edge_boxes(vertices: Floats, edges: int) -> Floats:
+    """Return boxes (edges, 4), left top right bottom, of the edges, from those of their ends."""
+    n = len(vertices)
     boxes = np.empty((edges, 4))
     for i in range(edges):
         j = i + 1 if i + 1 < n else 0
         for axis in range(2):
-            a, b = points[i, axis], points[j, axis]
-            boxes[i, axis] = min(a, b)
-            boxes[i, 2 + axis] = max(a, b)
-    return boxes, _merge_boxes(boxes)
+            boxes[i, axis] = min(vertices[i, axis], vertices[j, axis])
+            boxes[i, 2 + axis] = max(vertices[i, 2 + axis], vertices[j, 2 + axis])
+    return boxes
 
 
 @kernel
 def _merge_boxes(boxes: Floats) -> Floats:
+    """Return the boxes of blocks of BLOCK boxes."""
     blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
     for k in range(len(blocks)):
         left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
@@ -116,6 +176,7 @@ def _merge_boxes(boxes: Floats) -> Floats:
 
 @kernel
 def _overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
+    """Return whether box i of a and box j of b overlap."""
     # & rather than `and`: four unpredictable branches take ten times as long
     return (a[i, 0] <= b[j, 2]) & (b[j, 0] <= a[i, 2]) & (a[i, 1] <= b[j, 3]) & (b[j, 1] <= a[i, 3])
 
@@ -137,10 +198,11 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
         if px == qx and py == qy:
             count += 1
         elif (closed or j < n - 1) and (qx != rx or qy != ry):
-            count += turns_back(px, py, qx, qy, rx, ry)
+            count += _turns_back(px, py, qx, qy, rx, ry)
     if first_only and count:
         return count
-    boxes, blocks = _edge_boxes(points, edges)
+    boxes = _edge_boxes(np.hstack((points, points)), edges)
+    blocks = _merge_boxes(boxes)
     for block in range(len(blocks)):
         for partner in range(block, len(blocks)):
             if not _overlap(blocks, block, blocks, partner):
@@ -153,36 +215,36 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
                     if not _overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
                         continue
                     i_next, j_next = i + 1, j + 1 if j + 1 < n else 0
-                    if segments_meet(points, i, i_next, j, j_next):
+                    if _segments_meet(points, i, i_next, j, j_next):
                         count += 1
                         if first_only:
                             return count
     return count
 
 
-@kernel
-def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> EdgePolynomials:
-    """Return the Bernstein coefficients of u × w and u · w, and the margin for their rounding.
+# --- a motion
 
-    u and w join vertex v to vertices i and j, and move from the pose `before` to `after`.
+
+@kernel
+def _stays_apart(before: Floats, after: Floats, v: int, i: int, j: int) -> bool:
+    """Return whether it is proved that vertex v never touches edge ij between two poses.
+
+    u and w join vertex v to vertices i and j. There is no contact while u × w is not 0 or u · w is
+    positive. Both are quadratics in time, given by their Bernstein coefficients.
     """
     ax, ay = before[i, 0] - before[v, 0], before[i, 1] - before[v, 1]
     bx, by = after[i, 0] - after[v, 0], after[i, 1] - after[v, 1]
     cx, cy = before[j, 0] - before[v, 0], before[j, 1] - before[v, 1]
     dx, dy = after[j, 0] - after[v, 0], after[j, 1] - after[v, 1]
-    cross_0, cross_2 = ax * cy - ay * cx, bx * dy - by * dx
-    cross_1 = ((ax * dy - ay * dx) + (bx * cy - by * cx)) / 2
-    dot_0, dot_2 = ax * cx + ay * cy, bx * dx + by * dy
-    dot_1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
+    c0, c2 = ax * cy - ay * cx, bx * dy - by * dx
+    c1 = ((ax * dy - ay * dx) + (bx * cy - by * cx)) / 2
     u = max(abs(ax), abs(ay), abs(bx), abs(by))
     w = max(abs(cx), abs(cy), abs(dx), abs(dy))
-    return EdgePolynomials(cross_0, cross_1, cross_2, dot_0, dot_1, dot_2, _ROUNDING * u * w)
-
-
-@kernel
-def _passes(motion: EdgePolynomials) -> bool:
-    """Return whether at every moment the cross product is not 0 or the dot product is positive."""
-    c0, c1, c2, d0, d1, d2, room = motion
+    room = _ROUNDING * u * w
+    if min(c0, c1, c2) > room or max(c0, c1, c2) < -room:
+        return True
+    d0, d2 = ax * cx + ay * cy, bx * dx + by * dy
+    d1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
     waiting = np.empty((DEPTH + 2, 7))
     _assign(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
     left = 1
@@ -218,19 +280,14 @@ def no_contact(path: Floats, closed: bool) -> bool:
     """
     poses, n = len(path), path.shape[1]
     edges = n if closed else n - 1
-    points = np.empty((n, 4))  # bounding boxes of the moving vertices, below of the edges
-    lines = np.empty((edges, 4))
+    points = np.empty((n, 4))  # bounding boxes of the moving vertices
     for k in range(poses - 1):
         a, b = path[k], path[k + 1]
         for i in range(n):
             for axis in range(2):
                 points[i, axis] = min(a[i, axis], b[i, axis])
                 points[i, 2 + axis] = max(a[i, axis], b[i, axis])
-        for i in range(edges):
-            j = i + 1 if i + 1 < n else 0
-            for axis in range(2):
-                lines[i, axis] = min(points[i, axis], points[j, axis])
-                lines[i, 2 + axis] = max(points[i, 2 + axis], points[j, 2 + axis])
+        lines = _edge_boxes(points, edges)
         point_blocks, line_blocks = _merge_boxes(points), _merge_boxes(lines)
         for block in range(len(point_blocks)):
             for partner in range(len(line_blocks)):
@@ -243,12 +300,6 @@ def no_contact(path: Floats, closed: bool) -> bool:
                         if v == i or not _overlap(points, v, lines, i):
                             continue
                         j = i + 1 if i + 1 < n else 0
-                        if v == j:
-                            continue
-                        motion = _bernstein(a, b, v, i, j)
-                        cross = motion.cross_0, motion.cross_1, motion.cross_2
-                        if min(cross) > motion.margin or max(cross) < -motion.margin:
-                            continue
-                        if not _passes(motion):
+                        if v != j and not _stays_apart(a, b, v, i, j):
                             return False
     return True

@@ -1,29 +1,32 @@
 """Morphs of drawings in layers (curve paper §4.1, Figs. 4, 5): a face is outline, eyes, mouth.
 
 Contours of the same id form a pair. Coordinates are rounded before folds are counted, so the counts
-hold for the coordinates in the files.
+hold for the coordinates in the files. Two of the paper's methods are here, linear (Eq. 4.1, Fig. 4)
+and physical (Fig. 5); neither avoids folds.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from math import ceil, log10
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from finloop.base.arrays import Ints, Points
+from finloop.base.arrays import Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
+from finloop.curve.dynamics import Material, Problem, solve
+from finloop.curve.wavelet import close_by_mirroring, control_points, curves_from_control
 from finloop.morph.folds import folds, stays_simple
-from finloop.morph.linear import linear, physical
-from finloop.morph.simple import simple_frames
+from finloop.morph.match import match_curves
+from finloop.morph.simple import simple_morph
 
 METHODS = ("linear", "physical", "simple")
 DIGITS = (6, 9, 12)  # significant digits of the larger side: the grid is 1e-5 of it or finer
 REACH = 1000  # sides of the picture: the largest coordinate of a contour
 MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
+FADE = 0.25
+"""Final share of the time of a physical morph, in which the motion fades out: it ends at b."""
 
 
 class Scales(NamedTuple):
@@ -75,49 +78,70 @@ def morph(
     scales, physics
         Settings of the linear and the physical morph.
     """
-    _check_numbers(method, frames, points)
+    if method not in METHODS:
+        raise FinloopError(
+            f"the method {method!r}", f"one of {', '.join(METHODS)}", "choose one of these"
+        )
+    check_sizes("morph", frames, points, 2)
     check_pairs(a, b)
     b = fit_drawing(b, a.width, a.height)
     side = max(a.width, a.height)
     make: dict[str, Callable[[Curve, Curve], Points]] = {
         "linear": lambda a, b: linear(a, b, frames, points, *scales),
         "physical": lambda a, b: physical(a, b, frames, points, *physics),
-        "simple": lambda a, b: simple_frames(a, b, frames, points),
+        "simple": lambda a, b: simple_morph(a, b, frames, points).frames,
     }
-    stacks = {
+    layers = {
         name: _contour(name, curve, b.curves[name], side, make[method])
         for name, curve in a.curves.items()
     }
+    digits = DIGITS if method == "simple" else DIGITS[:1]
+    return build_morph(a, b, np.linspace(0, 1, frames), layers, digits)
+
+
+def build_morph(
+    a: Drawing,
+    b: Drawing,
+    tau: Points,
+    layers: dict[str, Points],
+    digits: Sequence[int],
+    repeats: bool = False,
+) -> Morph:
+    """Return a morph from the frames of its layers, with rounded coordinates and counted folds.
+
+    Parameters
+    ----------
+    a, b
+        The drawings: `a` gives the size of the picture, both give styles.
+    tau, layers
+        Share of the way to `b` (f,) of every frame, and its contours (f, n, 2) by id.
+    digits
+        Significant digits of the picture's larger side, tried in turn until no frame folds: parts
+        that are nearer to each other than the grid need a finer grid.
+    repeats
+        Whether the first frame follows the last.
+    """
     closed = {name: curve.closed for name, curve in a.curves.items()}
-    decimals, layers, counts = _round_layers(stacks, closed, side, method == "simple")
+    for count in digits:
+        decimals = count - ceil(log10(max(a.width, a.height)))
+        rounded = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
+        counts = {name: folds(stack, closed[name]) for name, stack in rounded.items()}
+        if not any(count.any() for count in counts.values()):
+            break
     return Morph(
-        tau=np.linspace(0, 1, frames),
-        layers=layers,
+        tau=tau,
+        layers=rounded,
         closed=closed,
         folds=counts,
-        continuous={name: stays_simple(stack, closed[name]) for name, stack in layers.items()},
+        continuous={
+            name: stays_simple(np.r_[stack, stack[:1]] if repeats else stack, closed[name])
+            for name, stack in rounded.items()
+        },
         styles=b.styles | a.styles,
         width=a.width,
         height=a.height,
         decimals=decimals,
     )
-
-
-def _round_layers(
-    stacks: dict[str, Points], closed: dict[str, bool], side: float, simple_only: bool
-) -> tuple[int, dict[str, Points], dict[str, Ints]]:
-    """Return decimals, rounded layers and their folds, on the coarsest grid of DIGITS.
-
-    `simple_only` chooses the coarsest grid without folds, if there is one: parts that are nearer to
-    each other than the grid need a finer grid.
-    """
-    for digits in DIGITS:
-        decimals = digits - ceil(log10(side))
-        layers = {name: np.round(stack, decimals) + 0.0 for name, stack in stacks.items()}  # no −0
-        counts = {name: folds(stack, closed[name]) for name, stack in layers.items()}
-        if not simple_only or not any(count.any() for count in counts.values()):
-            break
-    return decimals, layers, counts
 
 
 def _contour(
@@ -137,21 +161,60 @@ def _contour(
     return stack
 
 
+def linear(
+    a: Curve, b: Curve, frames: int, points: int, level: int | None = None, wavelet: str = "coif2"
+) -> Points:
+    """Return frames (frames, points, 2) of the linear morph from a to b (Eq. 4.1), ends included.
+
+    A(τ) = (1 − τ) Aˢ + τ Aᵈ, with A the points of both curves. With a level, A are the control
+    points for 1/2^level of the points, so the ends are coarse versions of the curves, and `points`
+    is a power of two. FinloopError if one curve is open and the other closed, or, with a level, as
+    in `curve.wavelet.check_transform`.
+    """
+    ends = np.stack(match_curves(a, b, points))
+    tau = np.linspace(0, 1, frames)[:, None, None]
+    if level is None:
+        return (1 - tau) * ends[0] + tau * ends[1]
+    coarse = control_points(ends if a.closed else close_by_mirroring(ends), wavelet, level)
+    return curves_from_control((1 - tau) * coarse[0] + tau * coarse[1], wavelet, level)[:, :points]
+
+
+def physical(
+    a: Curve, b: Curve, frames: int, points: int, elastic: float, damping: float, mass: float
+) -> Points:
+    """Return frames (frames, points, 2) of b, bent into the shape of a and released (Fig. 5).
+
+    The last frame is b. The motion is ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1, ρ = mass, c =
+    damping, K of e₀ = elastic. Mode m of a closed curve swings m √(e₀/ρ) times, of an open curve
+    half as often. With little damping the curve overshoots, with much it creeps, without mass it
+    does not swing.
+
+    Stiffness does not depend on position, so the mean of the points moves as the slowest mode does.
+    FinloopError if one curve is open and the other closed, `points` is no power of two, or mass and
+    damping are both 0.
+    """
+    shape, rest = match_curves(a, b, points)
+    offset = shape - rest
+    place = offset.mean(axis=0)
+    offset = offset - place if a.closed else close_by_mirroring(offset - place)
+    slowest = np.cos(2 * np.pi * (np.arange(len(offset)) + 0.5) / len(offset))
+    material = Material(mass, elastic, damping / mass if mass > 0 else damping, 0.0)
+    times = np.linspace(0, 1, frames)
+    start = np.column_stack([offset, slowest])
+    modes = solve(Problem(np.zeros_like(start), start, material, times)).displacement
+    course = modes[:, 0, 2] / slowest[0]
+    swing = modes[:, :points, :2] + course[:, None, None] * place
+    fade = np.clip((1 - times) / FADE, 0, 1)
+    return rest + (fade**2 * (3 - 2 * fade))[:, None, None] * swing
+
+
 def there_and_back(morph: Morph) -> Morph:
     """Return the morph followed by its reverse, so that it repeats without a jump.
 
     The frames at both ends are not repeated: f frames become 2 f − 2.
     """
-
-    def both(values: NDArray) -> NDArray:
-        return np.concatenate([values, values[-2:0:-1]])
-
-    return replace(
-        morph,
-        tau=both(morph.tau),
-        layers={name: both(stack) for name, stack in morph.layers.items()},
-        folds={name: both(count) for name, count in morph.folds.items()},
-    )
+    frames = np.arange(len(morph.tau))
+    return morph.take_frames(np.r_[frames, frames[-2:0:-1]])
 
 
 def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
@@ -168,14 +231,6 @@ def fit_drawing(drawing: Drawing, width: float, height: float) -> Drawing:
         for name, curve in drawing.curves.items()
     }
     return Drawing(curves, width, height, drawing.styles)
-
-
-def _check_numbers(method: str, frames: int, points: int) -> None:
-    if method not in METHODS:
-        raise FinloopError(
-            f"the method {method!r}", f"one of {', '.join(METHODS)}", "choose one of these"
-        )
-    check_sizes("morph", frames, points, 2)
 
 
 def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:

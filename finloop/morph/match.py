@@ -27,26 +27,19 @@ def match_curves(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
             "close the open curve, open the closed curve, or omit the pair",
         )
     first, second = resample_curve(a, n).points, resample_curve(b, n).points
-    if a.closed:
-        return first, best_start(first, second)
-    return first, min((second, second[::-1]), key=lambda points: _far(first, points))
-
-
-def best_start(first: Floats, second: Floats) -> Floats:
-    """Return a closed polygon (n, 2) renumbered to lie nearest to another, row by row.
-
-    The result is `second` or its reverse, from its best start point on; positions do not matter.
-    """
-    fits = [(misfit(first, points), points) for points in _directions(first, second)]
+    if not a.closed:
+        centred = first - first.mean(axis=0)
+        return first, min(
+            (second, second[::-1]),
+            key=lambda points: ((centred - points + points.mean(axis=0)) ** 2).sum(),
+        )
+    directions = [second, second[::-1]]
+    if is_simple(first) and is_simple(second):  # if they turn opposite ways, the morph folds
+        opposite = area(Curve(first, True)) * area(Curve(second, True)) <= 0
+        directions = directions[1:] if opposite else directions[:1]
+    fits = [(misfit(first, points), points) for points in directions]
     far, points = min(fits, key=lambda fit: fit[0].min())
-    return np.roll(points, -int(far.argmin()), axis=0)
-
-
-def _directions(first: Floats, second: Floats) -> tuple[Floats, ...]:
-    """Return the directions to try: if simple curves turn opposite ways, the morph folds."""
-    if not (is_simple(first) and is_simple(second)):
-        return second, second[::-1]
-    return (second if area(Curve(first, True)) * area(Curve(second, True)) > 0 else second[::-1],)
+    return first, np.roll(points, -int(far.argmin()), axis=0)
 
 
 def misfit(first: Floats, second: Floats) -> Floats:
@@ -57,7 +50,3 @@ def misfit(first: Floats, second: Floats) -> Floats:
     a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (first, second))
     product = np.fft.ifft(np.fft.fft(b) * np.fft.fft(a).conj()).real
     return (abs(a) ** 2).sum() + (abs(b) ** 2).sum() - 2 * product
-
-
-def _far(first: Floats, second: Floats) -> float:
-    return float(((first - first.mean(axis=0) - second + second.mean(axis=0)) ** 2).sum())

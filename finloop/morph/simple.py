@@ -1,34 +1,47 @@
 """A morph between two simple curves whose frames are all simple (the curve paper's §4.1 claim).
 
 If the linear morph from a to b is simple, it is the result. Otherwise both curves are simplified
-step by step (`morph.flow`) into poses a_i and b_j, and the result is the shortest path
-a → a_i → b_j → b without folds. A path always exists, because the last poses can be joined: two
-polygons by turning and stretching about their centres, two lines by turning.
+step by step into poses a_i and b_j, and the result is the shortest path a → a_i → b_j → b without
+folds. A path always exists, because the last poses can be joined: two polygons by turning and
+stretching about their centres, two lines by turning. Then the motion is smoothed in time as far as
+it stays simple. Closed frames are scaled so that their areas lie between those of the ends, which
+makes no folds. Finally every frame is tested exactly.
 
-Then the motion is smoothed in time as far as it stays simple. Closed frames are scaled so that
-their areas lie between those of the ends, which makes no folds. Finally every frame is tested
-exactly.
+A curve is simplified by one of three methods. Vertex i stays vertex i, between poses the vertices
+move straight, and a step counts only if it is proved free of contact (`morph.folds.stays_simple`).
+
+- `shorten_polygon`, closed: curve shortening, x_t = x_uu / |x_u|², makes every simple closed curve
+  round before it vanishes, and keeps it simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987).
+  The tangential part of this form spreads the vertices evenly. Each step restores the area. The
+  theorems hold for smooth curves; for polygons each step is checked.
+- `cut_ears`, closed: a polygon of more than three corners has a corner whose triangle with its two
+  neighbours is empty (two ears theorem, Meisters 1975). Moved onto the opposite side, it leaves
+  one corner less. Every polygon ends as a triangle. This is not pretty, so it only takes over
+  where `shorten_polygon` fails.
+- `straighten_curve`, open: a part of a simple curve is simple, and so is that part enlarged.
+  Shorter and shorter parts about the middle end at a line without bends.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
-from finloop.curve.contour import Curve
-from finloop.morph.flow import (
-    area,
-    cut_ears,
-    join_plain_ends,
-    resize_polygon,
-    shorten_polygon,
-    straighten_curve,
-)
+from finloop.curve.contour import Curve, area, centroid
 from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
 from finloop.morph.match import match_curves, misfit
 
+GROWTH = 1.3  # factor of the time step, from one pose to the next
+STEP = 0.1  # longest time step, in areas of the curve
+ROUND = 0.97  # 4π area / length² at which a curve is plain; a circle has 1
+HALVINGS = 40  # halvings of a time step before giving up
+MOST = 200  # poses
+SHRINK = 0.9  # factor of an open curve's length, from one part to the next
+SLOWEST = 0.999  # largest such factor, where the curve meets itself
+JOIN = 64  # poses from one plain end to the other
 PARTS = 16  # steps of a straight motion: small boxes, few pairs to compare
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # widths in time, as shares of it, widest first
 REACH = 10  # edges: width of the mean along a curve
@@ -47,18 +60,11 @@ class SimpleMorph:
     proved: bool
 
 
-def simple_frames(a: Curve, b: Curve, frames: int, points: int) -> Points:
-    """Return frames (frames, points, 2) from curve a to b, ends included; none meets itself.
-
-    FinloopError if one curve is open and the other closed, or a curve, resampled, meets itself.
-    """
-    return simple_morph(a, b, frames, points).frames
-
-
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
-    """Return a morph from a to b without folds, the kind of its path, and whether it is proved.
+    """Return a morph from a to b of which no frame meets itself, and whether it is proved.
 
-    points: of every frame. FinloopError as in `simple_frames`.
+    frames: their number, ends included; points: of every frame. FinloopError if one curve is open
+    and the other closed, or a curve, resampled, meets itself.
     """
     first, second = match_curves(a, b, points)
     closed = a.closed
@@ -86,9 +92,10 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
     return SimpleMorph(stack, way, proved)
 
 
-def path_length(frames: Points) -> float:
-    """Return how far a vertex travels through frames (f, n, 2): the mean, in the points' unit."""
-    return float(np.hypot(*np.moveaxis(np.diff(frames, axis=0), 2, 0)).sum(axis=0).mean())
+def path_lengths(poses: Points) -> Points:
+    """Return how far the vertices have moved up to each pose (k, n, 2): the mean, (k,)."""
+    steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
+    return np.r_[0.0, np.cumsum(steps)]
 
 
 def _find_simple_path(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
@@ -130,7 +137,7 @@ def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, 
 
     If two poses are not free, all pairs of less plain poses are skipped too.
     """
-    before, after = _lengths(a), _lengths(b)
+    before, after = path_lengths(a), path_lengths(b)
     far = before[:, None] + _apart(a, b) + after
     open_to = far < below
 
@@ -155,6 +162,7 @@ def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, 
 
 
 def _plainer(points: Points, closed: bool) -> Points:
+    """Return poses (k, n, 2) from a curve to its plain form: round, a triangle or a line."""
     if not closed:
         poses, plain = straighten_curve(points)
     else:
@@ -203,7 +211,7 @@ def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
     Also return whether each frame lies, up to its size, on the unsmoothed path.
     """
     on_the_way = True
-    along = _lengths(poses)
+    along = path_lengths(poses)
     marks = np.linspace(0, along[-1], frames)
     k = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
     share = ((marks - along[k]) / (along[k + 1] - along[k]))[:, None, None]
@@ -235,18 +243,14 @@ def _smooth_in_time(stack: Points, width: float) -> Points:
 
 def _within(stack: Points) -> Points:
     """Return the frames, scaled to areas between those of the first and the last."""
-    low, high = sorted((area(stack[0]), area(stack[-1])))
-    out = stack.copy()
-    for pose, size in zip(out, map(area, stack), strict=True):
-        if not low <= size <= high:
-            pose[:] = resize_polygon(pose, min(max(size, low), high))
-    return out
-
-
-def _lengths(poses: Points) -> Points:
-    """Return the mean length of the vertices' paths up to each pose (k,)."""
-    steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
-    return np.r_[0.0, np.cumsum(steps)]
+    sizes = [area(Curve(pose, True)) for pose in stack]
+    goals = np.clip(sizes, min(sizes[0], sizes[-1]), max(sizes[0], sizes[-1]))
+    return np.stack(
+        [
+            pose if size == goal else _resize_polygon(pose, goal)
+            for pose, size, goal in zip(stack, sizes, goals, strict=True)
+        ]
+    )
 
 
 def _has_simple_motion(stack: Points, closed: bool) -> bool:
@@ -281,3 +285,139 @@ def _smoothed_along(points: Points, closed: bool) -> Points:
     z = np.r_[0, np.cumsum(mean)]
     smooth = np.stack([z.real, z.imag], axis=1)
     return smooth - smooth.mean(axis=0) + points.mean(axis=0)
+
+
+# --- simplifying one curve
+
+
+def _resize_polygon(points: Points, goal: float) -> Points:
+    """Return a polygon (n, 2) scaled about the mean of its vertices to the area `goal`, signed."""
+    middle = points.mean(axis=0)
+    return middle + (points - middle) * np.sqrt(goal / area(Curve(points, True)))
+
+
+def shorten_polygon(points: Points) -> tuple[Points, bool]:
+    """Return poses (k, n, 2) from a simple polygon (n, 2) to a round one, and whether it is round.
+
+    All poses have the same area, and no step makes a fold. The last pose is not round if the method
+    gives up.
+    """
+    poses = [np.ascontiguousarray(points, np.float64)]
+    edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    goal = area(Curve(points, True))
+    step, halved = edges.mean() ** 2, 0
+    while 4 * np.pi * abs(goal) <= ROUND * edges.sum() ** 2:
+        pose = _resize_polygon(_implicit_step(poses[-1], step), goal)
+        if no_contact(np.stack([poses[-1], pose]), True):
+            poses.append(pose)
+            edges = np.hypot(*(np.roll(pose, -1, axis=0) - pose).T)
+            step, halved = min(step * GROWTH, STEP * abs(goal)), 0
+        elif halved < HALVINGS:
+            step, halved = step / 2, halved + 1
+        if halved == HALVINGS or len(poses) == MOST:
+            return np.stack(poses), False
+    return np.stack(poses), True
+
+
+def _implicit_step(points: Points, step: float) -> Points:
+    """Solve (1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|².
+
+    The system is tridiagonal but for two corners, which Sherman and Morrison's formula adds.
+    """
+    edges = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    q = step / ((np.roll(edges, 1) + edges) / 2) ** 2
+    corner = -(1 + 2 * q[0])
+    ratio = -q[0] / corner
+    bands = np.stack([np.roll(-q, 1), 1 + 2 * q, np.roll(-q, -1)])
+    bands[1, 0] -= corner
+    bands[1, -1] += q[-1] * ratio
+    column = np.zeros(len(q))
+    column[0], column[-1] = corner, -q[-1]
+    solved = scipy.linalg.solve_banded((1, 1), bands, np.column_stack([points, column]))
+    share = (solved[0] + ratio * solved[-1]) / (1 + solved[0, 2] + ratio * solved[-1, 2])
+    return solved[:, :2] - share[:2] * solved[:, 2:]
+
+
+def cut_ears(points: Points) -> tuple[Points, bool]:
+    """Return poses (k, n, 2) from a simple polygon (n, 2) to a triangle, and whether it is one.
+
+    Each step straightens one corner (an "ear") and restores the area, so k is n − 2. Only rounding
+    can stop the method before the triangle.
+    """
+    pose = np.ascontiguousarray(points, np.float64)
+    goal, n = area(Curve(pose, True)), len(pose)
+    poses, corners = [pose], np.arange(n)
+    while len(corners) > 3:
+        before, after = np.roll(corners, 1), np.roll(corners, -1)
+        # Twice the area of each corner's triangle, < 0 outside; small moves come first.
+        (x, y), (u, v) = (pose[corners] - pose[before]).T, (pose[after] - pose[corners]).T
+        tip = np.sign(goal) * (x * v - y * u)
+        for corner in np.argsort(tip):
+            first, last = before[corner], after[corner]
+            span = np.arange(1, (last - first) % n)  # the vertices between go onto the line
+            share = span[:, None] / (len(span) + 1)
+            cut = pose.copy()
+            cut[(first + span) % n] = pose[first] + (pose[last] - pose[first]) * share
+            if tip[corner] >= 0 and no_contact(np.stack([pose, cut]), True):
+                break
+        else:
+            return np.stack(poses), False
+        pose, corners = cut, np.delete(corners, corner)
+        poses.append(_resize_polygon(pose, goal))
+    return np.stack(poses), True
+
+
+def straighten_curve(points: Points) -> tuple[Points, bool]:
+    """Return poses (k, n, 2) from a simple open curve (n, 2) to a straight one, and whether it is.
+
+    Straight means that every edge runs within 45° of the line from end to end.
+    """
+    points = np.ascontiguousarray(points, np.float64)
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
+    poses, part, shrink = [points], 1.0, SHRINK
+    while not _is_straight(poses[-1]):
+        marks = along[-1] * (0.5 + shrink * part * (np.linspace(0, 1, len(points)) - 0.5))
+        x, y = (np.interp(marks, along, values) for values in points.T)
+        pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / (shrink * part)
+        pose += points.mean(axis=0)
+        if no_contact(np.stack([poses[-1], pose]), False):
+            poses.append(pose)
+            part, shrink = shrink * part, max(SHRINK, shrink**2)
+        elif shrink < SLOWEST:
+            shrink = shrink**0.5
+        else:
+            return np.stack(poses), False
+    return np.stack(poses), True
+
+
+def _is_straight(points: Points) -> bool:
+    """Return whether every edge of an open curve runs within 45° of its chord."""
+    edges, chord = np.diff(points, axis=0), points[-1] - points[0]
+    ahead, aside = edges @ chord, edges @ [-chord[1], chord[0]]
+    return bool((ahead > abs(aside)).all())
+
+
+def join_plain_ends(first: Points, second: Points, closed: bool) -> Points:
+    """Return JOIN poses from one plain pose (n, 2) to another: (JOIN, n, 2), both included.
+
+    Closed: two polygons of one turning sense; open: two lines. From a point that sees a whole plain
+    polygon, the vertices lie at increasing angles, less than half a turn apart. This holds for
+    every mean of two such polygons, at all radii, so no pose has a fold.
+    """
+    share = np.linspace(0, 1, JOIN)[:, None]
+    ends = first, second
+    centres = [centroid(end) if closed else end.mean(axis=0) for end in ends]
+    a, b = ((end - centre) @ [1, 1j] for end, centre in zip(ends, centres, strict=True))
+    if closed:
+        angle_a, angle_b = np.unwrap(np.angle(a)), np.unwrap(np.angle(b))
+        angle_b = angle_b - 2 * np.pi * np.round((angle_b - angle_a).mean() / (2 * np.pi))
+        angle = (1 - share) * angle_a + share * angle_b
+        z = ((1 - share) * abs(a) + share * abs(b)) * np.exp(1j * angle)
+    else:
+        turn = np.angle((b[-1] - b[0]) / (a[-1] - a[0]))
+        z = (1 - share) * a * np.exp(1j * share * turn)
+        z += share * b * np.exp(1j * (share - 1) * turn)
+    middle = centres[0] + share * (centres[1] - centres[0])
+    poses = np.stack([z.real, z.imag], axis=-1) + middle[:, None]
+    poses[0], poses[-1] = first, second
+    return poses

@@ -31,10 +31,10 @@ def _write(options: argparse.Namespace) -> str:
     )
     film = there_and_back(result) if options.back else result
     save_animation(options.output, film, options.fps, options.size)
-    return summary(result)
+    return _summary(result)
 
 
-def summary(result: Morph) -> str:
+def _summary(result: Morph) -> str:
     """Return a line for the user: how many contours and frames a morph has, and where it folds."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "

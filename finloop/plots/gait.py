@@ -10,10 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Points
-from finloop.gait.clock import clock
-from finloop.gait.film import GaitContours, Keys
-from finloop.gait.fit import Subcycle
-from finloop.gait.model import Gait, Layout, at_phases, four_keys
+from finloop.gait.fit import GaitContours, Keys, Subcycle
+from finloop.gait.model import Gait, Layout, at_phases, clock, four_keys
 
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#B0B0B0"

@@ -53,50 +53,6 @@ def _tangents(line: Floats) -> Floats:
     return at / np.linalg.norm(at, axis=1, keepdims=True)
 
 
-def _body_coordinates(
-    line: Floats, rows: int, columns: int, reach: Image
-) -> tuple[NDArray[np.intp], Image, Image, Image]:
-    """Return the body coordinates of pixels near the midline: flat index, s, v, left x.
-
-    A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
-    foot of the perpendicular. Only pixels within `reach` of the midline (one value for each point)
-    are returned. v is in the unit of `line`.
-    """
-    last = len(line) - 1
-    fine = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
-    nodes = np.arange(last + 1)
-    fx, fy = np.interp(fine, nodes, line[:, 0]), np.interp(fine, nodes, line[:, 1])
-    ix, iy = np.rint(fx).astype(int), np.rint(fy).astype(int)
-    seeds = np.ones((rows, columns), np.uint8)
-    seeds[iy, ix] = 0
-    far, labels = cv2.distanceTransformWithLabels(
-        seeds, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    guess = np.zeros(int(labels.max()) + 1, np.float32)
-    guess[labels[iy, ix]] = fine
-    index = np.flatnonzero(far < reach.max())
-    q = guess[labels.reshape(-1)[index]]
-    near = far.reshape(-1)[index] < reach[np.rint(q).astype(np.int32)]
-    index, q = index[near], q[near]
-    py, px = np.divmod(index, columns)
-    px, py = px.astype(np.float32), py.astype(np.float32)
-
-    node = np.hstack([line, _tangents(line)]).astype(np.float32)
-    length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
-    slope = np.diff(node, axis=0)
-    for _ in range(3):
-        i = np.clip(q.astype(np.int32), 0, last - 1)
-        part = q - i
-        here, by = node[i], slope[i]
-        inner = np.clip(part, 0, 1)
-        tx, ty = here[:, 2] + inner * by[:, 2], here[:, 3] + inner * by[:, 3]
-        dx = px - here[:, 0] - part * by[:, 0]
-        dy = py - here[:, 1] - part * by[:, 1]
-        q = np.clip(q - (dx * tx + dy * ty) / length, -3, last + 3)
-    v = dx * ty - dy * tx  # the left of the tangent (tx, ty) is (ty, -tx), as y points down
-    return index, q / np.float32(last), v, ty
-
-
 def draw(
     line: Floats,
     fins: tuple[float, float],
@@ -107,18 +63,10 @@ def draw(
 ) -> CarpPicture:
     """Draw a fish along its midline; return its picture with opacity and coverage.
 
-    Parameters
-    ----------
-    line
-        Midline (65, 2), px, head to tail, equal arc length.
-    fins
-        How far the left and right pectoral fins are open, 0-1.
-    look, gloss
-        The fish's colours, and the grey levels that the wet back reflects.
-    light
-        Unit vector towards the light, screen x and y; it shades the flanks.
-    oversample
-        Subpixels per pixel in each direction.
+    line (65, 2): px, head to tail, equal arc length; fins: how far the left and right pectoral fins
+    are open, 0-1; light: unit vector on the screen towards the light, which shades the flanks;
+    oversample: subpixels per pixel in each direction; gloss: grey levels that the wet back
+    reflects.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     pad = 0.30 * length if max(fins) > 0.02 else 0.13 * length
@@ -196,9 +144,45 @@ class _Body(NamedTuple):
 def _on_body(
     line: Floats, rows: int, columns: int, reach: Image, girth: float, unit: float
 ) -> _Body:
-    """Return the subpixels of a picture (rows, columns) on the body about the midline `line`."""
-    index, s, v, left_x = _body_coordinates(line, rows, columns, reach)
-    v = v / np.float32(unit)
+    """Return the subpixels of a picture (rows, columns) on the body about the midline `line`.
+
+    A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
+    foot of the perpendicular. Only pixels within `reach` of the midline (one value for each point)
+    count. `unit` is the body length in subpixels.
+    """
+    last = len(line) - 1
+    fine = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
+    nodes = np.arange(last + 1)
+    fx, fy = np.interp(fine, nodes, line[:, 0]), np.interp(fine, nodes, line[:, 1])
+    ix, iy = np.rint(fx).astype(int), np.rint(fy).astype(int)
+    seeds = np.ones((rows, columns), np.uint8)
+    seeds[iy, ix] = 0
+    far, labels = cv2.distanceTransformWithLabels(
+        seeds, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    guess = np.zeros(int(labels.max()) + 1, np.float32)
+    guess[labels[iy, ix]] = fine
+    index = np.flatnonzero(far < reach.max())
+    q = guess[labels.reshape(-1)[index]]
+    near = far.reshape(-1)[index] < reach[np.rint(q).astype(np.int32)]
+    index, q = index[near], q[near]
+    py, px = np.divmod(index, columns)
+    px, py = px.astype(np.float32), py.astype(np.float32)
+
+    node = np.hstack([line, _tangents(line)]).astype(np.float32)
+    length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
+    slope = np.diff(node, axis=0)
+    for _ in range(3):
+        i = np.clip(q.astype(np.int32), 0, last - 1)
+        part = q - i
+        here, by = node[i], slope[i]
+        inner = np.clip(part, 0, 1)
+        tx, ty = here[:, 2] + inner * by[:, 2], here[:, 3] + inner * by[:, 3]
+        dx = px - here[:, 0] - part * by[:, 0]
+        dy = py - here[:, 1] - part * by[:, 1]
+        q = np.clip(q - (dx * tx + dy * ty) / length, -3, last + 3)
+    v = dx * ty - dy * tx  # the left of the tangent (tx, ty) is (ty, -tx), as y points down
+    s, v = q / np.float32(last), v / np.float32(unit)
     grid, squared, steep = width_table()
     w2 = np.interp(s, grid, squared).astype(np.float32) * girth**2
     dw2 = np.interp(s, grid, steep).astype(np.float32) * girth**2
@@ -206,12 +190,19 @@ def _on_body(
     inside = (w2 - v * v) / np.sqrt(dw2 * dw2 + 4 * v * v + 1e-12)
     part = np.clip(inside * np.float32(unit) + 0.5, 0, 1)
     keep = part > 0
-    return _Body(index[keep], s[keep], v[keep], left_x[keep], part[keep], w2[keep])
+    return _Body(index[keep], s[keep], v[keep], ty[keep], part[keep], w2[keep])
 
 
 def _shade_body(body: _Body, look: FishColours, light: tuple[float, float], gloss: float) -> Image:
     """Return the colours of the body's subpixels in the light, (n, 4)."""
-    colour = _sample(look.skin, body.s, body.v / np.float32(look.girth))
+    rows, columns = look.skin.shape[:2]
+    wide = 128  # cv2.remap takes a picture with sides up to 32767
+    short = -len(body.s) % wide
+    x = np.pad(body.s * columns - 0.5, (0, short)).reshape(-1, wide).astype(np.float32)
+    y = (0.5 - body.v / np.float32(look.girth) / (2 * SKIN_HALF)) * rows - 0.5
+    y = np.pad(y, (0, short)).reshape(-1, wide).astype(np.float32)
+    colour = cv2.remap(look.skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    colour = np.asarray(colour.reshape(-1, 4)[: len(body.s)])
     across = body.v / np.sqrt(np.maximum(body.width2, 1e-6))
     left_x = body.left_x
     lean = light[0] * left_x + light[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
@@ -220,18 +211,6 @@ def _shade_body(body: _Body, look: FishColours, light: tuple[float, float], glos
     shine = np.exp(-(((across - 0.38 * lean) / 0.20) ** 2)) * np.clip(body.width2 / 0.0081, 0, 1)
     colour[:, :3] += (gloss * shine)[:, None]
     return colour
-
-
-def _sample(skin: Image, s: Image, v: Image) -> Image:
-    """Return the skin colours (n, 4) at body coordinates."""
-    rows, columns = skin.shape[:2]
-    wide = 128  # cv2.remap takes a picture with sides up to 32767
-    short = -len(s) % wide
-    x = np.pad(s * columns - 0.5, (0, short)).reshape(-1, wide).astype(np.float32)
-    y = (0.5 - v / (2 * SKIN_HALF)) * rows - 0.5
-    y = np.pad(y, (0, short)).reshape(-1, wide).astype(np.float32)
-    colours = cv2.remap(skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(colours.reshape(-1, 4)[: len(s)])
 
 
 def _fin(

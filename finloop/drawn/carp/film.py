@@ -13,8 +13,8 @@ import numpy as np
 
 from finloop.base.arrays import Floats, Picture
 from finloop.drawn.carp.draw import OVERSAMPLE, CarpPicture, blur_drawing, draw
-from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
-from finloop.drawn.carp.motion import CarpMotion, is_crowded, room_of, simulate
+from finloop.drawn.carp.midline import midline, midline_bend, midline_curvature, midline_heading
+from finloop.drawn.carp.motion import CarpMotion, room_of, simulate
 from finloop.drawn.carp.settings import CarpFilm
 from finloop.drawn.carp.skin import FishColours, Image, floor, paint_fish
 
@@ -27,9 +27,12 @@ NOISE_PAD = 160  # px by which the noise bank exceeds a frame, for random offset
 
 
 def is_tank_large_enough(params: CarpFilm) -> bool:
-    """Return whether the tank is large enough for the fish to swim freely."""
-    room = room_of(params.width_px, params.height_px, params.body_length_px)
-    return not is_crowded(params.fish, room)
+    """Return whether the fish of a film can swim freely: each needs 2.2 × 2.2 body lengths."""
+    x0, y0, x1, y1 = room_of(params.width_px, params.height_px, params.body_length_px)
+    wide, high = x1 - x0, y1 - y0
+    if wide < 1.2 or high < 1.2:
+        return False
+    return params.fish == 1 or params.fish <= (wide + 1.4) * (high + 1.4) / 2.2**2
 
 
 def _streams(seed: int) -> list[np.random.Generator]:
@@ -92,6 +95,7 @@ def empty_tank(params: CarpFilm) -> Image:
 
 
 def _row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpMotion) -> Row:
+    """Return the truth about a fish in a frame, a row of `finloop.drawn.truth.TRUTH`."""
     x, y = drawing.centre_px()
     return {
         "fish_id": fish,
@@ -102,10 +106,10 @@ def _row(fish: int, frame: int, line: Floats, drawing: CarpPicture, poses: CarpM
         "head_y_px": float(line[0, 1]),
         "tail_x_px": float(line[-1, 0]),
         "tail_y_px": float(line[-1, 1]),
-        "heading_deg": heading_of(line),
+        "heading_deg": midline_heading(line),
         "body_length_px": float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()),
-        "bend": bend_of(line),
-        "curvature_deg": curvature_of(line),
+        "bend": midline_bend(line),
+        "curvature_deg": midline_curvature(line),
         "swimming_type": int(poses.swimming_type[frame, fish]),
         "mask_area_px": drawing.area_px(),
         "fins_open": float(poses.fins[frame, fish].mean()),

@@ -23,51 +23,22 @@ SEGMENTS = POINTS - 1
 WAVELENGTH = 1.05  # of the tail beat: one wave on the body
 
 
-@cache
-def mass_weights() -> Floats:
-    """Return the share of the body's mass at each midline point, (65,), head to tail.
+_S = np.arange(1, SEGMENTS) / SEGMENTS  # arc length at the 63 inner points, head to tail
+# A C-bend is spread over the inner points, sum 1, strongest in mid-body.
+_BEND = np.sin(np.pi * np.clip((_S - 0.16) / 0.80, 0, 1) ** 0.95) ** 2
+_BEND /= _BEND.sum()
+# The largest bend by the tail beat at each inner point, radians, for amplitude 1, cruising.
+_WAVE = 0.18 + 3.1 * np.clip((_S - 0.2) / 0.8, 0, None) ** 1.35
+_WAVE *= np.clip(_S / 0.3, 0, 1) ** 2 / SEGMENTS
 
-    The shares follow the width of the body; their sum is 1.
-    """
+
+@cache
+def _mass_shares() -> tuple[Floats, Floats]:
+    """Return the shares of the body's mass at its 65 points and in its 64 segments, each sum 1."""
     width = half_width(np.linspace(0, 1, POINTS))
-    return width / width.sum()
-
-
-@cache
-def bend_shape() -> Floats:
-    """Return how a C-bend is spread over the 63 inner midline points, sum 1.
-
-    It is strongest in mid-body.
-    """
-    s = np.arange(1, SEGMENTS) / SEGMENTS
-    t = np.clip((s - 0.16) / 0.80, 0, 1)
-    shape = np.sin(np.pi * t**0.95) ** 2
-    return shape / shape.sum()
-
-
-@cache
-def _ripples() -> tuple[Floats, Floats, Floats]:
-    """Return arc length s at the 63 inner points, half a wave and a whole wave over the body."""
-    s = np.arange(1, SEGMENTS) / SEGMENTS
-    return s, np.sin(np.pi * s), np.sin(2 * np.pi * s)
-
-
-@cache
-def _segment_weights() -> Floats:
-    """Return the share of the body's mass in each of the 64 segments."""
-    weight = mass_weights()
-    return (weight[1:] + weight[:-1]) / (weight[1:] + weight[:-1]).sum()
-
-
-@cache
-def wave_shape() -> Floats:
-    """Return the largest bend by the tail beat at each of the 63 inner midline points, radians.
-
-    This holds for amplitude 1, cruising.
-    """
-    s = np.arange(1, SEGMENTS) / SEGMENTS
-    growth = 0.18 + 3.1 * np.clip((s - 0.2) / 0.8, 0, None) ** 1.35
-    return growth * np.clip(s / 0.3, 0, 1) ** 2 / SEGMENTS
+    points = width / width.sum()
+    segments = points[1:] + points[:-1]
+    return points, segments / segments.sum()
 
 
 def midline(
@@ -86,23 +57,24 @@ def midline(
     random bends. Tangents are integrated from curvature, so the line cannot stretch. Then it is
     moved and turned, so the head recoils against the tail as in a fish.
     """
-    s, once, twice = _ripples()
+    points, segments = _mass_shares()
+    ripples = ripple[0] * np.sin(np.pi * _S) + ripple[1] * np.sin(2 * np.pi * _S)
     joint = (
-        amplitude * wave_shape() * np.sin(2 * np.pi * (s / WAVELENGTH - beat))
-        + bend * bend_shape()
-        + (ripple[0] * once + ripple[1] * twice) / SEGMENTS
+        amplitude * _WAVE * np.sin(2 * np.pi * (_S / WAVELENGTH - beat))
+        + bend * _BEND
+        + ripples / SEGMENTS
     )
     angle = np.zeros(SEGMENTS)  # of each segment, pointing to the head
     np.cumsum(joint, out=angle[1:])
     np.negative(angle, out=angle)
-    angle += axis - _segment_weights() @ angle
+    angle += axis - segments @ angle
     line = np.zeros((POINTS, 2))
     np.cumsum(-np.cos(angle) / SEGMENTS, out=line[1:, 0])  # towards the tail, y down
     np.cumsum(np.sin(angle) / SEGMENTS, out=line[1:, 1])
-    return line - mass_weights() @ line + (x, y)
+    return line - points @ line + (x, y)
 
 
-def bend_of(line: Floats) -> float:
+def midline_bend(line: Floats) -> float:
     """Return the signed area between a midline and its chord / length², + for a left bend.
 
     line (k, 2): head to tail, any unit.
@@ -112,7 +84,7 @@ def bend_of(line: Floats) -> float:
     return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
 
 
-def heading_of(line: Floats) -> float:
+def midline_heading(line: Floats) -> float:
     """Return the direction from a third of the midline to the head, degrees in (-180, 180].
 
     line (k, 2): head to tail, y down. 0 is to the right, + anticlockwise on screen.
@@ -124,7 +96,7 @@ def heading_of(line: Floats) -> float:
     return -float((-np.degrees(np.arctan2(-dy, dx)) + 180) % 360 - 180)
 
 
-def curvature_of(line: Floats) -> float:
+def midline_curvature(line: Floats) -> float:
     """Return the midline's direction at the head minus at the tail, degrees, + for left.
 
     line (k, 2): head to tail, y down.

@@ -1,18 +1,36 @@
-"""The motion of all drawn carp in a film, from a seed: poses at every frame.
+"""The motion of all drawn carp in a film, from a seed: C-turns, cruising, gliding, bursts.
 
-Units are those of `drawn.carp.midline`, times in seconds.
+Units are those of `drawn.carp.midline`, times in seconds. A fish is a point (its mass centre) with
+an axis. The axis turns in C-turns (in, hold, out) and the point moves along it: thrust follows the
+tail beat, drag the square of the speed, side-slip dies within a fraction of a second.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.drawn.carp.swimmer import REACH, Room, Swimmer
 
 STEP_S = 0.01  # integration steps are at most this long
+
+# Kinematics of a calm carp: tail amplitude about 0.1 L, one wave on the body, 0.65 L a beat.
+STRIDE = 0.65  # body lengths per beat at full amplitude and steady speed
+DRAG = 0.42  # per body length: glide speed is v0 / (1 + DRAG v0 t)
+SLIP_S = 0.12  # side-slip dies with this time constant
+REACH = 0.66  # no part of a fish is farther than this from its mass centre, however it bends
+FISH_GAP = 0.10  # two fish keep at least this between their hulls
+
+# Least bend and head turn rate that the eye distinguishes from straight swimming.
+VISIBLE_BEND = math.radians(9.0)
+VISIBLE_RATE = math.radians(28.0)
+
+STRAIGHT = ("cruise", "glide", "burst")
+
+Room = tuple[float, float, float, float]
+"""Where mass centres may be: x0, y0, x1, y1."""
 
 
 @dataclass(frozen=True)
@@ -45,30 +63,6 @@ def room_of(width_px: int, height_px: int, body_length_px: float) -> Room:
     )
 
 
-def _places(fish: int, room: Room, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Return starting places, each the farthest from the others of 400 random places."""
-    places: list[tuple[float, float]] = []
-    for _ in range(fish):
-        candidates = np.column_stack(
-            [rng.uniform(room[0], room[2], 400), rng.uniform(room[1], room[3], 400)]
-        )
-        if places:
-            gaps = np.hypot(*(candidates[:, None] - np.array(places)[None]).transpose(2, 0, 1))
-            pick = int(gaps.min(axis=1).argmax())
-        else:
-            pick = 0
-        places.append((float(candidates[pick, 0]), float(candidates[pick, 1])))
-    return places
-
-
-def is_crowded(fish: int, room: Room) -> bool:
-    """Return whether the room is too small for the fish: each needs 2.2 × 2.2 body lengths."""
-    wide, high = room[2] - room[0], room[3] - room[1]
-    if wide < 1.2 or high < 1.2:
-        return True
-    return fish > 1 and fish > (wide + 1.4) * (high + 1.4) / 2.2**2
-
-
 def simulate(
     frames: int, fish: int, room: Room, frame_rate_hz: float, fins: float, rng: np.random.Generator
 ) -> CarpMotion:
@@ -81,7 +75,7 @@ def simulate(
     streams = rng.spawn(fish + 1)
     swimmers = [
         Swimmer(x, y, float(own.uniform(-math.pi, math.pi)), room, fins, own)
-        for (x, y), own in zip(_places(fish, room, streams[-1]), streams[:-1], strict=True)
+        for (x, y), own in zip(_starting_places(fish, room, streams[-1]), streams[:-1], strict=True)
     ]
     others = [[other for other in swimmers if other is not swimmer] for swimmer in swimmers]
     scalar = np.zeros((7, frames, fish))
@@ -98,3 +92,290 @@ def simulate(
                 swimmer.advance(rest, dt)
     x, y, axis, beat, amplitude, bend, kind = scalar
     return CarpMotion(x, y, axis, beat, amplitude, bend, ripple, open_, kind.astype(np.int8))
+
+
+def _starting_places(fish: int, room: Room, rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Return starting places, each the farthest from the others of 400 random places."""
+    places: list[tuple[float, float]] = []
+    for _ in range(fish):
+        x, y = rng.uniform(room[0], room[2], 400), rng.uniform(room[1], room[3], 400)
+        pick = 0
+        if places:
+            gaps = np.hypot(*(np.stack([x, y], axis=1)[:, None] - places).transpose(2, 0, 1))
+            pick = int(gaps.min(axis=1).argmax())
+        places.append((float(x[pick]), float(y[pick])))
+    return places
+
+
+def _smooth(x: float) -> float:
+    """Smoothstep: 0 below 0, 1 above 1, flat at both ends."""
+    x = min(max(x, 0.0), 1.0)
+    return x * x * (3 - 2 * x)
+
+
+def turn_bend(tau: float) -> float:
+    """Return the body's relative bend at the share `tau` (0-1) of a C-turn: 0 to 1 to 0."""
+    return _smooth(tau / 0.36) - _smooth((tau - 0.50) / 0.46)
+
+
+def turn_progress(tau: float) -> float:
+    """Return which share (0-1) of a turn's angle is complete at the share `tau` of its duration."""
+    return _smooth((tau - 0.06) / 0.94)
+
+
+def _free_run(x: float, y: float, angle: float, room: Room) -> float:
+    """Return the distance from (x, y) along `angle` to the edge of the rectangle `room`."""
+    dx, dy = math.cos(angle), -math.sin(angle)
+    run = math.inf
+    for at, step, low, high in ((x, dx, room[0], room[2]), (y, dy, room[1], room[3])):
+        if abs(step) > 1e-9:
+            run = min(run, ((high if step > 0 else low) - at) / step)
+    return max(run, 0.0)
+
+
+class Swimmer:
+    """The state of one fish; `advance` integrates it by one step.
+
+    x, y: mass centre; axis: direction, radians; fins: share of the time in which the pectoral fins
+    are open.
+    """
+
+    def __init__(
+        self, x: float, y: float, axis: float, room: Room, fins: float, rng: np.random.Generator
+    ) -> None:
+        self.x, self.y, self.axis = x, y, axis
+        self.room, self.fins_share, self.rng = room, fins, rng
+        self.speed, self.slip = 0.7, 0.0
+        self.beat, self.rate, self.amplitude = float(rng.random()), 1.6, 0.8
+        self.bend, self.head_lead = 0.0, 0.0
+        self.ripple = [0.0, 0.0]
+        self.drift = 0.0  # slow meander of straight swimming, radians a second
+        self.fins = [0.0, 0.0]
+        self.fins_open = bool(rng.random() < fins)
+        self.fins_remaining_s = self._fin_spell()
+        self.mode, self.remaining_s, self.duration_s = "cruise", 0.0, 1.0
+        self.target_rate, self.target_amplitude = 1.6, 0.8
+        self.angle, self.peak = 0.0, 0.0
+        self.back_s = 0.0  # remaining time of swimming backwards, out of a corner
+        self.rest_s = 0.0  # time until the next turn may begin
+        self.net_turn = 0.0  # decaying sum of recent turns: a fish does not circle one way
+        self.swimming_type, self.turn_over = 0, False
+        self._begin(str(rng.choice(STRAIGHT[:2])))
+
+    def _begin(self, mode: str) -> None:
+        """Begin a mode of straight swimming."""
+        low, high, rates, amplitudes = {
+            "cruise": (1.2, 3.2, (1.3, 2.1), (0.7, 1.0)),
+            "glide": (0.8, 2.0, (0.7, 1.0), (0.05, 0.16)),
+            "burst": (0.5, 1.0, (2.9, 3.7), (1.0, 1.2)),
+        }[mode]
+        self.mode = mode
+        self.remaining_s = self.duration_s = float(self.rng.uniform(low, high))
+        self.target_rate = float(self.rng.uniform(*rates))
+        self.target_amplitude = float(self.rng.uniform(*amplitudes))
+
+    def _begin_turn(self, angle: float) -> None:
+        """Begin a C-turn by `angle`. Wide turns are faster and bend the body more, as in carp."""
+        wide = abs(angle)
+        self.mode, self.angle = "turn", angle
+        self.net_turn = 0.75 * self.net_turn + angle
+        self.duration_s = float((0.36 + 0.76 * wide / math.pi) * self.rng.uniform(0.85, 1.25))
+        self.remaining_s = self.duration_s
+        self.peak = math.copysign(
+            (math.radians(17) + 0.66 * wide) * float(self.rng.uniform(0.85, 1.15)), angle
+        )
+        self.target_rate, self.target_amplitude = 1.2, 0.15
+
+    def _pick_turn(self, others: Sequence["Swimmer"], sharp: bool) -> float | None:
+        """Return the angle of a turn into open water; None if going straight is better."""
+        best, best_angle = -math.inf, None
+        for size in self.rng.uniform(math.radians(30), math.radians(150), 14):
+            for angle in (size, -size):
+                wide = abs(angle)
+                way = 0.5 * self.speed * (0.36 + 0.76 * wide / math.pi)
+                x = self.x + way * (math.cos(self.axis) + math.cos(self.axis + angle)) / 2
+                y = self.y - way * (math.sin(self.axis) + math.sin(self.axis + angle)) / 2
+                run = _free_run(x, y, self.axis + angle, self.room)
+                gap = min((_passing(self, other, angle) for other in others), default=9.0)
+                score = min(run, 3.5) + 1.5 * min(gap, 2.5) + float(self.rng.uniform(0, 1.5))
+                score -= 0.25 * wide if sharp else 0.6 * wide
+                score -= 0.45 * max(self.net_turn * math.copysign(1.0, angle), 0.0)
+                if not sharp and (run < 1.6 or gap < 1.6):
+                    continue
+                if score > best:
+                    best, best_angle = score, angle
+        return best_angle
+
+    def _decide(self, others: Sequence["Swimmer"], dt: float) -> None:
+        """Begin another mode if the present mode ends, or if a wall or a fish is near."""
+        self.remaining_s -= dt
+        self.rest_s -= dt
+        if self.mode == "turn":
+            if self.remaining_s <= 0:
+                self.rest_s = 0.35
+                self._begin("burst" if self.rng.random() < 0.25 else "cruise")
+            return
+        ahead = _free_run(self.x, self.y, self.axis, self.room)
+        roomy = all(_gap(self, other, REACH) > 0 for other in others)
+        if self.rest_s <= 0:
+            threat = min((_passing(self, other, 0.0) for other in others), default=9.0)
+            if ahead < 0.35 + 0.55 * self.speed or threat < 0.95:
+                angle = self._pick_turn(others, sharp=True) if roomy else None
+                if angle is not None:
+                    self._begin_turn(angle)
+                    return
+                if self.speed < 0.35:
+                    self.back_s = 0.5
+        if self.remaining_s <= 0:
+            kind = float(self.rng.random())
+            if self.mode != "glide" and kind < 0.35:
+                self._begin("glide")
+            elif kind < 0.80:
+                angle = self._pick_turn(others, sharp=False) if roomy and self.rest_s <= 0 else None
+                if angle is None:
+                    self._begin("cruise")
+                else:
+                    self._begin_turn(angle)
+            elif kind < 0.92 and ahead > 2.5:
+                self._begin("burst")
+            else:
+                self._begin("cruise")
+
+    def _fin_spell(self) -> float:
+        """Return the time (s) until the pectoral fins open or close; they stay open about 1 s."""
+        share = self.fins_share
+        if share <= 0 or share >= 1:
+            self.fins_open = share >= 1
+            return math.inf
+        mean = 1.3 if self.fins_open else 1.3 * (1 - share) / share
+        return float(mean * self.rng.uniform(0.5, 1.5))
+
+    def advance(self, others: Sequence["Swimmer"], dt: float) -> None:
+        """Advance the fish by `dt` seconds: decide, bend, turn, beat, move; avoid `others`."""
+        self._decide(others, dt)
+        axis = self.axis
+        late = self.mode == "turn" and self.remaining_s < 0.3 * self.duration_s
+        self._turn(dt, late)
+        self._beat_tail(dt, late)
+        self._move(self.axis - axis, others, dt)
+        self._move_fins(dt)
+
+    def _turn(self, dt: float, late: bool) -> None:
+        """Bend the body and turn its axis; `late` means the last part of a turn."""
+        bend, axis = self.bend, self.axis
+        if self.mode == "turn":
+            tau = 1 - max(self.remaining_s, 0.0) / self.duration_s
+            self.bend = self.peak * turn_bend(tau)
+            share = turn_progress(tau) - turn_progress(tau - dt / self.duration_s)
+            self.axis += self.angle * share
+            self.drift = 0.0
+        else:
+            self.bend = 0.0
+            noise = float(self.rng.standard_normal())
+            self.drift += dt * -self.drift / 1.2 + math.radians(6.5) * math.sqrt(dt) * noise
+            self.axis += self.drift * dt
+        swing = (self.axis - axis + 0.35 * (self.bend - bend)) / dt
+        visible = abs(self.bend) > VISIBLE_BEND or abs(swing) > VISIBLE_RATE
+        if self.mode == "turn" and visible and not self.turn_over:
+            self.swimming_type = int(math.copysign(1, self.angle))
+        else:
+            self.swimming_type = 0
+            self.turn_over = late  # from now on the body only straightens
+
+    def _beat_tail(self, dt: float, late: bool) -> None:
+        """Beat the tail; rate and amplitude follow their targets with a delay."""
+        rate, amplitude = (2.2, 0.8) if late else (self.target_rate, self.target_amplitude)
+        self.rate += (rate - self.rate) * dt / 0.18
+        self.amplitude += (amplitude - self.amplitude) * dt / 0.20
+        self.beat += self.rate * dt
+        for i in range(2):
+            noise = float(self.rng.standard_normal())
+            self.ripple[i] += dt * -self.ripple[i] / 0.4 + 0.11 * math.sqrt(dt) * noise
+
+    def _move(self, turn: float, others: Sequence["Swimmer"], dt: float) -> None:
+        """Update speed and place: thrust pulses twice a beat, a bent body and open fins brake."""
+        thrust = DRAG * (STRIDE * self.rate * self.amplitude) ** 2
+        thrust *= 1 + 0.5 * math.sin(4 * math.pi * self.beat)
+        brake = DRAG * (1 + 1.1 * abs(self.bend) + 0.5 * max(self.fins))
+        self.speed += (thrust - brake * self.speed * abs(self.speed)) * dt
+        self.back_s -= dt
+        if self.back_s > 0:  # paddling with the pectoral fins
+            self.speed += (-0.3 - self.speed) * dt / 0.35
+        # The water does not turn with the fish.
+        self.slip += -self.speed * math.sin(turn) - self.slip * dt / SLIP_S
+        vx = self.speed * math.cos(self.axis) - self.slip * math.sin(self.axis)
+        vy = -self.speed * math.sin(self.axis) - self.slip * math.cos(self.axis)
+        safe = self._without_collision(vx, vy, others)
+        if safe != (vx, vy):
+            vx, vy = safe
+            self.speed = vx * math.cos(self.axis) - vy * math.sin(self.axis)
+        self.x += vx * dt
+        self.y += vy * dt
+
+    def _move_fins(self, dt: float) -> None:
+        """Open or close the pectoral fins."""
+        self.fins_remaining_s -= dt
+        if self.fins_remaining_s <= 0:
+            self.fins_open = not self.fins_open
+            self.fins_remaining_s = self._fin_spell()
+        for i, delay_s in enumerate((0.09, 0.11)):
+            target = 1.0 if self.fins_open or (self.back_s > 0 and self.fins_share > 0) else 0.0
+            self.fins[i] += (target - self.fins[i]) * dt / delay_s
+
+    def _without_collision(
+        self, vx: float, vy: float, others: Sequence["Swimmer"]
+    ) -> tuple[float, float]:
+        """Return the velocity without the part towards a near wall or fish.
+
+        The approach is at most the gap per 0.25 s, so the gap never closes. Turns usually avoid a
+        collision before this limit is reached.
+        """
+        x0, y0, x1, y1 = self.room
+        hold = 0.25
+        vx = min(max(vx, (x0 - self.x) / hold), (x1 - self.x) / hold)
+        vy = min(max(vy, (y0 - self.y) / hold), (y1 - self.y) / hold)
+        for other in others:
+            dx, dy = other.x - self.x, other.y - self.y
+            far = math.hypot(dx, dy)
+            # Each of the two may use up half of the gap.
+            allowed = _gap(self, other) / (2 * hold)
+            closing = (vx * dx + vy * dy) / far
+            if closing > allowed:
+                vx -= (closing - allowed) * dx / far
+                vy -= (closing - allowed) * dy / far
+        return vx, vy
+
+
+def _extent(fish: Swimmer, ux: float, uy: float) -> float:
+    """Return the reach of a fish from its mass centre in the direction (ux, uy).
+
+    In a turn it is REACH in every direction, else the reach of a slender hull: head, beating tail,
+    pectoral fins.
+    """
+    if fish.mode == "turn":
+        return REACH
+    along = ux * math.cos(fish.axis) - uy * math.sin(fish.axis)
+    across = math.sqrt(max(1 - along * along, 0.0))
+    return max(0.46 * along, -0.62 * along + 0.15 * across, 0.17 * along + 0.30 * across)
+
+
+def _gap(fish: Swimmer, other: Swimmer, own: float | None = None) -> float:
+    """Return the gap between two hulls, less FISH_GAP; `own` replaces the reach of the first."""
+    dx, dy = other.x - fish.x, other.y - fish.y
+    far = math.hypot(dx, dy)
+    ux, uy = dx / far, dy / far
+    mine = _extent(fish, ux, uy) if own is None else own
+    return far - mine - _extent(other, -ux, -uy) - FISH_GAP
+
+
+def _passing(fish: Swimmer, other: Swimmer, angle: float) -> float:
+    """Return the least distance of two fish within 1.6 s if the first turns by `angle` now."""
+    dx, dy = other.x - fish.x, other.y - fish.y
+    speed = max(fish.speed, 0.5)
+    vx = other.speed * math.cos(other.axis) - speed * math.cos(fish.axis + angle)
+    vy = -other.speed * math.sin(other.axis) + speed * math.sin(fish.axis + angle)
+    v2 = vx * vx + vy * vy
+    when = 0.0 if v2 < 1e-9 else min(max(-(dx * vx + dy * vy) / v2, 0.0), 1.6)
+    if when == 0.0 and angle == 0.0:
+        return 9.0  # already parting
+    return math.hypot(dx + vx * when, dy + vy * when)

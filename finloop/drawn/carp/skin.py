@@ -6,7 +6,6 @@ of the tail; v = distance from the midline in body lengths, + on the fish's left
 
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -68,11 +67,8 @@ class FishColours:
     girth: float  # width of the fish relative to the standard one
 
 
-def cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
-    """Return a random texture (rows, columns) of mean 0 and SD 1.
-
-    It is the sum of noise blurred by each of `sizes` (px).
-    """
+def _cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
+    """Return a random texture of mean 0 and SD 1: the sum of noise blurred by `sizes` (px)."""
     total = np.zeros(shape, np.float32)
     for size in sizes:
         # A coarse grid scaled up looks like a wide blur, and is much faster.
@@ -89,11 +85,13 @@ def cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Gener
 
 
 def _mix(base: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
+    """Return the picture with a colour laid over it, as opaque as `weight` (0-1) says."""
     over = np.asarray(colour, np.float32)
     return np.asarray(base + (over - base) * weight[..., None], np.float32)
 
 
 def _step(x: Image, low: float, high: float) -> Image:
+    """Return a smooth step from 0 where x is below `low` to 1 above `high`."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return np.asarray(t * t * (3 - 2 * t), np.float32)
 
@@ -107,31 +105,66 @@ _COATS = (
 )
 
 
-class _Grid(NamedTuple):
-    """Body coordinates of the pixels of a skin: s (1, columns), v (rows, 1), r = v / half width."""
-
-    s: Image
-    v: Image
-    r: Image
-
-
 def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours:
     """Paint one fish; return the pictures of its skin and fin.
 
     columns: width of the skin picture, px; coat: number of its colours.
     """
-    back, flank, dark, _ = _COATS[coat % len(_COATS)]
+    back, flank, dark, patch = _COATS[coat % len(_COATS)]
     full = SKIN_PER_LENGTH
     rows = int(2 * SKIN_HALF * full)
     s = ((np.arange(full) + 0.5) / full).astype(np.float32)[None, :]
     v = (((np.arange(rows) + 0.5) / rows * 2 - 1) * -SKIN_HALF).astype(np.float32)[:, None]
     width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
-    grid = _Grid(s, v, v / width)
-    skin = _patches(grid, coat, rng)
-    skin *= _scales(grid)[..., None]
-    skin = _head(skin, grid, rng)
-    skin = _back(skin, grid)
-    skin = _eyes(skin, grid)
+    r = v / width
+    shape = r.shape
+    # Back and flanks, with sharp koi-like patches, fewer on the head.
+    skin = np.empty((*shape, 3), np.float32)
+    skin[:] = back
+    skin = _mix(skin, flank, _step(np.abs(r) + 0.12 * _cloud(shape, (30,), rng), 0.35, 0.95))
+    field = _cloud(shape, (70, 34), rng) + 0.10 * _cloud(shape, (5,), rng)
+    body = np.abs(r) < 1
+    level = float(np.quantile(field[body], 0.70))
+    skin = _mix(
+        skin, patch, _step(field, level - 0.08, level + 0.08) * _step(s + 0 * v, 0.05, 0.2) * 0.92
+    )
+    field = _cloud(shape, (46, 22), rng) + 0.12 * _cloud(shape, (5,), rng)
+    level = float(np.quantile(field[body], 0.84))
+    skin = _mix(skin, dark, _step(field, level - 0.09, level + 0.09) * 0.85)
+    # Scales: staggered arcs behind the head, each with a soft light.
+    size = 0.026
+    lane = np.floor(v / (size * 0.5))
+    cell = np.mod(s / size + 0.5 * np.mod(lane, 2), 1.0) - 0.5
+    across = np.mod(v / (size * 0.5), 1.0) - 0.5
+    net = _step(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
+    scaled = _step(s, 0.20, 0.27) * (1 - _step(s, 0.84, 0.90))
+    skin *= (1 + scaled * (0.12 - 0.34 * net))[..., None]
+    # Bony plates of the head, gill covers, nostrils and mouth.
+    head = 1 - _step(s, 0.18, 0.25)
+    skin *= (1 + head * 0.07 * _cloud(shape, (16, 7), rng))[..., None]
+    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _step(np.abs(r), 0.25, 0.6)
+    skin *= (1 - 0.45 * gill)[..., None]
+    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _step(1 - np.abs(r), 0.1, 0.6)
+    skin *= (1 + 0.10 * plate)[..., None]
+    for side in (-1, 1):
+        nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
+        skin *= (1 - 0.5 * nostril)[..., None]
+    skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
+    # The folded dorsal fin, its shade, and the roundness of the body.
+    spine = 0.0016 * np.sin(s * 40) * _step(s, 0.3, 0.5)
+    dorsal = _step(s, 0.36, 0.41) * (1 - _step(s, 0.66, 0.74))
+    skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
+    skin *= (1 + 0.35 * dorsal * np.exp(-(((v - spine - 0.009) / 0.004) ** 2)))[..., None]
+    rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
+    trunk = 1 - _step(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
+    skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
+    # Eyes at the sides of the head: dark, with a pale rim and a glint.
+    for side in (-1, 1):
+        far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
+        skin = _mix(skin, (150, 132, 84), (1 - _step(far, 0.0125, 0.0160)) * 0.7)
+        skin = _mix(skin, (12, 12, 12), 1 - _step(far, 0.0090, 0.0118))
+        glint = np.hypot(s - 0.0845, v - side * 0.0515)
+        skin = _mix(skin, (170, 172, 168), (1 - _step(glint, 0.0012, 0.0036)) * 0.8)
     # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
     blade = _step(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
     tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
@@ -147,78 +180,6 @@ def paint_fish(rng: np.random.Generator, columns: int, coat: int) -> FishColours
     return FishColours(np.ascontiguousarray(small, np.float32), fin, 1.0)
 
 
-def _patches(grid: _Grid, coat: int, rng: np.random.Generator) -> Image:
-    """Return the colours of back and flanks, with sharp koi-like patches, fewer on the head."""
-    back, flank, dark, patch = _COATS[coat % len(_COATS)]
-    s, v, r = grid
-    shape = r.shape
-    skin = np.empty((*shape, 3), np.float32)
-    skin[:] = back
-    skin = _mix(skin, flank, _step(np.abs(r) + 0.12 * cloud(shape, (30,), rng), 0.35, 0.95))
-    field = cloud(shape, (70, 34), rng) + 0.10 * cloud(shape, (5,), rng)
-    body = np.abs(r) < 1
-    level = float(np.quantile(field[body], 0.70))
-    skin = _mix(
-        skin, patch, _step(field, level - 0.08, level + 0.08) * _step(s + 0 * v, 0.05, 0.2) * 0.92
-    )
-    field = cloud(shape, (46, 22), rng) + 0.12 * cloud(shape, (5,), rng)
-    level = float(np.quantile(field[body], 0.84))
-    return _mix(skin, dark, _step(field, level - 0.09, level + 0.09) * 0.85)
-
-
-def _scales(grid: _Grid) -> Image:
-    """Return the shading of the scales: staggered arcs behind the head, each with a soft light."""
-    s, v, _ = grid
-    size = 0.026
-    lane = np.floor(v / (size * 0.5))
-    cell = np.mod(s / size + 0.5 * np.mod(lane, 2), 1.0) - 0.5
-    across = np.mod(v / (size * 0.5), 1.0) - 0.5
-    net = _step(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
-    scaled = _step(s, 0.20, 0.27) * (1 - _step(s, 0.84, 0.90))
-    return 1 + scaled * (0.12 - 0.34 * net)
-
-
-def _head(skin: Image, grid: _Grid, rng: np.random.Generator) -> Image:
-    """Add bony plates, gill covers, nostrils and mouth to the skin."""
-    s, v, r = grid
-    head = 1 - _step(s, 0.18, 0.25)
-    skin *= (1 + head * 0.07 * cloud(r.shape, (16, 7), rng))[..., None]
-    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _step(np.abs(r), 0.25, 0.6)
-    skin *= (1 - 0.45 * gill)[..., None]
-    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _step(1 - np.abs(r), 0.1, 0.6)
-    skin *= (1 + 0.10 * plate)[..., None]
-    for side in (-1, 1):
-        nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
-        skin *= (1 - 0.5 * nostril)[..., None]
-    skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
-    return skin
-
-
-def _back(skin: Image, grid: _Grid) -> Image:
-    """Add the folded dorsal fin, its shade, and the roundness of the body to the skin."""
-    s, v, r = grid
-    spine = 0.0016 * np.sin(s * 40) * _step(s, 0.3, 0.5)
-    dorsal = _step(s, 0.36, 0.41) * (1 - _step(s, 0.66, 0.74))
-    skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
-    skin *= (1 + 0.35 * dorsal * np.exp(-(((v - spine - 0.009) / 0.004) ** 2)))[..., None]
-    rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
-    trunk = 1 - _step(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
-    skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
-    return skin
-
-
-def _eyes(skin: Image, grid: _Grid) -> Image:
-    """Add eyes at the sides of the head to the skin: dark, with a pale rim and a glint."""
-    s, v, _ = grid
-    for side in (-1, 1):
-        far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
-        skin = _mix(skin, (150, 132, 84), (1 - _step(far, 0.0125, 0.0160)) * 0.7)
-        skin = _mix(skin, (12, 12, 12), 1 - _step(far, 0.0090, 0.0118))
-        glint = np.hypot(s - 0.0845, v - side * 0.0515)
-        skin = _mix(skin, (170, 172, 168), (1 - _step(glint, 0.0012, 0.0036)) * 0.8)
-    return skin
-
-
 def _fin(
     rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
     dark: tuple[float, ...],
@@ -232,7 +193,7 @@ def _fin(
     middle = -0.05 * along
     inside = 1 - _step(np.abs(across - middle) - half, -0.012, 0.012)
     angle = np.arctan2(across, along + 0.12)
-    rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * cloud((size, size), (40,), rng))
+    rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * _cloud((size, size), (40,), rng))
     opaque = (0.74 - 0.32 * along) * (0.72 + 0.28 * rays)
     lead = np.exp(-(((across - middle + half) / 0.035) ** 2))
     opaque = np.clip(opaque + 0.3 * lead, 0, 0.92)
@@ -250,9 +211,9 @@ def _fin(
 def floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
     """Paint the empty tank, (height, width, 3) RGB: sand, pebbles, light pools, walls."""
     shape = (height_px, width_px)
-    grey = 172 + 5.5 * cloud(shape, (0.7, 1.3), rng) + 2.6 * cloud(shape, (5, 9), rng)
-    grey += 4.0 * cloud(shape, (60, 130), rng)
-    warm = 0.8 * cloud(shape, (12, 40), rng)
+    grey = 172 + 5.5 * _cloud(shape, (0.7, 1.3), rng) + 2.6 * _cloud(shape, (5, 9), rng)
+    grey += 4.0 * _cloud(shape, (60, 130), rng)
+    warm = 0.8 * _cloud(shape, (12, 40), rng)
     stones = _pebbles(width_px, height_px, rng)
     grey += stones
     picture = np.dstack([grey * 1.035 + warm, grey * 1.0, grey * 0.90 - 1.5 * warm])

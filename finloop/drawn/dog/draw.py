@@ -5,7 +5,6 @@ Flat colours on a meadow that passes by. The near limbs are paler than everythin
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -21,19 +20,14 @@ BLUR_PX = 0.6
 NEAR, FAR, COAT, DARK = (246, 232, 204), (118, 84, 62), (168, 108, 58), (98, 58, 34)
 COLLAR, INK, SHADE = (186, 44, 52), (36, 26, 24), (98, 142, 76)
 SKY, HILL, MEADOW, TUFT = (164, 204, 232), (128, 176, 136), (118, 164, 88), (84, 132, 66)
+COLLAR_CORNERS = np.array([[0.545, -1.115], [0.60, -1.19], [0.845, -1.03], [0.815, -0.955]])
 PALETTE = (NEAR, FAR, COAT, DARK, COLLAR, INK, SHADE, SKY, HILL, MEADOW, TUFT)
 
 
-@dataclass(frozen=True)
-class Scenery:
-    """Objects on the meadow behind the dog, one a row."""
-
-    tufts: Floats  # x [px], y [share of the meadow's depth], size [px]
-    hills: Floats  # x, height [px]
-
-
-def scenery(dog: DogFilm, rng: np.random.Generator) -> Scenery:
-    """Return random tufts and hills along the dog's whole track."""
+def film(dog: DogFilm) -> Iterator[Picture]:
+    """Stream the frames of the dog's film, (height, width, 3) RGB, uint8."""
+    rng = np.random.default_rng(dog.seed)
+    # Tufts on the meadow along the dog's whole track: x [px], y [share of its depth], size [px].
     far = dog.width_px + camera_px(dog)[-1]
     count = int(far / 26) + 4
     tufts = np.column_stack(
@@ -41,31 +35,27 @@ def scenery(dog: DogFilm, rng: np.random.Generator) -> Scenery:
     )
     tufts = tufts[np.argsort(tufts[:, 1])]
     steps = np.arange(-1, far / 130 + 2)
-    hills = np.column_stack(
+    hills = np.column_stack(  # x, height [px]
         [130 * steps + rng.uniform(-30, 30, len(steps)), rng.uniform(24, 60, len(steps))]
     )
-    return Scenery(tufts, hills)
-
-
-def film(dog: DogFilm) -> Iterator[Picture]:
-    """Stream the frames of the dog's film, (height, width, 3) RGB, uint8."""
-    rng = np.random.default_rng(dog.seed)
-    ground = scenery(dog, rng)
     for frame in range(dog.frames):
-        picture = cv2.GaussianBlur(_paint(dog, frame, ground), (0, 0), BLUR_PX).astype(np.float32)
+        picture = cv2.GaussianBlur(_paint(dog, frame, tufts, hills), (0, 0), BLUR_PX).astype(
+            np.float32
+        )
         grain = rng.standard_normal(picture.shape[:2], np.float32) * dog.noise
         yield np.clip(np.rint(picture + grain[..., None]), 0, 255).astype(np.uint8)
 
 
-def _paint(dog: DogFilm, frame: int, ground: Scenery) -> Picture:
+def _paint(dog: DogFilm, frame: int, tufts: Floats, hills: Floats) -> Picture:
+    """Return a frame without noise: the meadow, the dog's shadow and its parts, far to near."""
     picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
     origin, camera = course_px(dog)[frame], camera_px(dog)[frame]
     horizon = round(origin[1] - 0.42 * dog.trunk_px)
     picture[:horizon], picture[horizon:] = SKY, MEADOW
-    for x, height in ground.hills:
+    for x, height in hills:
         centre = (round(x - 0.3 * camera), horizon)
         cv2.ellipse(picture, centre, (110, round(height)), 0, 180, 360, HILL, -1, cv2.LINE_AA)
-    for x, deep, size in ground.tufts:
+    for x, deep, size in tufts:
         y = horizon + deep * (dog.height_px - horizon)
         root = np.array([x - camera, y])
         for lean in (-0.6, 0.0, 0.6):
@@ -86,30 +76,23 @@ def _paint(dog: DogFilm, frame: int, ground: Scenery) -> Picture:
         ("hind_right", NEAR),
         ("fore_right", NEAR),
     ):
-        _fill(picture, origin + _part(dog, phase, part), colour)
+        contour = (
+            limb(dog, part, np.array(phase), POINTS)
+            if isinstance(part, str)
+            else trunk(dog, phase, part, POINTS)
+        )
+        _fill(picture, origin + contour, colour)
         if part == BODY:
-            _fill(picture, origin + _collar(dog, phase), COLLAR)
+            bob = contour[0] - trunk(dog, 0.0, BODY, POINTS)[0]
+            _fill(picture, origin + dog.trunk_px * COLLAR_CORNERS + bob, COLLAR)
     for place, size in ((EYE, 0.020), (NOSE, 0.030)):
         ring = size * dog.trunk_px * np.column_stack([np.cos(angle), np.sin(angle)])
         _fill(picture, origin + spot(dog, phase, place) + ring, INK)
     return picture
 
 
-def _part(dog: DogFilm, phase: float, part: str | tuple[tuple[float, float], ...]) -> Floats:
-    """Return the contour of a part, by its limb's id or its nodes, in the body frame, px."""
-    if isinstance(part, str):
-        return limb(dog, part, np.array(phase), POINTS)
-    return trunk(dog, phase, part, POINTS)
-
-
-def _collar(dog: DogFilm, phase: float) -> Floats:
-    """Return the outline of the collar in the body frame, px."""
-    corners = np.array([[0.545, -1.115], [0.60, -1.19], [0.845, -1.03], [0.815, -0.955]])
-    bob = trunk(dog, phase, BODY, POINTS)[0] - trunk(dog, 0.0, BODY, POINTS)[0]
-    return dog.trunk_px * corners + bob
-
-
 def _fill(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
+    """Fill a polygon (n, 2) px of the picture with a colour, to 1 / 2^SUBPIXEL of a pixel."""
     nodes = np.rint(points * (1 << SUBPIXEL)).astype(np.int32)
     cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
 

@@ -98,7 +98,7 @@ def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
 
 
 @cache
-def skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
+def _skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
     """Return a limb's outline (n, 2) at rest, and the weights (n, 4) of its bones at each point."""
     outline, joints = smooth(shape.outline, n), np.array(shape.joints)
     along = np.diff(joints, axis=0)
@@ -139,7 +139,7 @@ def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
     at_rest = np.arctan2(straight[:, 1], straight[:, 0])
     turns = np.stack([upper - at_rest[0], shank - at_rest[1], pastern, paw], axis=-1)
     heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
-    outline, share = skin(shape, n)
+    outline, share = _skin(shape, n)
     local = (outline[:, None] - rest[:4]) @ [1, 1j]  # (n, 4)
     joints = heads @ np.array([1, 1j])  # (…, 4)
     points = np.einsum("nb,...nb->...n", share, local * np.exp(1j * turns)[..., None, :])

@@ -155,18 +155,12 @@ def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
 
 
 def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
-    """Return the contour (n, 2) of body, head, ear or tail at a phase, in the body frame, px.
-
-    nodes: BODY, HEAD, EAR or TAIL.
-    """
+    """Return the contour (n, 2) px of BODY, HEAD, EAR or TAIL (`nodes`) in the body frame."""
     return dog.trunk_px * (_rotate_part(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
 
 
 def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
-    """Return where the eye or the nose is at a phase, (2,) px in the body frame.
-
-    place: EYE or NOSE.
-    """
+    """Return where the EYE or the NOSE (`place`) is at a phase, (2,) px in the body frame."""
     return dog.trunk_px * (_rotate_part(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
 
 
@@ -202,8 +196,3 @@ def camera_px(dog: DogFilm) -> Floats:
 def truth(dog: DogFilm, n: int) -> dict[str, Floats]:
     """Return the exact contours (frames, n, 2) of all limbs by id, in the body frame, px."""
     return {name: limb(dog, name, phases(dog), n) for name in NAMES}
-
-
-def support(name: str) -> tuple[tuple[float, float], ...]:
-    """Return the spans of phase (from, to), in cycles, in which a limb's foot is on the ground."""
-    return ((0.5, 1.0),) if name in FIRST else ((0.0, 0.5),)
