@@ -12,8 +12,14 @@ from finloop.base.settings import settings
 from finloop.distance.picture import FILM, SPAN, distance, picture
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.pictures import Pictures, draw_edit, drawn_steps, film_next, seams, without_ghosts
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.pictures import (
+    Pictures,
+    draw_edit,
+    drawn_steps,
+    measure_discontinuities,
+    without_ghosts,
+)
+from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, film_poses
@@ -239,9 +245,9 @@ def test_natural_play_has_no_seam_however_it_is_turned(pictures):
     heading = pictures.reel.features["heading_deg"].to_numpy()
     for rot in (0.0, 77.0, -140.0):
         edit = edit_of(pictures, *((FRAME, row, heading[row] + rot) for row in range(8)))
-        assert [len(part) for part in seams(edit, pictures)] == [0, 0]
+        assert [len(part) for part in measure_discontinuities(edit, pictures)] == [0, 0]
     edit = edit_of(pictures, *((SPRITE, number, 0.0) for number in (0, 1, 2)))
-    assert len(seams(edit, pictures)[0]) == 0
+    assert len(measure_discontinuities(edit, pictures)[0]) == 0
 
 
 @pytest.mark.parametrize("rot", [0.0, 90.0, 33.0])
@@ -250,7 +256,7 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
     headings = [rot, rot + 10, rot + 20, rot + 30, rot + 25]
     rows = [0, 1, 2, 10, 11]
     edit = edit_of(pictures, *((FRAME, row, h) for row, h in zip(rows, headings, strict=True)))
-    found, ticks = seams(edit, pictures)
+    found, ticks = measure_discontinuities(edit, pictures)
     assert list(ticks) == [3]
     ahead = [
         picture(pictures.reel.film[row], pictures.reel.features.iloc[row], LENGTH, SIZE, -angle)
@@ -258,29 +264,30 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)
     fade = add_fade(edit, 3, edit.loc[2], 0.5)
-    assert seams(fade, pictures)[0] == pytest.approx(found)  # without its cross-fade
+    assert measure_discontinuities(fade, pictures)[0] == pytest.approx(
+        found
+    )  # without its cross-fade
     askew = edit.assign(
         rotation_deg=edit["rotation_deg"] + [0, 0, 0, 40, 40],
         heading_deg=edit["heading_deg"] + [0, 0, 0, 40, 40],
     )
-    assert seams(askew, pictures)[0][0] > 2 * found[0]
+    assert measure_discontinuities(askew, pictures)[0][0] > 2 * found[0]
 
 
 def test_a_frame_without_a_next_one_is_held_against_itself(pictures):
     edit = edit_of(pictures, (FRAME, 7, 70.0), (FRAME, 7, 70.0))
-    found, ticks = seams(edit, pictures)
+    found, ticks = measure_discontinuities(edit, pictures)
     assert list(ticks) == [1] and found == pytest.approx(0)
 
 
 def test_a_picture_that_is_held_has_one_seam(pictures):
     edit = edit_of(pictures, *((SPRITE, number, 0.0) for number in (0, 1, 1, 1, 1, 2)))
-    assert list(seams(edit, pictures)[1]) == [2]
+    assert list(measure_discontinuities(edit, pictures)[1]) == [2]
 
 
 def test_a_jump_of_sprites_is_what_the_film_does_not_show(pictures):
-    assert list(film_next(pictures.reel.sprites)) == [1, 2, -1, 4, -1]
     edit = edit_of(pictures, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
-    found, ticks = seams(edit, pictures)
+    found, ticks = measure_discontinuities(edit, pictures)
     pose = distance(pictures.sprite_successors, pictures.right_facing_sprites)
     assert list(ticks) == [3, 4, 6]
     assert found == pytest.approx([pose[2, 0], pose[0, 0], pose[1, 3]], rel=1e-5)
@@ -289,16 +296,16 @@ def test_a_jump_of_sprites_is_what_the_film_does_not_show(pictures):
 def test_a_switch_between_sprite_and_frame_is_a_jump(pictures):
     # Sprite 0 is row 0: after it comes row 1, whichever way it is drawn.
     natural = edit_of(pictures, (SPRITE, 0, 40.0), (FRAME, 1, 40.0))
-    found, ticks = seams(natural, pictures)
+    found, ticks = measure_discontinuities(natural, pictures)
     assert list(ticks) == [1]
     wrong = edit_of(pictures, (SPRITE, 0, 40.0), (FRAME, 8, 40.0))
-    assert found[0] < 0.3 * seams(wrong, pictures)[0][0]
+    assert found[0] < 0.3 * measure_discontinuities(wrong, pictures)[0][0]
     # And after row 0, drawn at 40°, comes row 1 at 50°: sprite 1.
     natural = edit_of(pictures, (FRAME, 0, 40.0), (SPRITE, 1, 50.0))
-    found, ticks = seams(natural, pictures)
+    found, ticks = measure_discontinuities(natural, pictures)
     assert list(ticks) == [1]
     wrong = edit_of(pictures, (FRAME, 0, 40.0), (SPRITE, 1, 90.0))
-    assert found[0] < 0.3 * seams(wrong, pictures)[0][0]
+    assert found[0] < 0.3 * measure_discontinuities(wrong, pictures)[0][0]
 
 
 # --- poses
@@ -308,7 +315,7 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
     """The edit list, every tick posed as it was filmed."""
     edit = edit.copy()
     for tick, row in enumerate(edit.itertuples()):
-        body = shown.bodies.edit_row_body(*row[1:5], row.mirrored)
+        body = shown.bodies.edit_row_body(row_picture(row))
         edit.at[tick, "pose"] = shown.bodies.codes(body)
     return edit
 
@@ -320,7 +327,7 @@ def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
         draw_edit(edit, pictures), draw_edit(in_own_pose(edit, pictures), pictures), strict=True
     ):
         assert np.abs(one - posed).max() < 0.02
-    assert len(seams(in_own_pose(edit, pictures), pictures)[0]) == 4
+    assert len(measure_discontinuities(in_own_pose(edit, pictures), pictures)[0]) == 4
 
 
 def test_a_sprite_in_its_own_pose_is_its_row_turned(pictures):
@@ -341,8 +348,8 @@ def test_a_mirrored_picture_is_mirrored_about_its_heading(pictures):
 
 
 def test_what_joins_help_is_seen_in_the_pictures(pictures):
-    assert not pictures.helps(0, 0, False, False)
-    assert pictures.helps is pictures.helps
+    assert not pictures.bending_helps(0, 0, False, False)
+    assert pictures.bending_helps is pictures.bending_helps
 
 
 # --- ghosts

@@ -22,7 +22,7 @@ from finloop.animate.shoal import play
 from finloop.base.settings import settings
 from finloop.edit.joins import Joins, PictureSequence, inertialize, joins, sum_past
 from finloop.edit.modes import MODES
-from finloop.edit.schema import CUT, FADE, FRAME, INERTIAL, SPRITE, Goal
+from finloop.edit.schema import CUT, FADE, FRAME, INERTIAL, SPRITE, Goal, row_picture
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0
@@ -97,7 +97,7 @@ def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
 
 def test_a_posture_that_says_little_is_left_as_it_is():
     shown = frames((10, 30), (310, 40))
-    found = inertialize_shown(shown, replace(HOW, bodies=FREE, helps=lambda *_: False))
+    found = inertialize_shown(shown, replace(HOW, bodies=FREE, bending_helps=lambda *_: False))
     assert found.posed.any()
     assert np.allclose(found.codes, BODIES.codes(shown_bodies(shown)), atol=1e-6)
     assert np.allclose(found.turn_deg, inertialize_shown(shown, replace(HOW, bodies=FREE)).turn_deg)
@@ -214,10 +214,9 @@ def test_sprites_and_frames_join_alike():
     assert set(kind[calm]) == {SPRITE, FRAME}
     for tick in calm:
         bodies = [
-            BODIES.edit_row_body(row.kind, row.source, 0 if row.kind == "frame" else row.orientation,
-                         row.rotation_deg, row.mirrored)
+            BODIES.edit_row_body(row_picture(row))
             for row in edit.iloc[tick - 1 : tick + 1].itertuples()
-        ]  # fmt: skip
+        ]
         assert abs(wrap_deg(bodies[1].heading_deg - bodies[0].heading_deg)) < 30  # two orientations
 
 
@@ -232,7 +231,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
         p = settings("animate", **changes)
-        return joins(p, INERTIAL, film, DELTA, HOW.helps).decay / RATE
+        return joins(p, INERTIAL, film, DELTA, HOW.bending_helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     monkeypatch.setattr(AnimateSettings, "join_frames", 3)
@@ -242,7 +241,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     assert decay(0.01) == pytest.approx(6 / RATE)
     assert decay(9.0) == pytest.approx(0.4)
     assert decay(0.25, join_time_deltas=4.0) == pytest.approx(0.8)
-    assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.helps).fade == 0
+    assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.bending_helps).fade == 0
 
 
 def test_what_is_left_of_jumps_is_what_a_filter_leaves():

@@ -19,8 +19,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes
 from finloop.base.settings import settings
 from finloop.base.stretches import sample_stretches, spread_rows
-from finloop.edit.filmed import as_filmed
-from finloop.edit.schema import EDIT, SPRITE
+from finloop.edit.schema import EDIT, SPRITE, filmed_edit_list
 from finloop.extract.background import Scene
 from finloop.extract.film import Detector
 from finloop.extract.table import SceneFacts
@@ -384,7 +383,7 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
 def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     features = load_table(carp / "data/features/features.parquet", FEATURES)
     places = features[["x_px", "y_px"]].to_numpy()
-    edit = as_filmed(np.arange(len(features)), places)
+    edit = filmed_edit_list(np.arange(len(features)), places)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = instrument_of(carp).measure(place_rows(edit, gallery))
@@ -406,7 +405,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     filmed = first[["x_px", "y_px"]].to_numpy()
     about = (filmed - filmed.mean(0)) * size
     places = about + np.array(one.tank.shape[1::-1]) / 2
-    edit = as_filmed(np.arange(len(first)), places).assign(scale=size)
+    edit = filmed_edit_list(np.arange(len(first)), places).assign(scale=size)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = drawn.measure(place_rows(drawn.through_lens(edit), gallery))
@@ -426,11 +425,11 @@ def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
 
 
 def test_the_film_as_an_edit_list_fits_the_schema(tmp_path):
-    save_table(tmp_path / "film.parquet", as_filmed(np.arange(3), np.ones((3, 2))), EDIT)
+    save_table(tmp_path / "film.parquet", filmed_edit_list(np.arange(3), np.ones((3, 2))), EDIT)
 
 
 def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them():
-    edit = as_filmed(np.arange(5, 9), np.ones((4, 2)))
+    edit = filmed_edit_list(np.arange(5, 9), np.ones((4, 2)))
     edit.loc[1, "mode"] = "network"
     edit.loc[2, "kind"] = SPRITE
     table = fish(0, 4 / RATE)
@@ -473,7 +472,7 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
 
 
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
-    works = {"film": [], "network": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
+    works = {"film": [], "network": [(filmed_edit_list(np.arange(3), np.ones((3, 2))), ())]}
     monkeypatch.setattr(
         stages.realism, "measure_list", lambda *_: pd.DataFrame(columns=FEATURES.names)
     )

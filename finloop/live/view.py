@@ -13,9 +13,9 @@ import numpy as np
 
 from finloop.animate.kinematics import rotate
 from finloop.base.errors import FinloopError
-from finloop.edit.explain import in_words
 from finloop.edit.modes import MODES
 from finloop.edit.schema import VERDICTS
+from finloop.edit.stretch import describe_decision
 from finloop.live import message
 from finloop.live.choice import DecisionRecord, PathTask, RuleTask
 from finloop.live.tank import LiveTank
@@ -217,7 +217,7 @@ class View:
         ways = [] if options is None else _rank_candidates(options)
         return {
             "tick": choice.tick, "mode": choice.mode,
-            "why": in_words(stretch.decision, choice.name, stretch.area),
+            "why": describe_decision(stretch.decision, choice.name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
             "aim": [round(part, 1) for part in stretch.aim[:2]],
             "planned": plan.tick,

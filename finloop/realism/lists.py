@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.stretches import sample_stretches
-from finloop.edit.filmed import as_filmed
-from finloop.edit.schema import by_fish
+from finloop.edit.schema import by_fish, filmed_edit_list
 
 Work = tuple[pd.DataFrame, Sequence[int]]
 """An edit list, and its ticks at which another fish begins."""
@@ -33,6 +32,6 @@ def film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list
         if sum(map(len, rows)) >= longest or part is parts[-1]:
             every = np.concatenate(rows)
             cuts = np.cumsum([len(piece) for piece in rows])[:-1].tolist()
-            works.append((as_filmed(every, places[every]), cuts))
+            works.append((filmed_edit_list(every, places[every]), cuts))
             rows = []
     return works

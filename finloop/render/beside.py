@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Picture
-from finloop.edit.filmed import as_filmed
 from finloop.edit.measures import picture_kinds
+from finloop.edit.schema import filmed_edit_list
 from finloop.render.gallery import Gallery, place_rows
 from finloop.render.marks import COLOURS, rgb, write
 from finloop.render.painter import Painter
@@ -30,7 +30,7 @@ def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
         if sum(map(len, rows)) >= ticks:
             break
     every = np.concatenate(rows)[:ticks]
-    return as_filmed(every, places[every])
+    return filmed_edit_list(every, places[every])
 
 
 def draw_beside(

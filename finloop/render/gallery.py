@@ -1,7 +1,7 @@
 """The pictures that an edit list names, and what its rows draw."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -13,8 +13,8 @@ from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutouts
 from finloop.base.errors import FinloopError
 from finloop.distance.reel import sprite_row
-from finloop.edit.bodies import Bodies, Body
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.bodies import Bodies
+from finloop.edit.schema import FRAME, SPRITE, RowPicture, row_partner, row_picture
 from finloop.features.table import orientations_of
 from finloop.puppet import PlacedBackbone
 from finloop.render.painter import Bent, Picture, Placed, Turned, picture
@@ -88,39 +88,30 @@ class Gallery:
 
         row: has the names of the list's columns.
         """
-        own = row.kind, row.source, row.orientation, row.rotation_deg
-        partner = None
-        if row.weight > 0:
-            partner = (
-                row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
-            )  # fmt: skip
+        names = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
         if row.pose is None:
-            fish: Turned | Bent = self.rotate_picture(*own, row.scale, row.mirrored)
-            other: Turned | Bent | None = partner and self.rotate_picture(
-                *partner, row.partner_scale, row.partner_mirrored
-            )
+            drawn: list[Turned] | list[Bent] = [self.rotate_picture(*name) for name in names]
         else:
-            assert self.bodies is not None
-            body = self.bodies.edit_row_body(*own, row.mirrored)
-            pose = self.bodies.poses.pose_from_codes(int(body.row), row.pose)
-            heading, size = math.radians(body.heading_deg), float(pose.size_px) * row.scale
-            fish = self._bend_body(body, pose.posture, heading, size)
-            other = partner and self._bend_body(
-                self.bodies.edit_row_body(*partner, row.partner_mirrored),
-                pose.posture,
-                heading,
-                size,
-            )
-        return Placed(row.x_px, row.y_px, fish, other, row.weight)
-
-    def _bend_body(self, body: Body, posture: Floats, heading_rad: float, size_px: float) -> Bent:
-        assert self.bodies is not None
-        row = int(body.row)
-        own, film = self.bodies.poses.pose[row], self.frame(row)
-        source = PlacedBackbone(
-            film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture
+            drawn = self._bend_bodies(names, row.pose)
+        return Placed(
+            row.x_px, row.y_px, drawn[0], drawn[1] if len(drawn) > 1 else None, row.weight
         )
-        return Bent(film, source, posture, heading_rad, size_px, bool(body.mirrored))
+
+    def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[Bent]:
+        """Return pictures bent into one pose, with the heading and the size of the first."""
+        assert self.bodies is not None
+        poses, shown = self.bodies.poses, [self.bodies.edit_row_body(name) for name in names]
+        target = poses.pose_from_codes(int(shown[0].row), codes)
+        heading = math.radians(shown[0].heading_deg)
+        size_px, drawn = float(target.size_px) * names[0].scale, []
+        for body in shown:
+            own, film = poses.pose[int(body.row)], self.frame(int(body.row))
+            source = PlacedBackbone(
+                film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture
+            )
+            mirrored = bool(body.mirrored)
+            drawn.append(Bent(film, source, target.posture, heading, size_px, mirrored))
+        return drawn
 
 
 def shelves(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.edit.bodies import Bodies
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.head import tail_first
 from finloop.features.table import direction_deg, orientations_of
 
@@ -128,9 +128,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     The film's backbone is changed by the difference between the backbones of that pose and of the
     row's own posture, at the same arc length.
     """
-    body = bodies.edit_row_body(
-        row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored
-    )
+    body = bodies.edit_row_body(row_picture(row))
     number, side = int(body.row), -1 if body.mirrored else 1
     own = bodies.poses.pose[number].move_to(0, 0, 0, bodies.poses.pose.size_px[number])
     new = bodies.poses.pose_from_codes(number, row.pose).move_to(0, 0, 0, own.size_px)
