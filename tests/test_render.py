@@ -48,7 +48,6 @@ from finloop.plots.render import (
 )
 from finloop.puppet import PlacedBackbone
 from finloop.render.gallery import Gallery, Shelf, frames, place_rows
-from finloop.render.lay import _sample
 from finloop.render.marks import (
     COLOURS,
     MarkPainter,
@@ -57,7 +56,17 @@ from finloop.render.marks import (
     rgb,
     tick_categories,
 )
-from finloop.render.painter import Bent, Box, Painter, Picture, Placed, Shadow, Turned, picture
+from finloop.render.painter import (
+    Bent,
+    Box,
+    Painter,
+    Picture,
+    Placed,
+    Shadow,
+    Turned,
+    _sample,
+    picture,
+)
 from finloop.render.steps import FrameChangeMeter, film_steps, step_metrics
 from finloop.sprites.orient import SPRITES
 

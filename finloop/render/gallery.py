@@ -70,32 +70,24 @@ class Gallery:
     ) -> Turned:  # fmt: skip
         """Return a frame, or a sprite in an orientation, as it is drawn: turned and scaled.
 
-        kind: FRAME or SPRITE; source: row of the film, or number of the sprite; orientation: 1 … n,
-        used of a sprite only; rotation_deg: anticlockwise.
+        The arguments are the fields of `RowPicture`.
         """
         if kind != FRAME:
-            one = self.picture(kind, source, int(orientation), False)
-        elif mirrored:
+            return Turned(self.picture(kind, source, int(orientation), False), rotation_deg, scale)
+        if mirrored:
             assert self.bodies is not None
-            one = self.frame(source, mirrored=True)
             rotation_deg += 2 * self.bodies.heading_deg[source] - 180
-        else:
-            one = self.frame(source)
-        return Turned(one, rotation_deg, scale)
+        return Turned(self.frame(source, mirrored), rotation_deg, scale)
 
     def place(self, row: Any) -> Placed:
-        """Return the fish and its partner that a row of an edit list draws, and where.
-
-        row: has the names of the list's columns.
-        """
+        """Return the fish and its partner that a row of an edit list, a named tuple, draws."""
         names = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
         if row.pose is None:
             drawn: list[Turned] | list[Bent] = [self.rotate_picture(*name) for name in names]
         else:
             drawn = self._bend_bodies(names, row.pose)
-        return Placed(
-            row.x_px, row.y_px, drawn[0], drawn[1] if len(drawn) > 1 else None, row.weight
-        )
+        partner = drawn[1] if row.weight > 0 else None
+        return Placed(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
     def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[Bent]:
         """Return pictures bent into one pose, with the heading and the size of the first."""
@@ -119,8 +111,8 @@ def shelves(
 ) -> dict[str, Shelf]:
     """Return a shelf by kind, FRAME or SPRITE: a store with the mass centres of its pictures.
 
-    stores: by kind; tracks: x_px, y_px of every cut-out; table: the same and orientations of every
-    sprite, None without sprites. FinloopError if a table belongs to another store.
+    tracks: x_px, y_px of every cut-out; table: the same and orientations of every sprite, None
+    without sprites. FinloopError if a table belongs to another store.
     """
     made = {FRAME: Shelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:
@@ -136,7 +128,7 @@ def shelves(
 
 
 def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
-    """Yield, row by row, the fish that an edit list (schema EDIT) draws, and where.
+    """Yield what each row of an edit list (schema EDIT) draws, and where.
 
     FinloopError at once, listing all that cannot be drawn.
     """
@@ -145,7 +137,7 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
 
 
 def frames(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
-    """Yield, tick by tick, all fish that an edit list (schema EDIT) draws, the lowest first.
+    """Yield all fish that an edit list (schema EDIT) draws at each tick, the lowest first.
 
     FinloopError at once, listing all that cannot be drawn.
     """
@@ -195,16 +187,18 @@ def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
         refuse(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
     codes = 0 if bodies is None else bodies.poses.codes.shape[1]
-    bad = [pose is not None and not _possible(pose, codes) for pose in edit["pose"]]
-    refuse(np.array(bad), "pose", f"{codes} codes of shapes" if codes else "none: there are none")
+    fits = [
+        pose is None or (codes > 0 and np.shape(pose) == (codes,) and np.isfinite(pose).all())
+        for pose in edit["pose"]
+    ]
+    refuse(
+        ~np.array(fits, bool),
+        "pose",
+        f"{codes} codes of shapes" if codes else "none: there are none",
+    )
     if problems:
         raise FinloopError(
             "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
             "pictures that exist, at places and of sizes that can be drawn",
             do,
         )
-
-
-def _possible(pose: Floats, codes: int) -> bool:
-    """Return whether a pose has this number of finite codes."""
-    return codes > 0 and np.shape(pose) == (codes,) and bool(np.isfinite(pose).all())
