@@ -17,8 +17,7 @@ import pandas as pd
 from finloop.io.movie import Mp4Writer
 from finloop.project import Project
 from finloop.tank.camera import PRESETS, TOUR, Room, views
-from finloop.tank.display import choose_window
-from finloop.tank.scene import TankScene
+from finloop.tank.scene import TankScene, choose_window
 from stages.settings import load
 from stages.tank import animated_fish
 

@@ -17,10 +17,9 @@ from finloop.io.viewer import save_viewer
 from finloop.project import Project
 from finloop.tank.body import lengths, typical_width
 from finloop.tank.camera import FOLLOW, PRESETS, Room, views
-from finloop.tank.display import choose_window
 from finloop.tank.fish import FishSurface
 from finloop.tank.gltf import AnimatedFish, gltf_place, shapes, tank_glb
-from finloop.tank.scene import TankScene
+from finloop.tank.scene import TankScene, choose_window
 from finloop.tank.settings import TankSettings
 from finloop.tank.skin import Skins
 from finloop.tank.swim import USED, film_bodies, poses, swimming_heights

@@ -22,8 +22,8 @@ from finloop.render.painter import Painter, Turned, picture
 from finloop.sprites.turn import turn_cutout
 from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
 from finloop.tank.camera import CAMERAS, VIEW_DEG, views
-from finloop.tank.display import choose_window
 from finloop.tank.light import Floor, WaterSurface
+from finloop.tank.scene import choose_window
 from finloop.tank.skin import Skins
 from finloop.tank.swim import film_bodies, swimming_heights
 

@@ -28,10 +28,8 @@ from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
 from finloop.io.viewer import _script
 from finloop.tank.camera import views
-from finloop.tank.display import choose_window
-from finloop.tank.glb import Glb
-from finloop.tank.gltf import AnimatedFish, gltf_place, shapes, tank_glb
-from finloop.tank.scene import TankScene
+from finloop.tank.gltf import AnimatedFish, Glb, gltf_place, shapes, tank_glb
+from finloop.tank.scene import TankScene, choose_window
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -215,7 +213,7 @@ def test_the_files_own_numbers_are_true():
 
 def test_numbers_that_are_none_are_not_written():
     with pytest.raises(ValueError, match="NaN"):
-        Glb("test").add_array(np.array([0.0, np.nan], np.float32))
+        Glb().add_array(np.array([0.0, np.nan], np.float32))
 
 
 # --- the stage -----------------------------------------------------------------------------------
