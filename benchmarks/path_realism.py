@@ -28,7 +28,7 @@ from finloop.plan.planner import Planner
 from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
-from finloop.realism.lists import Work, film_lists
+from finloop.realism.instrument import Work, film_lists
 from stages.cluster import workers
 from stages.realism import WORKERS_NEED, GalleryOpener, instrument_of, swimming_of, verdicts_of
 from stages.settings import load

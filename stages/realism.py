@@ -17,7 +17,7 @@ from finloop.animate.settings import AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.modes import MODES
-from finloop.edit.schema import EDIT
+from finloop.edit.schema import EDIT, by_fish
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
@@ -27,8 +27,14 @@ from finloop.realism import compare, examples
 from finloop.realism.auc import roc
 from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.examples import FILM
-from finloop.realism.instrument import Instrument, Swimming, measure_list, swimming
-from finloop.realism.lists import Work, animation_lists, film_lists
+from finloop.realism.instrument import (
+    Instrument,
+    Swimming,
+    Work,
+    film_lists,
+    measure_list,
+    swimming,
+)  # fmt: skip
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
@@ -189,7 +195,7 @@ def compare_swimming(
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():
-            works[mode] = animation_lists(load_table(path, EDIT))
+            works[mode] = [(edit, ()) for edit in by_fish(load_table(path, EDIT))]
             instruments[mode] = instrument.adapt_to_animation(project.size(mode))
     pictures = GalleryOpener(project)
     measured = swimming_of(works, pictures, instruments, pool)
