@@ -111,10 +111,7 @@ def jumps_of(way: Sequence[Leg]) -> list[Leg]:
 
 
 def spell(way: Sequence[Leg], ends: Rows) -> str:
-    """Return a route as the fish paper writes it, as GHCDEF: a letter for each end that it reaches.
-
-    ends: rows of the ends A, B …, rising.
-    """
+    """Return a route as the fish paper writes it, as GHCDEF; ends: rows of A, B …, rising."""
     rows = [way[0][0], *(to for _, to, _ in way)]
     return "".join(LETTERS[int(np.searchsorted(ends, row))] for row in rows)
 
