@@ -1,5 +1,6 @@
 """Pictures behind an edit list: the film's steps, seams, cross-fades; ground truth from wedges."""
 
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,7 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
-from finloop.distance.picture import FILM, SPAN, distance, picture
+from finloop.distance.picture import SPAN, distance, picture
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.pictures import (
@@ -74,20 +75,23 @@ def sprites_of(folder: Path, table: pd.DataFrame, rows: list[int]) -> pd.DataFra
     return picked.reset_index(drop=True)
 
 
+@contextmanager
+def open_reel(folder: Path, table: pd.DataFrame, sprites: pd.DataFrame):
+    stores = (folder / name for name in ("film.arrow", "sprites.arrow"))
+    with open_cutouts(next(stores)) as film, open_cutouts(next(stores)) as store:
+        yield Reel(table, film, sprites, store)
+
+
 @pytest.fixture
 def pictures(tmp_path):
     """Two tracks that turn and grow wider, five sprites of the first one's frames."""
-    table = film_of(
-        tmp_path,
+    wider, narrower = (
         [(10.0 * i, 0.2 + 0.03 * i) for i in range(8)],
         [(90.0 - 5 * i, 0.5 - 0.03 * i) for i in range(6)],
     )
+    table = film_of(tmp_path, wider, narrower)
     sprites = sprites_of(tmp_path, table, [0, 1, 2, 4, 5])
-    with (
-        open_cutouts(tmp_path / "film.arrow") as film,
-        open_cutouts(tmp_path / "sprites.arrow") as store,
-    ):
-        reel = Reel(table, film, sprites, store)
+    with open_reel(tmp_path, table, sprites) as reel:
         yield Pictures(reel, SIZE, Bodies(poses_of(table), reel.goes_on, sprites))
 
 
@@ -136,55 +140,21 @@ def add_fade(edit: pd.DataFrame, tick: int, other: pd.Series, weight: float) -> 
     return edit
 
 
-# --- steps of the film
-
-
-def natural(table, film):
-    steps = Reel(table, film).steps(SIZE, FILM)
-    return steps[~np.isnan(steps)]
-
-
-def test_a_film_that_stands_still_makes_no_steps(tmp_path):
-    table = film_of(tmp_path, [(0.0, 0.3), (0.0, 0.3), (0.0, 0.3), (30.0, 0.3)])
-    with open_cutouts(tmp_path / "film.arrow") as film:
-        found = natural(table, film)
-    assert found[:2] == pytest.approx(0)
-    assert found[2] > 5
-
-
-def test_steps_are_not_taken_across_tracks_or_gaps(tmp_path):
-    turning = [(10.0 * i, 0.3) for i in range(6)]
-    table = film_of(tmp_path, turning, turning[:3])
-    with open_cutouts(tmp_path / "film.arrow") as film:
-        assert len(natural(table, film)) == 5 + 2
-        gap = Reel(table, film)
-        object.__setattr__(gap, "features", table.assign(frame=table["frame"] + (table.index > 2)))
-        assert gap.goes_on.sum() == 4 + 2
-
-
 def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
     table = film_of(tmp_path, [(20.0 * i, 1 / 3) for i in range(4)])
     sprites = sprites_of(tmp_path, table, [0, 1, 2])
-    with (
-        open_cutouts(tmp_path / "film.arrow") as film,
-        open_cutouts(tmp_path / "sprites.arrow") as store,
-    ):
-        reel = Reel(table, film, sprites, store)
+    with open_reel(tmp_path, table, sprites) as reel:
         after, drawn = reel.after_sprites(SIZE), reel.sprite_pictures(SIZE)
     assert drawn.shape == (3, SIZE, SIZE, 2)
-    assert (
-        distance(after, drawn) < 0.12 * np.linalg.norm(drawn[0])
-    ).all()  # one wedge, in any frame
+    one_wedge = 0.12 * np.linalg.norm(drawn[0])  # in any frame
+    assert (distance(after, drawn) < one_wedge).all()
 
 
 def test_an_outline_is_ahead_and_to_the_left(tmp_path):
     table = film_of(tmp_path, [(0.0, 1 / 3)] * 2)
     sprites = sprites_of(tmp_path, table, [0]).assign(scale=2.0)
-    with (
-        open_cutouts(tmp_path / "film.arrow") as film,
-        open_cutouts(tmp_path / "sprites.arrow") as store,
-    ):
-        hull = outlines(Reel(table, film, sprites, store))[0]
+    with open_reel(tmp_path, table, sprites) as reel:
+        hull = outlines(reel)[0]
     assert hull[:, 0].min() == pytest.approx(-40, abs=3)
     assert hull[:, 0].max() == pytest.approx(40, abs=3)
     blunt = hull[hull[:, 0] > 35]
@@ -207,10 +177,9 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(pictures):
 
 def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(pictures):
     for row in (0, 5, 9):
-        number = row
-        cutout, at = pictures.reel.film[number], pictures.reel.features.iloc[row]
+        cutout, at = pictures.reel.film[row], pictures.reel.features.iloc[row]
         wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
-        assert np.array_equal(pictures(FRAME, number, pd.NA, 25.0, 1.0, False), wanted)
+        assert np.array_equal(pictures(FRAME, row, pd.NA, 25.0, 1.0, False), wanted)
     one, twice = (
         pictures(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1].sum() for scale in (1.0, 2.0)
     )
@@ -236,11 +205,6 @@ def test_a_drawn_cross_fade_lies_between_its_pictures(pictures, kind):
 # --- seams
 
 
-def test_the_frame_after_a_frame_is_that_of_its_track(pictures):
-    assert pictures.reel.next_rows([0, 6, 8, 12]).tolist() == [1, 7, 9, 13]
-    assert pictures.reel.next_rows([7, 13]).tolist() == [7, 13]
-
-
 def test_natural_play_has_no_seam_however_it_is_turned(pictures):
     heading = pictures.reel.features["heading_deg"].to_numpy()
     for rot in (0.0, 77.0, -140.0):
@@ -263,14 +227,10 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
         for row, angle in ((3, 30.0), (10, 80.0))
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)
-    fade = add_fade(edit, 3, edit.loc[2], 0.5)
-    assert measure_discontinuities(fade, pictures)[0] == pytest.approx(
-        found
-    )  # without its cross-fade
-    askew = edit.assign(
-        rotation_deg=edit["rotation_deg"] + [0, 0, 0, 40, 40],
-        heading_deg=edit["heading_deg"] + [0, 0, 0, 40, 40],
-    )
+    fade = add_fade(edit, 3, edit.loc[2], 0.5)  # does not count
+    assert measure_discontinuities(fade, pictures)[0] == pytest.approx(found)
+    turned = {name: edit[name] + [0, 0, 0, 40, 40] for name in ("rotation_deg", "heading_deg")}
+    askew = edit.assign(**turned)
     assert measure_discontinuities(askew, pictures)[0][0] > 2 * found[0]
 
 
@@ -320,12 +280,14 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
     return edit
 
 
+def plain_and_posed(edit: pd.DataFrame, shown: Pictures):
+    return zip(draw_edit(edit, shown), draw_edit(in_own_pose(edit, shown), shown), strict=True)
+
+
 def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
     edit = edit_of(pictures, *((FRAME, row, 33.0 * row) for row in range(5)))
     edit["mirrored"] = [False, True, False, True, False]
-    for one, posed in zip(
-        draw_edit(edit, pictures), draw_edit(in_own_pose(edit, pictures), pictures), strict=True
-    ):
+    for one, posed in plain_and_posed(edit, pictures):
         assert np.abs(one - posed).max() < 0.02
     assert len(measure_discontinuities(in_own_pose(edit, pictures), pictures)[0]) == 4
 
@@ -333,9 +295,7 @@ def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
 def test_a_sprite_in_its_own_pose_is_its_row_turned(pictures):
     edit = edit_of(pictures, *((SPRITE, number, 40.0 * number) for number in range(4)))
     step = drawn_steps(edit_of(pictures, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), pictures)[0]
-    for one, posed in zip(
-        draw_edit(edit, pictures), draw_edit(in_own_pose(edit, pictures), pictures), strict=True
-    ):
+    for one, posed in plain_and_posed(edit, pictures):
         assert np.linalg.norm(one - posed) < 2 * step  # the stored one was sampled twice
 
 

@@ -40,22 +40,18 @@ def fill(folder: Path) -> None:
     """What the stages before would have left: a film, some numbers, every picture but two."""
     rng = np.random.default_rng(1)
     put_clip(folder, [GREY] * 3)
-    frames = [
-        np.roll(np.tile(np.arange(320, dtype=np.uint8), (240, 1)), 3 * k, 1) for k in range(50)
-    ]
-    write_film(folder / "data/render/hybrid_marked.mp4", frames)
+    slope = np.tile(np.arange(320, dtype=np.uint8), (240, 1))
+    moving = [np.roll(slope, 3 * k, 1) for k in range(50)]
+    write_film(folder / "data/render/hybrid_marked.mp4", moving)
     for figure in FIGURES[2:]:
         save_picture(folder / "reports" / figure.path, rng.integers(0, 255, (90, 120, 3), np.uint8))
     for name in (
-        "animate/measures.csv", "animate/doubts.csv", "animate/numbers.csv",
-        "features/numbers.csv",
+        "reports/animate/measures.csv", "reports/animate/doubts.csv", "reports/animate/numbers.csv",
+        "reports/features/numbers.csv", "reports/features/table1.csv",
+        "reports/morph/connection.csv", "benchmarks/table2.csv",
     ):  # fmt: skip
-        (folder / "reports" / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / "reports" / name, folder / "reports" / name)
-    for name in ("features/table1.csv", "morph/connection.csv"):
-        shutil.copy(ROOT / "reports" / name, folder / "reports" / name)
-    (folder / "benchmarks").mkdir()
-    shutil.copy(ROOT / "benchmarks/table2.csv", folder / "benchmarks/table2.csv")
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
 
 
 @pytest.fixture

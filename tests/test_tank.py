@@ -15,7 +15,7 @@ from toy_fish import (
     line,
     overlap,
     toy,
-)
+)  # fmt: skip
 
 from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
@@ -113,12 +113,10 @@ def test_backbones_of_the_film_run_from_head_to_tail():
 def test_from_above_it_covers_what_the_painter_draws(row, angle, scale):
     edit = edit_list(1, source=row, rotation_deg=angle, scale=scale, x_px=88.4, y_px=71.7)
     tracks, _, cutouts = toy()
-    x, y = tracks.loc[row, ["x_px", "y_px"]].to_numpy(float) - [
-        cutouts[row].x0_px,
-        cutouts[row].y0_px,
-    ]
+    one = cutouts[row]
+    x, y = tracks.loc[row, ["x_px", "y_px"]].to_numpy(float) - [one.x0_px, one.y0_px]
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
-    painter.draw(88.4, 71.7, Turned(picture(cutouts[row].pixels, x, y), angle, scale))
+    painter.draw(88.4, 71.7, Turned(picture(one.pixels, x, y), angle, scale))
     assert overlap(fish_mask(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
 
@@ -159,10 +157,8 @@ def test_the_mass_centre_is_where_the_list_puts_it():
 
 
 def test_it_swims_in_the_water():
-    high = swimming_heights(np.linspace(0, 100, 500), 50.0)
-    assert not np.allclose(
-        high, swimming_heights(np.linspace(0, 100, 500), 50.0, 1)
-    )  # each by itself
+    high, other = (swimming_heights(np.linspace(0, 100, 500), 50.0, fish) for fish in (0, 1))
+    assert not np.allclose(high, other)
     assert high.min() > 12 and high.max() < 38 and np.abs(np.diff(high)).max() < 1.2
 
 

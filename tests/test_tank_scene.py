@@ -81,9 +81,8 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
             assert shown[13:33, 14:34].mean() < 80 < 110 < shown[-30:-10, 20:40].mean() < 140
             wanted = fish_mask(fish, tick, seen.shape)
             assert overlap(wanted, seen) > 0.7
-            assert not (
-                seen & ~cv2.dilate(wanted.astype(np.uint8), np.ones((3, 3))).astype(bool)
-            ).any()
+            near = cv2.dilate(wanted.astype(np.uint8), np.ones((3, 3))).astype(bool)
+            assert not (seen & ~near).any()
             at = np.argwhere(seen).mean(0)[::-1]
             assert at == pytest.approx(fish.place[tick, :2] * (1, -1), abs=2)
         again = scene.frame([fish.shape_at(1)], view, 1, 0.0)
@@ -122,14 +121,8 @@ def test_few_shapes_that_mix_give_every_shape_back():
     found = shapes(points, heading)
     back = found.mean + np.einsum("tm,mvc->tvc", found.weights, found.modes)
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    there = np.stack(
-        [
-            cos * back[..., 0] - sin * back[..., 1],
-            sin * back[..., 0] + cos * back[..., 1],
-            back[..., 2],
-        ],
-        -1,
-    )
+    x, y, z = np.moveaxis(back, -1, 0)
+    there = np.stack([cos * x - sin * y, sin * x + cos * y, z], -1)
     error = np.linalg.norm(there - points, axis=-1).max()
     assert found.error_px == pytest.approx(error, abs=1e-4) and error < 0.05
     one = shapes(points, heading, modes=0)
@@ -198,9 +191,10 @@ def test_the_files_own_numbers_are_true():
         assert start % 4 == 0 and view["byteLength"] == accessor["count"] * width * int(kind[2])
         read = np.frombuffer(binary[start : start + view["byteLength"]], kind).reshape(-1, width)
         if "min" in accessor:
-            assert (
-                read.min(0).tolist() == accessor["min"] and read.max(0).tolist() == accessor["max"]
-            )
+            assert [read.min(0).tolist(), read.max(0).tolist()] == [
+                accessor["min"],
+                accessor["max"],
+            ]
     pictures = [document["bufferViews"][image["bufferView"]] for image in document["images"]]
     for view in pictures:
         coded = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
@@ -227,9 +221,8 @@ def put(folder, fish=1):
         area_px=1.0, contrast=1.0, length_px=LENGTH, outline_x_px=ring, outline_y_px=ring
     )
     save_table(folder / "data/extract/tracks.parquet", tracks, tracks_schema(P))
-    save_record(
-        folder / "data/extract/scene.json", SceneFacts("dark", 1, 6, 400, LENGTH, 60, "all", P)
-    )
+    scene = SceneFacts("dark", 1, 6, 400, LENGTH, 60, "all", P)
+    save_record(folder / "data/extract/scene.json", scene)
     with CutoutWriter(folder / "data/extract/cutouts.arrow") as store:
         for one in cutouts:
             store.write(one)
