@@ -110,11 +110,11 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, pool)
-        sample = compare.sample(measured[FILM], features, rate, p)
+        sample = compare.film_sample(measured[FILM], features, rate, p)
         sides = sample.comparison_windows(
             {k: v for k, v in measured.items() if k != FILM}, features
         )
-        table = compare.table(verdicts_of(sides, p, pool))
+        table = compare.verdict_table(verdicts_of(sides, p, pool))
     for row in table.to_dict("records"):
         yield {"film": film, **{str(key): value for key, value in row.items()}}
 

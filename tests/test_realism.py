@@ -32,8 +32,8 @@ from finloop.io.video import load_facts, load_mask
 from finloop.project import Project
 from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
-from finloop.realism.compare import Sample, verdict
-from finloop.realism.instrument import Instrument, Swimming, swimming
+from finloop.realism.compare import Sample, classify_windows
+from finloop.realism.instrument import Instrument, Swimming, join_measurements
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     CHANNELS,
@@ -228,7 +228,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
 
 def verdict_on(made, p=P, row=None, seed=0):
     sample = sample_of(fish(seed, 120.0), p)
-    return verdict(sample.windows_beside_film(swimming_of(made, row)), p, alone=False)
+    return classify_windows(sample.windows_beside_film(swimming_of(made, row)), p, alone=False)
 
 
 @cache
@@ -269,12 +269,14 @@ def test_permuted_labels_cannot_be_told():
     columns = vars(windows).values()
     sides = tuple(Windows(*(column[part] for column in columns)) for part in (mixed, ~mixed))
     # Windows overlap, so that neighbours of either kind are learnt from together.
-    assert verdict(sides, P, alone=False).whole.value == pytest.approx(0.5, abs=0.08)
+    assert classify_windows(sides, P, alone=False).whole.value == pytest.approx(0.5, abs=0.08)
 
 
 def test_a_film_too_short_is_refused_with_what_would_do():
     with pytest.raises(FinloopError, match=r"a longer film, fewer realism.cross_validation_folds"):
-        verdict(sample_of(fish(0, 3.0)).windows_beside_film(swimming_of(fish(1, 3.0), None)), P)
+        classify_windows(
+            sample_of(fish(0, 3.0)).windows_beside_film(swimming_of(fish(1, 3.0), None)), P
+        )
 
 
 def test_a_verdict_is_the_same_again():
@@ -374,7 +376,7 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = instrument_of(carp).measure(place_rows(edit, gallery))
-    simulated = swimming([edit], [table], RATE)
+    simulated = join_measurements([edit], [table], RATE)
     assert (simulated.row == np.arange(len(features))).all()
     off = table[["x_px", "y_px"]].to_numpy() - places
     assert np.abs(off).max() < 0.2
@@ -417,7 +419,7 @@ def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them(tmp_path):
     edit.loc[1, "mode"] = "network"
     edit.loc[2, "kind"] = SPRITE
     table = fish(0, 4 / RATE)
-    twice = swimming([edit, edit], [table, table], RATE)
+    twice = join_measurements([edit, edit], [table, table], RATE)
     assert twice.row.tolist() == [5, 6, -1, 8] * 2
     assert twice.part.tolist() == [0] * 4 + [1] * 4
     assert np.allclose(twice.time_s * RATE, np.arange(8))

@@ -48,7 +48,7 @@ from finloop.plots.render import (
     ticks_around_switch,
 )  # fmt: skip
 from finloop.puppet import PlacedBackbone
-from finloop.render.gallery import Gallery, Shelf, frames, place_rows
+from finloop.render.gallery import Gallery, Shelf, place_rows, place_ticks
 from finloop.render.marks import (
     COLOURS,
     MarkPainter,
@@ -319,7 +319,7 @@ def two_fish(n=3, **columns):
 
 
 def test_of_several_fish_the_one_with_the_highest_number_is_on_top():
-    ticks = list(frames(two_fish(), gallery()))
+    ticks = list(place_ticks(two_fish(), gallery()))
     assert [len(fish) for fish in ticks] == [2, 2, 2]
     for lower, upper in ticks:
         painter, wanted, other = Painter(TANK), Painter(TANK), Painter(TANK)
@@ -384,7 +384,7 @@ def test_a_shadow_is_deeper_the_larger_its_share_and_falls_on_all_below():
 def test_tables_in_which_fish_are_not_as_long_are_refused():
     for bad in (two_fish().iloc[:5], two_fish(tick=np.arange(6))):
         with pytest.raises(FinloopError, match="of each fish"):
-            frames(bad, gallery())
+            place_ticks(bad, gallery())
 
 
 def test_marks_of_several_fish_grow_each_its_own_way():
@@ -394,7 +394,7 @@ def test_marks_of_several_fish_grow_each_its_own_way():
     )  # fmt: skip
     painter = Painter(np.full((400, 500), 120, np.uint8), colour=True)
     before, marks = painter.floor.copy(), MarkPainter(painter, edit, [])
-    for tick, fish in enumerate(frames(edit, gallery())):
+    for tick, fish in enumerate(place_ticks(edit, gallery())):
         marks.show(tick, *fish)
     new = (painter.floor != before).any(axis=2)
     assert new[40, 21:50].all() and new[80, 101:130].all()

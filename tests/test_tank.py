@@ -21,7 +21,7 @@ from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
 from finloop.sprites.turn import turn_cutout
 from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
-from finloop.tank.camera import CAMERAS, VIEW_DEG, views
+from finloop.tank.camera import CAMERAS, VIEW_DEG, camera_views
 from finloop.tank.light import Floor, WaterSurface
 from finloop.tank.scene import choose_window
 from finloop.tank.skin import Skins
@@ -212,7 +212,7 @@ def circling(ticks=300):
 
 @pytest.mark.parametrize("camera", ["corner", "orbit"])
 def test_the_whole_tank_is_seen_and_fills_the_picture(camera):
-    view = views(camera, ROOM, *circling(), 25.0)
+    view = camera_views(camera, ROOM, *circling(), 25.0)
     corners = [(x, -y, z) for x in (0, 199) for y in (0, 149) for z in (0, 120)]
     for tick in (0, 77, 299):
         at = np.array([seen_at(view, tick, corner)[0] for corner in corners])
@@ -223,7 +223,7 @@ def test_the_whole_tank_is_seen_and_fills_the_picture(camera):
 @pytest.mark.parametrize("camera", ["follow", "side"])
 def test_the_fish_is_seen_all_the_time(camera):
     head, heading = circling()
-    view = views(camera, ROOM, head, heading, 25.0)
+    view = camera_views(camera, ROOM, head, heading, 25.0)
     for tick in range(0, 300, 23):
         at, far = seen_at(view, tick, head[tick])
         assert np.abs(at[0]) < ROOM.aspect and abs(at[1]) < 0.9 and far > LENGTH
@@ -231,7 +231,7 @@ def test_the_fish_is_seen_all_the_time(camera):
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_cameras_do_not_jump(camera):
-    view = views(camera, ROOM, *circling(900), 25.0)
+    view = camera_views(camera, ROOM, *circling(900), 25.0)
     assert len(view.place) == len(view.aim) == 900
     for way in (view.place, view.aim):
         step = np.linalg.norm(np.diff(way, axis=0), axis=1)

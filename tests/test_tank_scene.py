@@ -27,8 +27,8 @@ from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
 from finloop.io.viewer import _script
-from finloop.tank.camera import views
-from finloop.tank.gltf import AnimatedFish, Glb, gltf_place, shapes, tank_glb
+from finloop.tank.camera import camera_views
+from finloop.tank.gltf import AnimatedFish, Glb, gltf_place, principal_shapes, tank_glb
 from finloop.tank.scene import TankScene, choose_window
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -70,7 +70,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     fish = fish_of(edit_list(2, x_px=[70.0, 140.0], y_px=[50.0, 100.0], rotation_deg=[20.0, 200.0]))
     size = (208, 156)
     room = ROOM._replace(aspect=size[0] / size[1])
-    view = views("top", room, fish.head, fish.poses.heading, 25.0)
+    view = camera_views("top", room, fish.head, fish.poses.heading, 25.0)
     floor = np.full((150, 200), 128, np.uint8)
     floor[:40, :40] = 60
     with TankScene(floor, room, size) as scene:
@@ -100,7 +100,7 @@ def test_several_fish_are_drawn_each_with_its_shadow():
     size = (208, 156)
     room, floor = ROOM._replace(aspect=size[0] / size[1]), np.full((150, 200), 128, np.uint8)
     one, other = (fish_of(edit_list(1, x_px=x, y_px=75.0)) for x in (60.0, 140.0))
-    view = views("top", room, one.head, one.poses.heading, 25.0)
+    view = camera_views("top", room, one.head, one.poses.heading, 25.0)
     shown = {}
     for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
         with TankScene(floor, room, size, len(fish)) as scene:
@@ -118,14 +118,14 @@ def test_few_shapes_that_mix_give_every_shape_back():
     fish = fish_of(swimming())
     points = fish.points().astype(float)
     heading = fish.poses.heading
-    found = shapes(points, heading)
+    found = principal_shapes(points, heading)
     back = found.mean + np.einsum("tm,mvc->tvc", found.weights, found.modes)
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
     x, y, z = np.moveaxis(back, -1, 0)
     there = np.stack([cos * x - sin * y, sin * x + cos * y, z], -1)
     error = np.linalg.norm(there - points, axis=-1).max()
     assert found.error_px == pytest.approx(error, abs=1e-4) and error < 0.05
-    one = shapes(points, heading, modes=0)
+    one = principal_shapes(points, heading, modes=0)
     assert one.error_px > 1 and len(one.modes) == 0
 
 
@@ -133,7 +133,7 @@ def glb_of(*fish):
     background = np.full((150, 200, 3), (40, 90, 140), np.uint8)
     headings = [one.poses.heading for one in fish]
     every = [
-        AnimatedFish(shapes(one.points(), heading), one.place, heading)
+        AnimatedFish(principal_shapes(one.points(), heading), one.place, heading)
         for one, heading in zip(fish, headings, strict=True)
     ]
     return tank_glb(ROOM, background, fish[0].typical_skin(), every, 25.0)

@@ -21,7 +21,7 @@ _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 def draw_areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     """Draw ROC curves, and bars of the area for all channels and for each alone.
 
-    table: from `compare.table`; roc: columns compared, false_alarms, hits.
+    table: from `compare.verdict_table`; roc: columns compared, false_alarms, hits.
     """
     names = list(dict.fromkeys(table["compared"]))
     modes = [name for name in names if name not in _GREY]

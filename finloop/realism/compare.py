@@ -112,7 +112,9 @@ class Sample:
         }
 
 
-def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings) -> Sample:
+def film_sample(
+    film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
+) -> Sample:
     """Return the `Sample` of a film: what every comparison of an animation with this film needs.
 
     film: drawn and measured again; features: columns of `FEATURES`, of the whole film.
@@ -135,7 +137,9 @@ class Verdict:
     scores: Scores
 
 
-def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True) -> Verdict:
+def classify_windows(
+    sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True
+) -> Verdict:
     """Train classifiers on two sets of windows and return how well they distinguish them.
 
     sides: the film's windows first; alone: whether to classify by each channel by itself, too.
@@ -169,7 +173,7 @@ def _require_enough_windows(sides: tuple[Windows, Windows], p: RealismSettings) 
         )
 
 
-def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
+def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
     """Return the verdicts as a table, a row per comparison and channel; channel "all" comes first.
 
     Columns: compared, channel; auc, low, high: the area and its 95 % interval; lost: area lost when

@@ -171,7 +171,7 @@ def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraVie
     }  # fmt: skip
 
 
-def strip(
+def draw_strip(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, shape: tuple[int, int]
 ) -> Picture:
     """Draw one side of an example as a row of pictures (size, count × size, 3) around the fish.
@@ -189,7 +189,7 @@ def strip(
     return np.hstack(tiles)
 
 
-def side_by_side(
+def draw_example(
     example: pd.DataFrame, gallery: Gallery, tank: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
     """Yield the frames of an example's film: animation left, film right, titles above.

@@ -148,7 +148,7 @@ class Swimming:
     time_s: Floats
 
 
-def swimming(
+def join_measurements(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate: float
 ) -> Swimming:
     """Join edit lists and the feature tables measured from them; rate: ticks per second."""

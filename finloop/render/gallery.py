@@ -136,7 +136,7 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
     return map(gallery.place, edit[_COLUMNS].itertuples(index=False))
 
 
-def frames(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
+def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
     """Yield all fish that an edit list (schema EDIT) draws at each tick, the lowest first.
 
     FinloopError at once, listing all that cannot be drawn.

@@ -13,7 +13,7 @@ from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from finloop.report.page import render_template
-from finloop.report.tables import Table, number
+from finloop.report.tables import Table, format_number
 
 
 class ReportMetric(NamedTuple):
@@ -46,7 +46,7 @@ _AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor":
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result of `comparison`: two tables with one row per experiment, and the best experiments.
+    """Experiments compared: two tables with one row per experiment, and which of them are best.
 
     parameters: only those that differ; measures: their numbers; objectives: those OBJECTIVES that
     some experiment has; best (rows,): True on the Pareto front.
@@ -70,7 +70,7 @@ def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(complete & ~beats.any(axis=1))
 
 
-def comparison(
+def compare_experiments(
     parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
 ) -> Comparison:
     """Compare experiments: their differing parameters, their measures, and the Pareto front.
@@ -194,7 +194,7 @@ def _comparison_table(table: Comparison) -> Table:
         [
             str(name),
             *map(str, table.parameters.loc[name]),
-            *(number(value, 4) for value in table.measures.loc[name]),
+            *(format_number(value, 4) for value in table.measures.loc[name]),
             "best" if best else "",
         ]
         for name, best in zip(table.parameters.index, table.best, strict=True)
@@ -202,7 +202,7 @@ def _comparison_table(table: Comparison) -> Table:
     return Table("Experiments; the best are on the Pareto front", columns, rows)
 
 
-def html(table: Comparison, title: str, why: str) -> str:
+def comparison_page(table: Comparison, title: str, why: str) -> str:
     """Return the comparison page as one HTML text, with its charts and the program that draws them.
 
     title: heading of the page; why: the text below it.

@@ -75,7 +75,7 @@ class Table(NamedTuple):
     rows: Sequence[Sequence[str]]
 
 
-def number(value: Any, digits: int = 3) -> str:
+def format_number(value: Any, digits: int = 3) -> str:
     """Return a number as a short text of about some digits, with commas between thousands.
 
     A whole number keeps all digits. NaN and None give ""; a text is returned as it is.
@@ -92,7 +92,7 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{value:,.{decimals}f}"
 
 
-def measures(table: pd.DataFrame) -> Table:
+def measures_table(table: pd.DataFrame) -> Table:
     """Return the table "Animation beside film": a row per measure, a column per mode and film.
 
     table: `reports/animate/measures.csv`.
@@ -106,7 +106,7 @@ def measures(table: pd.DataFrame) -> Table:
     rows = []
     for key, words, unit, good in MEASURES:
         if key in table.index:
-            values = [number(table.at[key, mode]) for mode in modes]
+            values = [format_number(table.at[key, mode]) for mode in modes]
             rows.append([f"{words} ({unit})" if unit else words, *values, good])
     columns = ["measure", *(MODES[mode] for mode in modes), "target"]
     return Table("Animation beside film", columns, rows)
@@ -114,7 +114,7 @@ def measures(table: pd.DataFrame) -> Table:
 
 def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
     """Convert a data frame to a table of texts; numbers have about some digits."""
-    rows = [[number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
+    rows = [[format_number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
 
@@ -124,14 +124,14 @@ def headline_table(numbers: Mapping[str, float], word: str) -> Table:
     numbers: those of the stage `word`, by name. Headlines without a value are left out.
     """
     rows = [
-        [item.name.replace("_", " "), number(numbers[item.name], 4), item.meaning, item.good]
+        [item.name.replace("_", " "), format_number(numbers[item.name], 4), item.meaning, item.good]
         for item in HEADLINES[word]
         if item.name in numbers
     ]
     return Table(word, ["number", "value", "meaning", "good"], rows)
 
 
-def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
+def mode_headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
     """Return the few numbers that the report shows first for a mode, as pairs (value, text).
 
     numbers: those of the stages `animate` and `realism`, by `<mode>_<name>`.
@@ -144,7 +144,7 @@ def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
         ("auc", "", "distinguishable from film (classifier AUC): 0.5 is not at all"),
     )
     return [
-        (number(numbers[f"{mode}_{key}"]) + unit, words)
+        (format_number(numbers[f"{mode}_{key}"]) + unit, words)
         for key, unit, words in choice
         if f"{mode}_{key}" in numbers
     ]

@@ -51,7 +51,7 @@ class Room(NamedTuple):
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
-def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
+def camera_views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
     """Return the place and the aim of a camera, one of CAMERAS, at every tick of a fish.
 
     head (ticks, 3): px; heading (ticks,): rad, without jumps of 2π; rate_hz: ticks per second.
@@ -116,7 +116,7 @@ def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
 def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
     """Return a cycle of scenes, each passing smoothly into the next."""
     time = np.arange(len(head)) / rate_hz
-    scenes = [views(name, room, head, heading, rate_hz) for name, _ in _SCENES]
+    scenes = [camera_views(name, room, head, heading, rate_hz) for name, _ in _SCENES]
     ends = np.cumsum([length for _, length in _SCENES])
     moment = time % ends[-1]
     number = np.searchsorted(ends, moment, side="right")

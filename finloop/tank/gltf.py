@@ -109,7 +109,7 @@ class Shapes(NamedTuple):
     error_px: float
 
 
-def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
+def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
     """Return the mean and the principal components of a fish's shapes, each turned to head right.
 
     points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; modes: at most.

@@ -91,7 +91,7 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
     return FilmBodies(local * (1, -1), half_width, features["heading_deg"].to_numpy(float))
 
 
-def poses(
+def tank_poses(
     edit: pd.DataFrame, film: FilmBodies, sprites: pd.DataFrame, bodies: Bodies | None = None
 ) -> TankPoses:
     """Return backbone, half widths, heading and skins of a fish at every tick of its edit list.

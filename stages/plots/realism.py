@@ -10,7 +10,7 @@ from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plots.realism import draw_areas, draw_false_windows
 from finloop.project import Project
-from finloop.realism.examples import CURVES, EXAMPLES, SIDES, strip
+from finloop.realism.examples import CURVES, EXAMPLES, SIDES, draw_strip
 from finloop.render.painter import Painter
 
 OUT, REPORT = Path("data/realism"), Path("reports/realism")
@@ -30,7 +30,9 @@ def main() -> None:
         for number, example in table.groupby("example"):
             strips.append(
                 {
-                    side: strip(example[example["side"] == side], gallery, painter, length, STRIP)
+                    side: draw_strip(
+                        example[example["side"] == side], gallery, painter, length, STRIP
+                    )
                     for side in SIDES
                 }
             )
