@@ -108,7 +108,7 @@ class Bodies:
         return direction_deg(orientation, orientations_of(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """Return the filmed bodies (…) that pictures (…) show.
+        """Return the filmed body behind each of some pictures (…), frames or sprites.
 
         frame: whether each is a frame, else a sprite; number: its row or sprite number; turn_deg:
         by how much a frame is turned, or the direction in which a sprite swims; mirrored: a frame.
@@ -122,7 +122,7 @@ class Bodies:
         return Body(row, mirror, turn_deg + np.where(frame, heading, sway))
 
     def edit_row_body(self, shown: RowPicture) -> Body:
-        """Return the filmed body that a picture of an edit list shows."""
+        """Return the filmed body behind a picture of an edit list."""
         frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
         if not frame:
             turn = np.asarray(self.line_deg(int(shown.orientation), shown.rotation_deg), float)
@@ -161,7 +161,7 @@ class Bodies:
 
 
 def resting_rows(bodies: Bodies, share: float) -> Mask:
-    """Return at which feature rows (n,) the animal rests: it keeps its place and posture there.
+    """Return whether the animal keeps its place and posture at each feature row (n,).
 
     It rests where it moves, since the row before, less than `share` of the film's root mean square
     movement, of its centre and of the body about it. A camera sees a resting animal as one picture

@@ -140,7 +140,7 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Return pictures (ticks,) whose mirror images have their row's number and `mirrored` set.
+    """Return pictures (ticks,) in which each number n + i became row i, `mirrored`.
 
     frame: whether each picture is a frame; number: its row i, n + i for row i upside down, or a
     sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Row i is
@@ -183,7 +183,7 @@ def _join_columns(
 def _picture_columns(
     pictures: PictureSequence, heading: Floats, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of pictures (ticks,) of a fish with a heading; orientation 0: frames."""
+    """Return the columns of pictures (ticks,) drawn for a fish with this heading (ticks,)."""
     count, frame, number = sources.orientations, pictures.frame, pictures.number
     sector = orientation(heading, count)
     residual = wrap_deg(heading - direction_deg(sector, count))

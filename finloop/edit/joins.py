@@ -51,11 +51,11 @@ class JoinTimes(Protocol):
 
     @property
     def join_least(self) -> float:
-        """Return the shortest such time, Δ."""
+        """Return the shortest time of a join that is "auto", Δ."""
 
     @property
     def join_most(self) -> float:
-        """Return the longest such time, Δ."""
+        """Return the longest time of a join that is "auto", Δ."""
 
     @property
     def rest(self) -> float:
@@ -83,7 +83,7 @@ class Joins:
 
     @property
     def reach(self) -> int:
-        """Return over how many ticks, at which the film moves, a join can affect later pictures."""
+        """Return for how many ticks, at which the film moves, a join can change later pictures."""
         return max(self.fade, self._ticks) + 3
 
     @property
@@ -91,14 +91,14 @@ class Joins:
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
 
     def moving(self, kind: str, number: Ints) -> int:
-        """Return how many of some pictures count towards the time of a join: those that move.
+        """Return how many pictures count as time after a join: all but frames at rest.
 
         kind: SPRITE (all count) or FRAME; number (k,): rows, plus n for mirror images.
         """
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring(self) -> tuple[Floats, Floats]:
-        """Return what is left after 0, 1, 2 … ticks (k,) of an offset of 1, and of a velocity of 1.
+        """Return how much of an offset of 1, and of a velocity of 1, is left after each tick (k,).
 
         Both are offsets; the velocity is 1 a tick. See x(τ) in this module's text.
         """
@@ -108,7 +108,7 @@ class Joins:
 
 
 def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, bending_helps: Helps) -> Joins:
-    """Convert the parameters of joins to ticks; kind: INERTIAL, FADE or CUT; delta: Δ in ticks."""
+    """Return how pictures are joined, by INERTIAL, FADE or CUT, with the times p (Δ) in ticks."""
     if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
         ticks = max(time * delta, float(p.join_frames))

@@ -113,7 +113,7 @@ def fade_distance(row: Any, pictures: Pictures) -> float:
 
 
 def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
-    """Return the edit list without partners that are too unlike the picture they fade into.
+    """Return the edit list without cross-fades between pictures that are too unlike.
 
     most: the largest distance (Eq. 5) that stays. Two unlike fish on top of each other look like
     ghosts. A partner once removed does not come back in the same cross-fade.

@@ -89,7 +89,7 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """Return the picture numbers (n,) as `Discs` counts: a frame's row, or −1 − a sprite."""
+        """Return the numbers (n,) of the pictures: a frame's row, or −1 − a sprite's number."""
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property

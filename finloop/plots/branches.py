@@ -68,7 +68,7 @@ class ThinnedFish(NamedTuple):
 
     @property
     def side_branches(self) -> list[SkeletonBranch]:
-        """The branches that leave the fish: longer than the fish is wide at their joint."""
+        """Return the branches that leave the fish: longer than the fish is wide at their joint."""
         joints = [branch.path[0] for branch in self.branches[1:]]
         return [
             branch
@@ -78,7 +78,7 @@ class ThinnedFish(NamedTuple):
 
     @property
     def difference_px(self) -> int:
-        """The number of pixels of either kept path that no pixel of the other path touches."""
+        """Return how many pixels of either kept path no pixel of the other path touches."""
         apart = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)  # (m, k)
         return int((apart.min(0) > 1).sum() + (apart.min(1) > 1).sum())
 
@@ -195,6 +195,7 @@ def _thin(
 
 
 def _paste(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
+    """Return a larger mask of this size with a mask at (x, y)."""
     into = np.zeros(size, bool)
     into[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
     return into
@@ -312,6 +313,7 @@ def _draw_pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0)
 
 
 def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
+    """Colour the pixels by their numbers, and write those of ends and joints (Fig. 4)."""
     last = fish.branches[0].numbers[-1]
     for path, numbers in fish.branches:
         _draw_pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))

@@ -114,7 +114,7 @@ def specimens(
 
 
 def choose_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
-    """Return `count` row numbers for a contact sheet.
+    """Return rows for a contact sheet: doubtful heads, and motion areas of all sizes.
 
     The first half has the least confidence in head and tail, the worst first, at most three per
     track. The second half is spread over the range of motion areas, the largest first.

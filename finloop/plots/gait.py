@@ -65,7 +65,7 @@ def _figure8_contours(film: GaitContours) -> Figure:
     frames = first[np.unique(np.linspace(0, len(first) - 1, min(_FRAMES, len(first))).astype(int))]
     rows = _rows({name: points[frames] for name, points in film.contours.items()})
     titles = [f"phase {film.phase[k] % 1:.2f}" for k in frames]
-    return _sheet(rows, titles, [""] * len(rows), "contours of the film")
+    return _draw_sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
 def _figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
@@ -187,7 +187,7 @@ def _figure12(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     phases = np.concatenate([a + tau * (b - a) for a, b in pairwise(edges)])
     rows = _rows(_frames(gait, keys, film, phases))
     titles = [f"phase {phase:.3f}" for phase in phases]
-    return _sheet(rows, titles, list("ABCD"), "synthesized cycle")
+    return _draw_sheet(rows, titles, list("ABCD"), "synthesized cycle")
 
 
 def _figure13(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
@@ -195,7 +195,7 @@ def _figure13(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     phases = np.linspace(0, gait.split, 2 * _COLUMNS)
     rows = _rows(_frames(gait, keys, film, phases))
     titles = [f"phase {phase:.3f}" for phase in phases]
-    return _sheet(rows, titles, ["", ""], "subcycle A")
+    return _draw_sheet(rows, titles, ["", ""], "subcycle A")
 
 
 def _figure14(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
@@ -204,7 +204,7 @@ def _figure14(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
     rows = [_rows(_frames(gait, keys, film, phases, control))[0] for control in _CONTROL]
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * _COLUMNS)
     names = [f"{control} points" for control in _CONTROL]
-    return _sheet(rows, titles, names, "the same at few control points")
+    return _draw_sheet(rows, titles, names, "the same at few control points")
 
 
 def _frames(
@@ -221,10 +221,10 @@ def _rows(frames: Mapping[str, Points]) -> list[list[Pose]]:
     return [poses[k : k + _COLUMNS] for k in range(0, len(poses), _COLUMNS)]
 
 
-def _sheet(
+def _draw_sheet(
     rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str], title: str
 ) -> Figure:
-    wide, high = _cell(rows)
+    wide, high = _cell_size(rows)
     columns = max(map(len, rows))
     inches = 1.7 * columns + 0.4
     figure, ax = _canvas(inches, (inches / (columns + 0.3)) * len(rows) * high / wide + 0.4, title)
@@ -232,7 +232,8 @@ def _sheet(
     return figure
 
 
-def _cell(rows: Sequence[Sequence[Pose]]) -> Points:
+def _cell_size(rows: Sequence[Sequence[Pose]]) -> Points:
+    """Return width and height of the cell in which each of some poses is drawn."""
     box = _box([pose for row in rows for pose in row])
     wide, high = _high(box) - _low(box)
     return np.array([1.08 * wide, 1.04 * high + 0.13 * wide])
@@ -243,7 +244,7 @@ def _draw_cells(
 ) -> None:
     """Draw poses side by side in one plot: a plot for each would take ten times as long."""
     box = _box([pose for row in rows for pose in row])
-    low, (wide, high) = _low(box), _cell(rows)
+    low, (wide, high) = _low(box), _cell_size(rows)
     left = iter(titles)
     for r, row in enumerate(rows):
         for c, pose in enumerate(row):
@@ -266,6 +267,7 @@ def _draw_cells(
 
 
 def _canvas(wide: float, high: float, title: str) -> tuple[Figure, Axes]:
+    """Return a figure of this size in inches, filled by one plot without a frame."""
     figure = Figure(figsize=(wide, high))
     ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / high))
     ax.set_title(title, fontsize=10)

@@ -40,7 +40,7 @@ class GatewayPictures(NamedTuple):
 
 
 def spread_by_distance(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
-    """Return at most some gateways, evenly from the smallest distance to the largest."""
+    """Return a few gateways, evenly from the smallest distance to the largest."""
     return sample(gateways.sort_values("distance", kind="stable"), count)
 
 

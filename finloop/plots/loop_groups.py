@@ -62,7 +62,7 @@ def figure12(
     heights = (3.2, 0.45 + 0.28 * rows, 1.5)
     figure = Figure(figsize=(12.5, sum(heights) + 1.6), layout="constrained")
     within, every, bar = figure.subplots(3, 1, sharex=True, height_ratios=heights)
-    _draw_within(within, loops, track_id, rate_hz)
+    _draw_track_loops(within, loops, track_id, rate_hz)
     _draw_groups(every, loops, track_id, rate_hz)
     _draw_dead_ends(bar, graph, features, rate_hz)
     bar.set(xlim=(0, len(track_id) / rate_hz))
@@ -73,7 +73,7 @@ def figure12(
     return figure
 
 
-def _draw_within(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
+def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
     some = loops[loops["length_s"].notna()]
     axes.set(yticks=[], ylim=(-0.28, 1.05))
     if some.empty:

@@ -147,7 +147,7 @@ def loop_examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[
 
 
 def separate_loops(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
-    """Return places in a table of loops: the first whose ends are farther apart than some rows."""
+    """Return the first loops whose ends are more than some rows apart, by place in the table."""
     ends, places = loops[["a", "b"]].to_numpy(), list[int]()
     for place, pair in enumerate(ends):
         if len(places) == count:

@@ -81,4 +81,5 @@ def _bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.fl
 
 
 def _flat(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return windows (n, steps, channels) as (n, steps · channels)."""
     return x.reshape(len(x), -1)

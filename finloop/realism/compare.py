@@ -51,7 +51,7 @@ class Sample:
 
     @property
     def cut(self) -> Cutting:
-        """The length, stride and step of the windows, in frames."""
+        """Return the length, stride and step of the windows, in frames."""
         p = self.p
         return convert_to_frames(p.window_deltas, p.stride, p.step, self.delta)
 
@@ -76,7 +76,7 @@ class Sample:
         return replace(result, first=used[result.first])
 
     def blocks(self, times: int = 1) -> Blocks:
-        """Return blocks of time with equally many of the film's rows, repeated some times."""
+        """Divide the film's time into blocks of equally many rows, in one or several sequences."""
         return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, times)
 
     def windows_beside_film(self, animation: Swimming) -> tuple[Windows, Windows]:

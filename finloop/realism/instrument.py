@@ -76,7 +76,7 @@ class Instrument:
 
     @property
     def typical(self) -> Typical:
-        """The film's typical fish; its fins are not measured."""
+        """Return the film's typical fish; its fins are not measured."""
         facts = self.facts
         size = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
         return Typical(*size, fins="none", thin=facts.thin)

@@ -54,7 +54,7 @@ def draw_beside(
 def _panels(
     edit: pd.DataFrame, gallery: Gallery, tank: Picture, half_px: float, size: int
 ) -> Iterator[tuple[Picture, str]]:
-    """Yield the square around the fish, px across, and what is shown, at every tick."""
+    """Yield a square picture around the fish and the name of what it shows, at every tick."""
     painter, names = Painter(tank, colour=True), picture_kinds(edit)
     for fish, name in zip(place_rows(edit, gallery), names, strict=True):
         painter.show(fish)

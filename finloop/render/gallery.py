@@ -52,6 +52,7 @@ class Gallery:
         self.picture = lru_cache(keep)(self._picture)
 
     def _picture(self, kind: str, source: int, orientation: int, mirrored: bool) -> Picture:
+        """Return a stored cut-out as a picture to draw, perhaps with left and right exchanged."""
         shelf = self.shelves[kind]
         cutout = shelf.store[sprite_row(source, orientation, shelf.orientations)]
         x_px, y_px = shelf.centres_px[source]
@@ -109,7 +110,7 @@ class Gallery:
 def shelves(
     stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
 ) -> dict[str, Shelf]:
-    """Return a shelf by kind, FRAME or SPRITE: a store with the mass centres of its pictures.
+    """Return the cut-outs of each kind, FRAME and SPRITE, with their mass centres.
 
     tracks: x_px, y_px of every cut-out; table: the same and orientations of every sprite, None
     without sprites. FinloopError if a table belongs to another store.

@@ -76,7 +76,7 @@ class Table(NamedTuple):
 
 
 def format_number(value: Any, digits: int = 3) -> str:
-    """Return a number as a short text of about some digits, with commas between thousands.
+    """Return a number as a short text of a few digits, with commas between thousands.
 
     A whole number keeps all digits. NaN and None give ""; a text is returned as it is.
     """
@@ -113,7 +113,7 @@ def measures_table(table: pd.DataFrame) -> Table:
 
 
 def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Convert a data frame to a table of texts; numbers have about some digits."""
+    """Convert a data frame to a table of texts; numbers have about so many digits."""
     rows = [[format_number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 

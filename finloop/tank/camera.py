@@ -114,7 +114,7 @@ def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
 
 
 def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """Return a cycle of scenes, each passing smoothly into the next."""
+    """Return a view that passes smoothly from one of the scenes to the next, again and again."""
     time = np.arange(len(head)) / rate_hz
     scenes = [camera_views(name, room, head, heading, rate_hz) for name, _ in _SCENES]
     ends = np.cumsum([length for _, length in _SCENES])

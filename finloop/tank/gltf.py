@@ -79,6 +79,7 @@ class Glb:
         return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
 
     def _view(self, data: bytes, more: dict[str, int]) -> int:
+        """Add bytes as a buffer view, aligned to four bytes; return its index."""
         self._data += b"\0" * (-len(self._data) % 4)
         view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)} | more
         self._data += data
@@ -219,6 +220,7 @@ def _fish(glb: Glb, shape: Shapes, material: int, name: str) -> int:
 
 
 def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
+    """Add a node with a mesh that can be mixed from shapes (targets); return its index."""
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
         primitive["targets"] = targets
@@ -259,7 +261,7 @@ def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None =
 def _tracks(
     glb: Glb, motion: AnimatedFish, nodes: Mapping[int, Floats]
 ) -> Iterator[tuple[int, str, int]]:
-    """Yield node, property and its values for nodes that follow these places."""
+    """Yield node, property and its values over time, for nodes that move along these places."""
     zero, half = np.zeros_like(motion.heading), motion.heading / 2
     tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}
     if motion.shape.weights.shape[1]:

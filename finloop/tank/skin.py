@@ -49,6 +49,7 @@ class Skins:
         self.skin = lru_cache(keep)(self._skin)
 
     def _skin(self, row: int) -> NDArray[np.float32]:
+        """Return the pixels of a row's cut-out wrapped around the body, with belly and eyes."""
         cutout, line = self._cutout(row), self._film.backbone[row : row + 1]
         width = limit_half_width(self._film.half_width[row : row + 1], line, self._typical)
         place = top_view_points(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)

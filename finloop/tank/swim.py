@@ -144,7 +144,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
 def _find_bodies(
     edit: pd.DataFrame, prefix: str, number: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return every tick's picture as a body of the film; where there is none, any."""
+    """Return the filmed body behind the picture of every tick; any where there is no picture."""
     source = edit[number].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
     scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
@@ -174,6 +174,7 @@ def _place_bodies(film: FilmBodies, drawn: BodyPlacement) -> tuple[Floats, Float
 
 
 def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Return the matrices ((a, b), (c, d)) of n numbers each, as (n, 2, 2)."""
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 
