@@ -28,7 +28,7 @@ from finloop.plan.planner import Planner
 from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
-from finloop.realism.lists import Work, film_lists
+from finloop.realism.instrument import Work, film_lists
 from stages.cluster import workers
 from stages.realism import WORKERS_NEED, GalleryOpener, instrument_of, swimming_of, verdicts_of
 from stages.settings import load
@@ -110,11 +110,11 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         drawn = instrument.adapt_to_animation(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, pool)
-        sample = compare.sample(measured[FILM], features, rate, p)
+        sample = compare.film_sample(measured[FILM], features, rate, p)
         sides = sample.comparison_windows(
             {k: v for k, v in measured.items() if k != FILM}, features
         )
-        table = compare.table(verdicts_of(sides, p, pool))
+        table = compare.verdict_table(verdicts_of(sides, p, pool))
     for row in table.to_dict("records"):
         yield {"film": film, **{str(key): value for key, value in row.items()}}
 

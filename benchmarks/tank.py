@@ -16,9 +16,8 @@ import pandas as pd
 
 from finloop.io.movie import Mp4Writer
 from finloop.project import Project
-from finloop.tank.camera import PRESETS, TOUR, Room, views
-from finloop.tank.display import choose_window
-from finloop.tank.scene import TankScene
+from finloop.tank.camera import PRESETS, TOUR, Room, camera_views
+from finloop.tank.scene import TankScene, choose_window
 from stages.settings import load
 from stages.tank import animated_fish
 
@@ -39,7 +38,9 @@ def main() -> None:
         with TankScene(background, room, SIZE) as scene:
 
             def show(camera: str, writer: Mp4Writer | None = None) -> np.ndarray:
-                view = views(camera, room, fish.place, fish.poses.heading, facts.frame_rate_hz)
+                view = camera_views(
+                    camera, room, fish.place, fish.poses.heading, facts.frame_rate_hz
+                )
                 took = []
                 for tick in range(count):
                     start, worked = time.perf_counter(), time.process_time()

@@ -71,7 +71,7 @@ from finloop.modes.network import network_animator
 from finloop.plan.load_paths import load_lines
 from finloop.plan.matching_settings import merge_settings
 from finloop.pose.film import FilmPoses, film_poses
-from finloop.render.gallery import Gallery, frames, shelves
+from finloop.render.gallery import Gallery, place_ticks, shelves
 from finloop.render.painter import Painter, Shadow
 from finloop.social.rule import SOCIAL_STEPS, Shoaling, SocialSteps, require_rule
 from finloop.sprites.choice import choose_frames, swimmer_table
@@ -336,6 +336,6 @@ def write_video(
     painter = Painter(tracks.background, shadow=shadow)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:
-        for fish in frames(edit, gallery):
+        for fish in place_ticks(edit, gallery):
             painter.show(*fish)
             writer.write(painter.frame)

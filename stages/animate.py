@@ -9,7 +9,6 @@ import pandas as pd
 from finloop.animate import encounters, measures
 from finloop.animate.motion import MotionStatistics, learn
 from finloop.base.errors import FinloopError
-from finloop.edit.measures import table
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
 from finloop.features.table import delta_of
@@ -133,7 +132,8 @@ def main() -> None:
     left = ANIMATE / "matching/left.parquet"
     lost = load_table(left, path_measures.LEFT) if left.exists() else path_measures.LEFT.empty()
     save_csv(REPORT / "left.csv", lost, decimals=3)
-    save_csv(REPORT / "measures.csv", table(numbers, film), decimals=3)
+    beside = pd.DataFrame({**numbers, "film": film}).rename_axis("measure").reset_index()
+    save_csv(REPORT / "measures.csv", beside, decimals=3)
     save_csv(REPORT / "doubts.csv", doubts(numbers), decimals=3)
     every = numbers | {"film": film}
     metrics = {f"{mode}_{name}": value for mode in every for name, value in every[mode].items()}

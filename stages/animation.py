@@ -22,7 +22,7 @@ from finloop.edit.measures import (
     state_measures,
     step_measures,
 )
-from finloop.edit.pictures import drawn_steps, seams
+from finloop.edit.pictures import drawn_steps, measure_discontinuities
 from finloop.edit.schema import CUT, EDIT, by_fish
 from finloop.edit.stretch import Swim
 from finloop.io.atomic import whole_folder
@@ -149,7 +149,7 @@ def measure_pictures(
     discontinuities.
     """
     pictures = animator.pictures
-    joins, jumps = seams(edit, pictures)
+    joins, jumps = measure_discontinuities(edit, pictures)
     return {
         **step_measures(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
         **discontinuity_measures(joins, steps["headed"].to_numpy(float)),

@@ -19,7 +19,7 @@ import yaml
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
 from finloop.io.numbers import NUMBERS_NAME, parse_numbers
-from finloop.report.compare import OBJECTIVES, Comparison, comparison, html
+from finloop.report.compare import OBJECTIVES, Comparison, compare_experiments, comparison_page
 from stages.settings import PARAMS, STAMPS
 
 OUT = Path("reports/compare.html")
@@ -119,7 +119,7 @@ def side_by_side(names: list[str], measures: list[str]) -> Comparison:
     rows = {name: parameters(commit) for name, commit in commits.items()}
     found = numbers(set(commits.values()), sorted(stages))
     values = {name: found.get(commit, {}) for name, commit in commits.items()}
-    return comparison(pd.DataFrame(rows).T, pd.DataFrame(values).T, measures)
+    return compare_experiments(pd.DataFrame(rows).T, pd.DataFrame(values).T, measures)
 
 
 def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
@@ -129,7 +129,7 @@ def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
     """
     table = side_by_side(names, measures)
     with whole_file(OUT) as part:
-        part.write_text(html(table, title, why), encoding="utf-8")
+        part.write_text(comparison_page(table, title, why), encoding="utf-8")
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T
     return rows.to_string(line_width=LINE)
 

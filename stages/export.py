@@ -29,7 +29,7 @@ from finloop.io.poses.save import save_netcdf, save_nwb
 from finloop.io.record import save_json
 from finloop.io.table import save_csv, save_csv_in_blocks, save_table
 from finloop.project import EditSources, Project
-from finloop.render.gallery import frames
+from finloop.render.gallery import place_ticks
 from finloop.render.painter import Box
 from finloop.sprites.choice import SIDES, WORDS
 from finloop.stimulus.drawn import drawn_states
@@ -69,8 +69,8 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
     ticks = edit["tick"].nunique()
     with progress("export", ticks + sum(len(rows) for rows, _ in cycles.values())) as advance:
         tank = FishOnlyPainter(facts.height_px, facts.width_px, channels)
-        crop = bounding_box(frames(edit, gallery), tank)
-        pictures = cut_out(frames(edit, gallery), tank, crop)
+        crop = bounding_box(place_ticks(edit, gallery), tank)
+        pictures = cut_out(place_ticks(edit, gallery), tank, crop)
         film(p.mode, pictures, crop, round(p.webp_seconds * rate))
         made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
         for word, (steps, half) in cycles.items():

@@ -22,7 +22,7 @@ from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
 from finloop.morph.match import match_curves
 from finloop.morph.settings import MorphSettings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
-from finloop.plots.morph import sheet
+from finloop.plots.morph import draw_morphs
 from stages.settings import load
 
 OUT, REPORT = Path("data/morph"), Path("reports/morph")
@@ -134,12 +134,12 @@ def main() -> None:
             for ending in ENDINGS:
                 save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)
                 advance()
-    save_picture(REPORT / "fig4.png", sheet(morphs))
+    save_picture(REPORT / "fig4.png", draw_morphs(morphs))
     swings = {
         name: morph(*drawings, "physical", p.frames, p.contour_points, physics=physics)
         for name, physics in SETTINGS.items()
     }
-    save_picture(REPORT / "fig5.png", sheet({"linear": morphs["linear"]} | swings))
+    save_picture(REPORT / "fig5.png", draw_morphs({"linear": morphs["linear"]} | swings))
     folds = [
         {"method": method, "contour": name, "frames_that_fold": int((count > 0).sum()),
          "folds": int(count.sum()), "proved_between_frames": result.continuous[name]}

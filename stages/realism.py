@@ -17,7 +17,7 @@ from finloop.animate.settings import AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
 from finloop.edit.modes import MODES
-from finloop.edit.schema import EDIT
+from finloop.edit.schema import EDIT, by_fish
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
@@ -27,8 +27,14 @@ from finloop.realism import compare, examples
 from finloop.realism.auc import roc
 from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.examples import FILM
-from finloop.realism.instrument import Instrument, Swimming, measure_list, swimming
-from finloop.realism.lists import Work, animation_lists, film_lists
+from finloop.realism.instrument import (
+    Instrument,
+    Swimming,
+    Work,
+    film_lists,
+    join_measurements,
+    measure_list,
+)  # fmt: skip
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
@@ -82,7 +88,9 @@ def swimming_of(
         own, tables = tables[: len(part)], tables[len(part) :]
         share = 0.0
         if any(map(len, own)):
-            measured[name] = swimming([edit for edit, _ in part], own, instruments[name].rate_hz)
+            measured[name] = join_measurements(
+                [edit for edit, _ in part], own, instruments[name].rate_hz
+            )
             share = share_of(measured[name].row, part)
         if share < LEAST_SHARE:
             print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
@@ -95,7 +103,7 @@ def _verdict(
     p: RealismSettings, item: tuple[str, tuple[Windows, Windows]]
 ) -> Verdict | FinloopError:
     try:
-        return compare.verdict(item[1], p, alone=item[0] != AGAIN)
+        return compare.classify_windows(item[1], p, alone=item[0] != AGAIN)
     except FinloopError as error:
         return error
 
@@ -133,7 +141,7 @@ def save_film(folder: Path, pictures: GalleryOpener, slower: int) -> None:
         Mp4Writer(folder / "examples.mp4", shape, rate / slower, CRF) as writer,
     ):
         for _, example in table.groupby("example"):
-            for frame in 2 * list(examples.side_by_side(example, gallery, tank, length, PANEL_PX)):
+            for frame in 2 * list(examples.draw_example(example, gallery, tank, length, PANEL_PX)):
                 writer.write(frame)
 
 
@@ -145,7 +153,7 @@ def save_report(
 
     works, measured: by mode and FILM, the edit lists and the measured swimming.
     """
-    save_csv(REPORT / "auc.csv", compare.table(verdicts), decimals=4)
+    save_csv(REPORT / "auc.csv", compare.verdict_table(verdicts), decimals=4)
     curves = [roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
     columns = ["compared", "false_alarms", "hits"]
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
@@ -189,7 +197,7 @@ def compare_swimming(
     for mode in MODES:
         path = ANIMATE / mode / "samples.parquet"
         if path.exists():
-            works[mode] = animation_lists(load_table(path, EDIT))
+            works[mode] = [(edit, ()) for edit in by_fish(load_table(path, EDIT))]
             instruments[mode] = instrument.adapt_to_animation(project.size(mode))
     pictures = GalleryOpener(project)
     measured = swimming_of(works, pictures, instruments, pool)
@@ -199,7 +207,7 @@ def compare_swimming(
             "cut-outs that look like the filmed fish",
             "look at reports/extract/detections.png",
         )
-    sample = compare.sample(measured[FILM], features, rate, p)
+    sample = compare.film_sample(measured[FILM], features, rate, p)
     sides = sample.comparison_windows(
         {mode: measured[mode] for mode in measured if mode != FILM}, features
     )

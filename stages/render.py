@@ -15,7 +15,7 @@ from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.table import load_table
 from finloop.project import PLACES, Project
 from finloop.render.beside import WORDS_PX, draw_beside, longest_tracks
-from finloop.render.gallery import Gallery, frames
+from finloop.render.gallery import Gallery, place_ticks
 from finloop.render.marks import MarkPainter
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import RenderSettings
@@ -33,7 +33,7 @@ def films(
 
     It is in grey levels, one value per tick; the first is NaN. advance: called after each tick.
     """
-    shown, ticks = frames(edit, gallery), edit["tick"].nunique()
+    shown, ticks = place_ticks(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
     steps = FrameChangeMeter(clean)

@@ -24,10 +24,10 @@ from finloop.report.settings import ReportSettings
 from finloop.report.tables import (
     Table,
     data_frame_table,
-    headline,
+    format_number,
     headline_table,
-    measures,
-    number,
+    measures_table,
+    mode_headline,
 )
 from stages.settings import load, overrides, read
 
@@ -106,9 +106,9 @@ def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
     scale = ""
     if "body_length_median_mm" in features:
-        wide, high = (number(features[f"tank_{side}_mm"]) for side in ("width", "height"))
-        length = number(features["body_length_median_mm"])
-        speed = number(features.get("speed_median_mm_s"))
+        wide, high = (format_number(features[f"tank_{side}_mm"]) for side in ("width", "height"))
+        length = format_number(features["body_length_median_mm"])
+        speed = format_number(features.get("speed_median_mm_s"))
         scale = f"The picture is {wide}×{high} mm, an animal {length} mm long; "
         scale += f"its median speed is {speed} mm/s. " if speed else ""
     return (
@@ -152,9 +152,9 @@ def main() -> None:
         "film": data_uri("video/mp4", film),
         "poster": webp(poster, p.max_picture_width_px, p.picture_quality),
         "film_text": film_in_words(mode, film_path == marked_film),
-        "headline": headline(numbers["animate"] | numbers["realism"], mode),
+        "headline": mode_headline(numbers["animate"] | numbers["realism"], mode),
         "doubts": data_frame_table(pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"),
-        "measures": measures(pd.read_csv(REPORTS / "animate/measures.csv")),
+        "measures": measures_table(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,
         "table_2": data_frame_table(pd.read_csv(TIMES), TIMES_TITLE, 3),
         "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from finloop.edit.measures import discontinuity_measures, step_measures
-from finloop.edit.pictures import drawn_steps, seams
+from finloop.edit.pictures import drawn_steps, measure_discontinuities
 from finloop.edit.schema import EDIT
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
@@ -37,7 +37,7 @@ def retarget_film(p: RetargetSettings) -> Retargeted:
         others = JoinParameters(load("jumps"), load("animate"), load("matching").join)
         result = retarget_track(load_track(film, p), film, p, others)
         mine = drawn_steps(result.edit, film.pictures)
-        joins, _ = seams(result.edit, film.pictures)
+        joins, _ = measure_discontinuities(result.edit, film.pictures)
     numbers = {
         **result.numbers,
         **step_measures(mine, steps["as_filmed"].to_numpy(float)),

@@ -16,14 +16,13 @@ from finloop.io.picture import save_picture
 from finloop.io.viewer import save_viewer
 from finloop.project import Project
 from finloop.tank.body import lengths, typical_width
-from finloop.tank.camera import FOLLOW, PRESETS, Room, views
-from finloop.tank.display import choose_window
+from finloop.tank.camera import FOLLOW, PRESETS, Room, camera_views
 from finloop.tank.fish import FishSurface
-from finloop.tank.gltf import AnimatedFish, gltf_place, shapes, tank_glb
-from finloop.tank.scene import TankScene
+from finloop.tank.gltf import AnimatedFish, gltf_place, principal_shapes, tank_glb
+from finloop.tank.scene import TankScene, choose_window
 from finloop.tank.settings import TankSettings
 from finloop.tank.skin import Skins
-from finloop.tank.swim import USED, film_bodies, poses, swimming_heights
+from finloop.tank.swim import USED, film_bodies, swimming_heights, tank_poses
 from stages.settings import load
 
 OUT, REPORT = Path("data/tank"), Path("reports/tank")
@@ -46,7 +45,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
     columns = ["head_x_px", "head_y_px", "heading_deg"]
     film = film_bodies(tracks, project.features[columns])
     table = pd.DataFrame() if sprites is None else sprites
-    fish_poses = [poses(one, film, table, bodies) for one in each]
+    fish_poses = [tank_poses(one, film, table, bodies) for one in each]
     typical = typical_width(film.half_width, film.backbone)
     length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in fish_poses])))
     depth = p.water_depth_bl * length
@@ -63,7 +62,7 @@ def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface],
 def swimming(fish: FishSurface) -> AnimatedFish:
     """Return a moving surface as a fish of a glTF scene: shapes, places and headings."""
     heading = fish.poses.heading
-    return AnimatedFish(shapes(fish.points(), heading), fish.place, heading)
+    return AnimatedFish(principal_shapes(fish.points(), heading), fish.place, heading)
 
 
 def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
@@ -87,7 +86,7 @@ def main() -> None:
         depth, size = p.water_depth_bl * first.length_px, (p.width_px, p.height_px)
         room = Room(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])
         cameras = {  # those that follow follow the first fish
-            name: views(name, room, first.place, first.poses.heading, rate)
+            name: camera_views(name, room, first.place, first.poses.heading, rate)
             for name in (*PRESETS, p.camera)
         }
         with TankScene(background, room, size, len(fish)) as scene:

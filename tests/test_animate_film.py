@@ -39,10 +39,9 @@ from finloop.animate.places import random_goals
 from finloop.animate.size import frame_hulls, reach
 from finloop.animate.state import Fish, State
 from finloop.distance.picture import BODY, FILM
-from finloop.edit.explain import in_words
 from finloop.edit.schema import CONSIDERED, EDIT, FADE, FRAME, TERMS, VERDICTS, WHY, Goal
 from finloop.edit.schema import FILM as IN_FILM
-from finloop.edit.stretch import Decision
+from finloop.edit.stretch import Decision, describe_decision
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import can_play_for_ever, loop_graph
@@ -553,14 +552,14 @@ def test_a_frame_is_named_by_its_row():
     ],
 )
 def test_a_decision_is_told_in_words(decision, said):
-    assert in_words(decision, "A", 0.44) == said
+    assert describe_decision(decision, "A", 0.44) == said
 
 
 def test_every_decision_can_be_told():
     for player in players_of().values():
         found, _ = edit_of(player, [Goal("A", 200.0, 200.0)], 2000, 1)
         for stretch, name in zip(found.stretches, found.names, strict=True):
-            text = in_words(stretch.decision, name, stretch.area)
+            text = describe_decision(stretch.decision, name, stretch.area)
             assert "nan" not in text and "inf" not in text
 
 

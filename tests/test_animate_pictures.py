@@ -1,5 +1,6 @@
 """Pictures behind an edit list: the film's steps, seams, cross-fades; ground truth from wedges."""
 
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -9,11 +10,17 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
-from finloop.distance.picture import FILM, SPAN, centre_cutout, distance
+from finloop.distance.picture import SPAN, centre_cutout, distance
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
-from finloop.edit.pictures import Pictures, draw_edit, drawn_steps, film_next, seams, without_ghosts
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.pictures import (
+    Pictures,
+    draw_edit,
+    drawn_steps,
+    measure_discontinuities,
+    without_ghosts,
+)
+from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, film_poses
@@ -68,20 +75,23 @@ def sprites_of(folder: Path, table: pd.DataFrame, rows: list[int]) -> pd.DataFra
     return picked.reset_index(drop=True)
 
 
+@contextmanager
+def open_reel(folder: Path, table: pd.DataFrame, sprites: pd.DataFrame):
+    stores = (folder / name for name in ("film.arrow", "sprites.arrow"))
+    with open_cutouts(next(stores)) as film, open_cutouts(next(stores)) as store:
+        yield Reel(table, film, sprites, store)
+
+
 @pytest.fixture
 def pictures(tmp_path):
     """Two tracks that turn and grow wider, five sprites of the first one's frames."""
-    table = film_of(
-        tmp_path,
+    wider, narrower = (
         [(10.0 * i, 0.2 + 0.03 * i) for i in range(8)],
         [(90.0 - 5 * i, 0.5 - 0.03 * i) for i in range(6)],
     )
+    table = film_of(tmp_path, wider, narrower)
     sprites = sprites_of(tmp_path, table, [0, 1, 2, 4, 5])
-    with (
-        open_cutouts(tmp_path / "film.arrow") as film,
-        open_cutouts(tmp_path / "sprites.arrow") as store,
-    ):
-        reel = Reel(table, film, sprites, store)
+    with open_reel(tmp_path, table, sprites) as reel:
         yield Pictures(reel, SIZE, Bodies(poses_of(table), reel.goes_on, sprites))
 
 
@@ -130,55 +140,21 @@ def add_fade(edit: pd.DataFrame, tick: int, other: pd.Series, weight: float) -> 
     return edit
 
 
-# --- steps of the film
-
-
-def natural(table, film):
-    steps = Reel(table, film).steps(SIZE, FILM)
-    return steps[~np.isnan(steps)]
-
-
-def test_a_film_that_stands_still_makes_no_steps(tmp_path):
-    table = film_of(tmp_path, [(0.0, 0.3), (0.0, 0.3), (0.0, 0.3), (30.0, 0.3)])
-    with open_cutouts(tmp_path / "film.arrow") as film:
-        found = natural(table, film)
-    assert found[:2] == pytest.approx(0)
-    assert found[2] > 5
-
-
-def test_steps_are_not_taken_across_tracks_or_gaps(tmp_path):
-    turning = [(10.0 * i, 0.3) for i in range(6)]
-    table = film_of(tmp_path, turning, turning[:3])
-    with open_cutouts(tmp_path / "film.arrow") as film:
-        assert len(natural(table, film)) == 5 + 2
-        gap = Reel(table, film)
-        object.__setattr__(gap, "features", table.assign(frame=table["frame"] + (table.index > 2)))
-        assert gap.goes_on.sum() == 4 + 2
-
-
 def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
     table = film_of(tmp_path, [(20.0 * i, 1 / 3) for i in range(4)])
     sprites = sprites_of(tmp_path, table, [0, 1, 2])
-    with (
-        open_cutouts(tmp_path / "film.arrow") as film,
-        open_cutouts(tmp_path / "sprites.arrow") as store,
-    ):
-        reel = Reel(table, film, sprites, store)
+    with open_reel(tmp_path, table, sprites) as reel:
         after, drawn = reel.after_sprites(SIZE), reel.sprite_pictures(SIZE)
     assert drawn.shape == (3, SIZE, SIZE, 2)
-    assert (
-        distance(after, drawn) < 0.12 * np.linalg.norm(drawn[0])
-    ).all()  # one wedge, in any frame
+    one_wedge = 0.12 * np.linalg.norm(drawn[0])  # in any frame
+    assert (distance(after, drawn) < one_wedge).all()
 
 
 def test_an_outline_is_ahead_and_to_the_left(tmp_path):
     table = film_of(tmp_path, [(0.0, 1 / 3)] * 2)
     sprites = sprites_of(tmp_path, table, [0]).assign(scale=2.0)
-    with (
-        open_cutouts(tmp_path / "film.arrow") as film,
-        open_cutouts(tmp_path / "sprites.arrow") as store,
-    ):
-        hull = sprite_outlines(Reel(table, film, sprites, store))[0]
+    with open_reel(tmp_path, table, sprites) as reel:
+        hull = sprite_outlines(reel)[0]
     assert hull[:, 0].min() == pytest.approx(-40, abs=3)
     assert hull[:, 0].max() == pytest.approx(40, abs=3)
     blunt = hull[hull[:, 0] > 35]
@@ -229,18 +205,13 @@ def test_a_drawn_cross_fade_lies_between_its_pictures(pictures, kind):
 # --- seams
 
 
-def test_the_frame_after_a_frame_is_that_of_its_track(pictures):
-    assert pictures.reel.next_rows([0, 6, 8, 12]).tolist() == [1, 7, 9, 13]
-    assert pictures.reel.next_rows([7, 13]).tolist() == [7, 13]
-
-
 def test_natural_play_has_no_seam_however_it_is_turned(pictures):
     heading = pictures.reel.features["heading_deg"].to_numpy()
     for rot in (0.0, 77.0, -140.0):
         edit = edit_of(pictures, *((FRAME, row, heading[row] + rot) for row in range(8)))
-        assert [len(part) for part in seams(edit, pictures)] == [0, 0]
+        assert [len(part) for part in measure_discontinuities(edit, pictures)] == [0, 0]
     edit = edit_of(pictures, *((SPRITE, number, 0.0) for number in (0, 1, 2)))
-    assert len(seams(edit, pictures)[0]) == 0
+    assert len(measure_discontinuities(edit, pictures)[0]) == 0
 
 
 @pytest.mark.parametrize("rot", [0.0, 90.0, 33.0])
@@ -249,37 +220,34 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(pictures, rot):
     headings = [rot, rot + 10, rot + 20, rot + 30, rot + 25]
     rows = [0, 1, 2, 10, 11]
     edit = edit_of(pictures, *((FRAME, row, h) for row, h in zip(rows, headings, strict=True)))
-    found, ticks = seams(edit, pictures)
+    found, ticks = measure_discontinuities(edit, pictures)
     assert list(ticks) == [3]
     ahead = [
         centre_cutout(pictures.reel.film[row], pictures.reel.centres_px[row], LENGTH, SIZE, -angle)
         for row, angle in ((3, 30.0), (10, 80.0))
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)
-    fade = add_fade(edit, 3, edit.loc[2], 0.5)
-    assert seams(fade, pictures)[0] == pytest.approx(found)  # without its cross-fade
-    askew = edit.assign(
-        rotation_deg=edit["rotation_deg"] + [0, 0, 0, 40, 40],
-        heading_deg=edit["heading_deg"] + [0, 0, 0, 40, 40],
-    )
-    assert seams(askew, pictures)[0][0] > 2 * found[0]
+    fade = add_fade(edit, 3, edit.loc[2], 0.5)  # does not count
+    assert measure_discontinuities(fade, pictures)[0] == pytest.approx(found)
+    turned = {name: edit[name] + [0, 0, 0, 40, 40] for name in ("rotation_deg", "heading_deg")}
+    askew = edit.assign(**turned)
+    assert measure_discontinuities(askew, pictures)[0][0] > 2 * found[0]
 
 
 def test_a_frame_without_a_next_one_is_held_against_itself(pictures):
     edit = edit_of(pictures, (FRAME, 7, 70.0), (FRAME, 7, 70.0))
-    found, ticks = seams(edit, pictures)
+    found, ticks = measure_discontinuities(edit, pictures)
     assert list(ticks) == [1] and found == pytest.approx(0)
 
 
 def test_a_picture_that_is_held_has_one_seam(pictures):
     edit = edit_of(pictures, *((SPRITE, number, 0.0) for number in (0, 1, 1, 1, 1, 2)))
-    assert list(seams(edit, pictures)[1]) == [2]
+    assert list(measure_discontinuities(edit, pictures)[1]) == [2]
 
 
 def test_a_jump_of_sprites_is_what_the_film_does_not_show(pictures):
-    assert list(film_next(pictures.reel.sprites)) == [1, 2, -1, 4, -1]
     edit = edit_of(pictures, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
-    found, ticks = seams(edit, pictures)
+    found, ticks = measure_discontinuities(edit, pictures)
     pose = distance(pictures.sprite_successors, pictures.right_facing_sprites)
     assert list(ticks) == [3, 4, 6]
     assert found == pytest.approx([pose[2, 0], pose[0, 0], pose[1, 3]], rel=1e-5)
@@ -288,16 +256,16 @@ def test_a_jump_of_sprites_is_what_the_film_does_not_show(pictures):
 def test_a_switch_between_sprite_and_frame_is_a_jump(pictures):
     # Sprite 0 is row 0: after it comes row 1, whichever way it is drawn.
     natural = edit_of(pictures, (SPRITE, 0, 40.0), (FRAME, 1, 40.0))
-    found, ticks = seams(natural, pictures)
+    found, ticks = measure_discontinuities(natural, pictures)
     assert list(ticks) == [1]
     wrong = edit_of(pictures, (SPRITE, 0, 40.0), (FRAME, 8, 40.0))
-    assert found[0] < 0.3 * seams(wrong, pictures)[0][0]
+    assert found[0] < 0.3 * measure_discontinuities(wrong, pictures)[0][0]
     # And after row 0, drawn at 40°, comes row 1 at 50°: sprite 1.
     natural = edit_of(pictures, (FRAME, 0, 40.0), (SPRITE, 1, 50.0))
-    found, ticks = seams(natural, pictures)
+    found, ticks = measure_discontinuities(natural, pictures)
     assert list(ticks) == [1]
     wrong = edit_of(pictures, (FRAME, 0, 40.0), (SPRITE, 1, 90.0))
-    assert found[0] < 0.3 * seams(wrong, pictures)[0][0]
+    assert found[0] < 0.3 * measure_discontinuities(wrong, pictures)[0][0]
 
 
 # --- poses
@@ -307,27 +275,27 @@ def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
     """The edit list, every tick posed as it was filmed."""
     edit = edit.copy()
     for tick, row in enumerate(edit.itertuples()):
-        body = shown.bodies.edit_row_body(*row[1:5], row.mirrored)
+        body = shown.bodies.edit_row_body(row_picture(row))
         edit.at[tick, "pose"] = shown.bodies.codes(body)
     return edit
+
+
+def plain_and_posed(edit: pd.DataFrame, shown: Pictures):
+    return zip(draw_edit(edit, shown), draw_edit(in_own_pose(edit, shown), shown), strict=True)
 
 
 def test_in_its_own_pose_a_picture_is_drawn_as_without_one(pictures):
     edit = edit_of(pictures, *((FRAME, row, 33.0 * row) for row in range(5)))
     edit["mirrored"] = [False, True, False, True, False]
-    for one, posed in zip(
-        draw_edit(edit, pictures), draw_edit(in_own_pose(edit, pictures), pictures), strict=True
-    ):
+    for one, posed in plain_and_posed(edit, pictures):
         assert np.abs(one - posed).max() < 0.02
-    assert len(seams(in_own_pose(edit, pictures), pictures)[0]) == 4
+    assert len(measure_discontinuities(in_own_pose(edit, pictures), pictures)[0]) == 4
 
 
 def test_a_sprite_in_its_own_pose_is_its_row_turned(pictures):
     edit = edit_of(pictures, *((SPRITE, number, 40.0 * number) for number in range(4)))
     step = drawn_steps(edit_of(pictures, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), pictures)[0]
-    for one, posed in zip(
-        draw_edit(edit, pictures), draw_edit(in_own_pose(edit, pictures), pictures), strict=True
-    ):
+    for one, posed in plain_and_posed(edit, pictures):
         assert np.linalg.norm(one - posed) < 2 * step  # the stored one was sampled twice
 
 
@@ -340,8 +308,8 @@ def test_a_mirrored_picture_is_mirrored_about_its_heading(pictures):
 
 
 def test_what_joins_help_is_seen_in_the_pictures(pictures):
-    assert not pictures.helps(0, 0, False, False)
-    assert pictures.helps is pictures.helps
+    assert not pictures.bending_helps(0, 0, False, False)
+    assert pictures.bending_helps is pictures.bending_helps
 
 
 # --- ghosts

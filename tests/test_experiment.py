@@ -19,10 +19,10 @@ from finloop.io.numbers import load_numbers
 from finloop.realism.windows import HALVES
 from finloop.report.compare import (
     OBJECTIVES,
-    comparison,
+    compare_experiments,
+    comparison_page,
     draw_parallel_axes,
     draw_parameter_effects,
-    html,
     pareto,
 )
 from stages import compose
@@ -188,7 +188,7 @@ def random_runs(count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 def test_what_differs_is_compared_numbers_by_size():
     parameters, numbers = random_runs(5)
-    found = comparison(
+    found = compare_experiments(
         parameters[["bpn.hidden_units", "bpn.seed"]], numbers, ["bpn.error", "no.such"]
     )
     assert list(found.parameters) == ["bpn.hidden_units"]
@@ -197,7 +197,7 @@ def test_what_differs_is_compared_numbers_by_size():
     assert list(found.measures)[-1] == "bpn.error" and found.measures.shape == (5, 4)
     sign = [1, -1, 1]
     assert (found.best == pareto(found.measures.iloc[:, :3].to_numpy() * sign)).all()
-    bare = comparison(parameters, numbers[["bpn.error"]], ["bpn.error"])
+    bare = compare_experiments(parameters, numbers[["bpn.error"]], ["bpn.error"])
     assert bare.objectives == [] and not bare.best.any()
 
 
@@ -211,7 +211,7 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
         {"features.delta_s": MIXED, "gait.gamma_per_scale": [True, False, True, False]},
         numbers.index,
     )
-    found = comparison(parameters, numbers, [])
+    found = compare_experiments(parameters, numbers, [])
     assert list(found.parameters["features.delta_s"]) == [0.1, 2.0, 10.0, "auto"]
     delta, back, *_ = draw_parallel_axes(found).data[0].dimensions
     assert delta.ticktext == ("0.1", "10", "auto") and delta.values == (0, 1, 2)
@@ -222,20 +222,21 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
 
 def test_one_parameter_has_a_panel_for_every_measure():
     parameters, numbers = random_runs(5)
-    found = comparison(parameters[["bpn.hidden_units"]], numbers, ["bpn.error"])
+    found = compare_experiments(parameters[["bpn.hidden_units"]], numbers, ["bpn.error"])
     panels = draw_parameter_effects(found).data
     assert len(panels) == 4 and panels[-1].x == (0, 1, 2, 3, 4)
     for panel, measure in zip(panels, found.measures, strict=True):
         assert panel.y == tuple(found.measures[measure])
     assert (
-        draw_parameter_effects(comparison(parameters, numbers, ["bpn.error"])) is None
+        draw_parameter_effects(compare_experiments(parameters, numbers, ["bpn.error"])) is None
     )  # more than one differs
 
 
 def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):
     path = tmp_path / "compare.html"
     path.write_text(
-        html(comparison(*random_runs(5), ["bpn.error"]), "Of <several>", "why"), encoding="utf-8"
+        comparison_page(compare_experiments(*random_runs(5), ["bpn.error"]), "Of <several>", "why"),
+        encoding="utf-8",
     )
     with chromium() as browser:
         seen = visit(browser, path)

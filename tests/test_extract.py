@@ -74,9 +74,15 @@ from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import read_frames
-from finloop.plots.branches import choose_fish, figure3_4, lie_down
+from finloop.plots.branches import (
+    choose_fish,
+    figure3_4,
+    find_branches,
+    lie_down,
+    number_pixels,
+    thin_fish,
+)
 from finloop.plots.extract import detections_picture
-from finloop.plots.thinned_fish import find_branches, number_pixels, thin_fish
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = ExtractSettings(**{name: value for name, value in CONF.items() if name != "defaults"})

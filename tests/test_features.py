@@ -66,11 +66,11 @@ from finloop.io.picture import load_picture, save_figure
 from finloop.io.table import load_table, save_table
 from finloop.plots.features import (
     Specimen,
-    contact_sheet,
+    choose_doubtful,
+    draw_rose,
+    draw_specimens,
+    draw_trajectories,
     figure7,
-    most_doubtful,
-    rose,
-    trajectories,
 )
 from finloop.plots.turn import figure5, strongest_turn, turned_deg
 
@@ -797,14 +797,14 @@ def specimen(table, backbones, row, colour=False):
 def test_the_size_of_a_contact_sheet(swimmers_with_truth, count, colour):
     table, backbones, _ = swimmers_with_truth
     shown = (specimen(table, backbones, row, colour) for row in range(count))
-    sheet = contact_sheet(shown, columns=3, size=150)
+    sheet = draw_specimens(shown, columns=3, size=150)
     assert sheet.shape == (24 + 150 * -(-count // 3), 450, 3)
     assert sheet.dtype == np.uint8
 
 
 def test_what_a_contact_sheet_draws(swimmers_with_truth):
     table, backbones, _ = swimmers_with_truth
-    tile = contact_sheet([specimen(table, backbones, 5)], columns=1, size=300)[24:]
+    tile = draw_specimens([specimen(table, backbones, 5)], columns=1, size=300)[24:]
 
     def places(colour):
         return np.argwhere(np.abs(tile - np.array(colour)).max(-1) < 60)[:, ::-1]
@@ -822,14 +822,14 @@ def test_the_most_doubtful_come_first(swimmers_with_truth):
     table, _, _ = swimmers_with_truth
     doubt = table.assign(head_confidence=1.0)
     doubt.loc[[3, 50, 11, 12, 13, 14], "head_confidence"] = [0.5, 0.6, 0.7, 0.71, 0.72, 0.73]
-    chosen = most_doubtful(doubt, 12)
+    chosen = choose_doubtful(doubt, 12)
     assert len(chosen) == 12
     assert chosen[:4].tolist() == [3, 50, 11, 12]  # no more than three of a track
     assert set(chosen) & {13, 14} == set()
     areas = table["motion_area"].to_numpy()[chosen[6:]]
     assert areas[0] == table["motion_area"].max()
     assert np.all(np.diff(areas) <= 0)
-    assert set(most_doubtful(table.iloc[:1], 48)) == {0}
+    assert set(choose_doubtful(table.iloc[:1], 48)) == {0}
 
 
 VARIANTS = {
@@ -842,11 +842,11 @@ VARIANTS = {
 def test_figures_of_any_table(tmp_path, variant):
     table, _ = measure_features(tracks_table(*VARIANTS[variant]()), RATE, SETTINGS)
     empty = np.full((600, 800), 120, np.uint8)
-    assert sum(bar.get_height() for bar in rose(table).axes[0].patches) == pytest.approx(100)
+    assert sum(bar.get_height() for bar in draw_rose(table).axes[0].patches) == pytest.approx(100)
     for name, figure, size in (
         ("fig7", figure7(table), (495, 1100)),
-        ("rose", rose(table), (660, 660)),
-        ("trajectories", trajectories(table, empty), (825, 1100)),
+        ("rose", draw_rose(table), (660, 660)),
+        ("trajectories", draw_trajectories(table, empty), (825, 1100)),
     ):
         save_figure(tmp_path / f"{name}.png", figure)
         picture = load_picture(tmp_path / f"{name}.png")

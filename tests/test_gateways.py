@@ -40,7 +40,7 @@ from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots import gateways as gateways_plots
-from finloop.plots.gateways import contact_sheet, pairs, spread
+from finloop.plots.gateways import draw_gateways, gateway_pictures, spread_by_distance
 from finloop.sprites.orient import SPRITES, sprite_cutouts
 
 ORIENTATIONS = 24  # conf/features/default.yaml
@@ -402,11 +402,11 @@ def test_numbers_count(world):
 
 def test_the_sheet_goes_from_the_best_to_the_worst(world):
     ways = world.ways(OUT)
-    some = spread(ways, 5)["distance"]
+    some = spread_by_distance(ways, 5)["distance"]
     assert some.is_monotonic_increasing and len(some) == 5
     assert some.iloc[0] == ways["distance"].min() and some.iloc[-1] == ways["distance"].max()
     assert some.iloc[2] == pytest.approx(ways["distance"].median(), rel=0.2)
-    assert len(spread(ways[:2], 5)) == 2 and len(spread(ways[:0], 5)) == 0
+    assert len(spread_by_distance(ways[:2], 5)) == 2 and len(spread_by_distance(ways[:0], 5)) == 0
 
 
 def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film):
@@ -433,18 +433,20 @@ def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     monkeypatch.setattr(gateways_plots, "TILE", SIZE)
     of = request.getfixturevalue(name)
     facts = MapFacts(of.pose, SIZE, 0.1, 1.5, of.step, of.step)
-    some = pd.concat([spread(of.ways(way, distance_threshold=3.0), 4) for way in (IN, OUT)])
+    some = pd.concat(
+        [spread_by_distance(of.ways(way, distance_threshold=3.0), 4) for way in (IN, OUT)]
+    )
     with of.open() as (store, film):
-        shown = list(pairs(some, of.reel(store, film), facts))
+        shown = list(gateway_pictures(some, of.reel(store, film), facts))
     for pair, way in zip(shown, some.itertuples(), strict=True):
         assert pair.before.shape == (SIZE, SIZE, 2)
         far = np.linalg.norm(pair.natural - pair.instead)
         assert far == pytest.approx(way.distance, abs=1e-3)
         assert pair.below == f"{way.distance / of.step:.2f} steps"
         assert pair.above.startswith("film") == (way.direction == OUT)
-    sheet = contact_sheet({IN: shown[:4], OUT: shown[4:]})
+    sheet = draw_gateways({IN: shown[:4], OUT: shown[4:]})
     assert sheet.shape == (4 * SIZE + 40, 12 * SIZE, 3) and sheet.std() > 5
-    assert contact_sheet({IN: [], OUT: []}).shape == (40, 12 * SIZE, 3)
+    assert draw_gateways({IN: [], OUT: []}).shape == (40, 12 * SIZE, 3)
 
 
 # -- the stage --------------------------------------------------------------------------------------

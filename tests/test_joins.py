@@ -15,14 +15,14 @@ from toy_film import (
     matching_of,
     paper_player,
     rich_film,
-)
+)  # fmt: skip
 
 from finloop.animate.settings import AnimateSettings
 from finloop.animate.shoal import play
 from finloop.base.settings import settings
 from finloop.edit.joins import Joins, PictureSequence, inertialize, joins, sum_past
 from finloop.edit.modes import MODES
-from finloop.edit.schema import CUT, FADE, FRAME, INERTIAL, SPRITE, Goal
+from finloop.edit.schema import CUT, FADE, FRAME, INERTIAL, SPRITE, Goal, row_picture
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0
@@ -34,9 +34,7 @@ def frames(*runs, mirrored=False, rot=0.0):
     """Runs (first row, ticks) of the film, one after the other."""
     rows = np.concatenate([np.arange(first, first + ticks) for first, ticks in runs])
     n = len(rows)
-    return PictureSequence(
-        np.ones(n, bool), rows, np.broadcast_to(np.array(rot, float), n), np.full(n, mirrored)
-    )
+    return PictureSequence(np.ones(n, bool), rows, np.full(n, rot), np.full(n, mirrored))
 
 
 def shown_bodies(shown):
@@ -51,25 +49,24 @@ def heading(shown, found):
     return shown_bodies(shown).heading_deg + found.turn_deg
 
 
+SHAPES = BODIES.poses.shapes
 FREE = replace(
-    BODIES, poses=replace(BODIES.poses, shapes=replace(BODIES.poses.shapes, gap=1e9))
-)  # fmt: skip
+    HOW, bodies=replace(BODIES, poses=replace(BODIES.poses, shapes=replace(SHAPES, gap=1e9)))
+)
 """The same film, in which every posture is possible."""
 
 
 def test_the_film_itself_is_in_no_pose():
     found = inertialize_shown(frames((10, 60)))
     assert not found.posed.any() and not found.turn_deg.any() and not len(found.begins)
-    assert not inertialize_shown(
-        frames((10, 5), (15, 40))
-    ).posed.any()  # a jump to the very next row
+    next_row = frames((10, 5), (15, 40))
+    assert not inertialize_shown(next_row).posed.any()
 
 
 def test_posture_velocity_and_heading_go_on_across_a_join_and_die_away():
-    how = replace(HOW, bodies=FREE)
     shown = frames((10, 30), (310, 40))
-    found, codes = inertialize_shown(shown, how), BODIES.codes(shown_bodies(shown))
-    assert list(np.flatnonzero(found.posed)) == list(range(30, 30 + how.reach - 3))
+    found, codes = inertialize_shown(shown, FREE), BODIES.codes(shown_bodies(shown))
+    assert list(np.flatnonzero(found.posed)) == list(range(30, 30 + FREE.reach - 3))
     assert list(found.begins) == [30]
     film = BODIES.poses.codes
     assert found.codes[30] == pytest.approx(film[40], abs=1e-5)  # what would have come
@@ -78,9 +75,8 @@ def test_posture_velocity_and_heading_go_on_across_a_join_and_die_away():
     going_on = film[41] - film[40]
     assert np.linalg.norm(step - going_on) < 0.4 * np.linalg.norm(plain - going_on)
     turned = heading(shown, found)
-    assert wrap_deg(turned[30] - turned[29]) == pytest.approx(
-        wrap_deg(BODIES.heading_deg[40] - BODIES.heading_deg[39]), abs=1e-6
-    )
+    filmed = wrap_deg(BODIES.heading_deg[40] - BODIES.heading_deg[39])
+    assert wrap_deg(turned[30] - turned[29]) == pytest.approx(filmed, abs=1e-6)
     left = np.linalg.norm(found.codes - codes, axis=1)
     assert left[30 + int(DECAY) :].max() < 0.25 * left[30]
     assert left[found.posed][-1] < 0.01 * left[30] and left[~found.posed].max() < 1e-6
@@ -97,17 +93,17 @@ def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
 
 def test_a_posture_that_says_little_is_left_as_it_is():
     shown = frames((10, 30), (310, 40))
-    found = inertialize_shown(shown, replace(HOW, bodies=FREE, helps=lambda *_: False))
+    found = inertialize_shown(shown, replace(FREE, bending_helps=lambda *_: False))
     assert found.posed.any()
     assert np.allclose(found.codes, BODIES.codes(shown_bodies(shown)), atol=1e-6)
-    assert np.allclose(found.turn_deg, inertialize_shown(shown, replace(HOW, bodies=FREE)).turn_deg)
+    assert np.allclose(found.turn_deg, inertialize_shown(shown, FREE).turn_deg)
 
 
 def test_a_picture_that_is_held_does_not_bend_on_and_on():
     rows = np.r_[10:20, np.full(30, 19), 20:30]
     n = len(rows)
     shown = PictureSequence(np.ones(n, bool), rows, np.zeros(n), np.zeros(n, bool))
-    found = inertialize_shown(shown, replace(HOW, bodies=FREE))
+    found = inertialize_shown(shown, FREE)
     apart = np.linalg.norm(found.codes - BODIES.codes(shown_bodies(shown)), axis=1)
     step = np.linalg.norm(np.diff(BODIES.poses.codes[10:30], axis=0), axis=1).max()
     assert apart.max() < 3 * step and not found.posed[25:39].any()
@@ -116,13 +112,11 @@ def test_a_picture_that_is_held_does_not_bend_on_and_on():
 def test_while_the_film_rests_what_a_join_left_stays_as_it_is():
     rest = np.zeros_like(HOW.rests)
     rest[315:325] = True
-    moving, resting = (replace(HOW, bodies=FREE, rests=each) for each in (HOW.rests, rest))
+    resting = replace(FREE, rests=rest)
     shown = frames((10, 30), (310, 60))
-    codes, turn = (
-        BODIES.codes(shown_bodies(shown)),
-        heading(shown, inertialize_shown(shown)) - shown_bodies(shown).heading_deg,
-    )
-    free, held = (inertialize_shown(shown, how) for how in (moving, resting))
+    codes = BODIES.codes(shown_bodies(shown))
+    turn = heading(shown, inertialize_shown(shown)) - shown_bodies(shown).heading_deg
+    free, held = (inertialize_shown(shown, how) for how in (FREE, resting))
     left, stays = free.codes - codes, held.codes - codes
     count = len(shown.number) - 10
     assert np.allclose(np.delete(stays, np.r_[35:45], 0), left[:count], atol=1e-6)
@@ -133,46 +127,35 @@ def test_while_the_film_rests_what_a_join_left_stays_as_it_is():
 
 
 def test_two_joins_in_a_row_carry_the_rest():
-    how = replace(HOW, bodies=FREE)
-    shown = frames((10, 30), (310, 3), (700, 40))
-    found, alone = (
-        inertialize_shown(shown, how),
-        inertialize_shown(frames((10, 30), (310, 40)), how),
-    )
+    found = inertialize_shown(frames((10, 30), (310, 3), (700, 40)), FREE)
+    alone = inertialize_shown(frames((10, 30), (310, 40)), FREE)
     # What would have come: the second run's next row, bent by what was left of the first join.
     expected = alone.codes[33]
     assert found.codes[33] == pytest.approx(expected, abs=1e-5)
     assert np.linalg.norm(expected - BODIES.poses.codes[313]) > 0.05
-    plain = inertialize_shown(frames((310, 3), (700, 40)), how)
+    plain = inertialize_shown(frames((310, 3), (700, 40)), FREE)
     assert not np.allclose(found.codes[34], plain.codes[4], atol=1e-3)
 
 
 def test_mirrored_frames_are_mirrored_and_twice_is_themselves():
-    how = replace(HOW, bodies=FREE)
-    mirror = BODIES.poses.shapes.mirror
+    mirror = SHAPES.mirror
     assert mirror @ mirror == pytest.approx(np.eye(len(mirror)), abs=1e-9)
     plain, other = (frames((10, 30), (310, 40), mirrored=flip) for flip in (False, True))
-    one, two = inertialize_shown(plain, how), inertialize_shown(other, how)
+    one, two = inertialize_shown(plain, FREE), inertialize_shown(other, FREE)
     assert two.codes[one.posed] == pytest.approx(one.codes[one.posed] @ mirror, abs=1e-5)
     mixed = replace(plain, mirrored=np.arange(70) >= 30)
-    assert inertialize_shown(mixed, how).codes[30] == pytest.approx(one.codes[30], abs=1e-5)
-    flipped = frames((10, 60))
-    flipped = replace(flipped, mirrored=np.arange(60) >= 30)
-    assert inertialize_shown(flipped, how).begins.tolist() == [
-        30
-    ]  # the same row, but the other way round
+    assert inertialize_shown(mixed, FREE).codes[30] == pytest.approx(one.codes[30], abs=1e-5)
+    flipped = replace(frames((10, 60)), mirrored=np.arange(60) >= 30)  # the same row, turned over
+    assert inertialize_shown(flipped, FREE).begins.tolist() == [30]
 
 
 def test_what_no_animal_of_the_film_can_do_is_not_drawn():
     shown = frames((10, 30), (310, 40))
     found = inertialize_shown(shown)
     codes = found.codes[found.posed].astype(float)
-    assert not BODIES.poses.shapes.nearest_codes(codes).clamped.any()
-    far = found.codes[30] + 50.0
-    assert BODIES.poses.shapes.nearest_codes(far[None]).clamped.all()
-    assert BODIES.poses.shapes.is_far_from_film(
-        BODIES.poses.shapes.nearest_codes(far[None]).codes
-    ).all()
+    assert not SHAPES.nearest_codes(codes).clamped.any()
+    far = SHAPES.nearest_codes(found.codes[30][None] + 50.0)
+    assert far.clamped.all() and SHAPES.is_far_from_film(far.codes).all()
 
 
 def joined_by(mode, kind):
@@ -214,10 +197,9 @@ def test_sprites_and_frames_join_alike():
     assert set(kind[calm]) == {SPRITE, FRAME}
     for tick in calm:
         bodies = [
-            BODIES.edit_row_body(row.kind, row.source, 0 if row.kind == "frame" else row.orientation,
-                         row.rotation_deg, row.mirrored)
+            BODIES.edit_row_body(row_picture(row))
             for row in edit.iloc[tick - 1 : tick + 1].itertuples()
-        ]  # fmt: skip
+        ]
         assert abs(wrap_deg(bodies[1].heading_deg - bodies[0].heading_deg)) < 30  # two orientations
 
 
@@ -232,7 +214,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
         p = settings("animate", **changes)
-        return joins(p, INERTIAL, film, DELTA, HOW.helps).decay / RATE
+        return joins(p, INERTIAL, film, DELTA, HOW.bending_helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     monkeypatch.setattr(AnimateSettings, "join_frames", 3)
@@ -242,7 +224,7 @@ def test_the_time_of_a_join_is_measured_or_said(monkeypatch):
     assert decay(0.01) == pytest.approx(6 / RATE)
     assert decay(9.0) == pytest.approx(0.4)
     assert decay(0.25, join_time_deltas=4.0) == pytest.approx(0.8)
-    assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.helps).fade == 0
+    assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.bending_helps).fade == 0
 
 
 def test_what_is_left_of_jumps_is_what_a_filter_leaves():

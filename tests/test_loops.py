@@ -54,7 +54,7 @@ from finloop.loops.search import (
     travel_of,
 )
 from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
-from finloop.plots.loop_groups import film_below, over_time, stretches
+from finloop.plots.loop_groups import figure12, film_below, stretches
 from finloop.plots.loop_routes import figure10, find_three_ways, jumps_of, spell
 from finloop.plots.loops import sample, separate_loops
 
@@ -629,7 +629,7 @@ def test_fig_12_tells_the_sizes_of_the_groups_and_names_the_dead_ends():
     loops = within_track(*pairs, rate=1.0)
     track = np.zeros(40, int)
     loops["group"] = groups(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
-    figure = over_time(loops, loop_graph(loops, track), still(40), 1.0)
+    figure = figure12(loops, loop_graph(loops, track), still(40), 1.0)
     within, every, bar, *_ = figure.axes
     assert "6 loops within a track, 2 groups" in within.get_title("left")
     assert [text.get_text() for text in within.texts] == ["3", "3"]
@@ -645,7 +645,7 @@ def test_fig_12_has_as_many_rows_as_can_be_read():
     loops = within_track(*pairs)
     track = np.zeros(320, int)
     loops["group"] = groups(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
-    figure = over_time(loops, loop_graph(loops, track), still(320), RATE)
+    figure = figure12(loops, loop_graph(loops, track), still(320), RATE)
     (side,) = figure.axes[1].child_axes
     shown = [label.get_text() for label in side.get_yticklabels()]
     assert len(shown) == 10 and shown[-1].startswith("6 more groups: 6 loops")

@@ -39,7 +39,7 @@ from finloop.plan.path_measures import (
     swimming_limits,
 )
 from finloop.plan.walls import bounds_of
-from finloop.plots.path import path as figure
+from finloop.plots.path import draw_path as figure
 
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)

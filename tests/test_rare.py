@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from finloop.animate.kinematics import towards_by, wrap
-from finloop.edit.movement import movement
+from finloop.edit.bodies import movement
 from finloop.plan.cost import Rarity
 from finloop.puppet import Pose
 

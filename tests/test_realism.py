@@ -19,8 +19,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes
 from finloop.base.settings import settings
 from finloop.base.stretches import sample_stretches, spread_rows
-from finloop.edit.filmed import as_filmed
-from finloop.edit.schema import EDIT, SPRITE
+from finloop.edit.schema import EDIT, SPRITE, filmed_edit_list
 from finloop.extract.background import Scene
 from finloop.extract.film import Detector
 from finloop.extract.table import SceneFacts
@@ -33,8 +32,8 @@ from finloop.io.video import load_facts, load_mask
 from finloop.project import Project
 from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
-from finloop.realism.compare import Sample, verdict
-from finloop.realism.instrument import Instrument, Swimming, swimming
+from finloop.realism.compare import Sample, classify_windows
+from finloop.realism.instrument import Instrument, Swimming, join_measurements
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import (
     CHANNELS,
@@ -42,7 +41,7 @@ from finloop.realism.windows import (
     convert_to_frames,
     equal_blocks,
     track_channels,
-)
+)  # fmt: skip
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
 from stages.realism import GalleryOpener
@@ -84,13 +83,9 @@ def test_labels_swapped_give_the_rest_to_one():
     assert other == pytest.approx((1 - value, 1 - high, 1 - low))
 
 
-def test_scores_of_two_blocks_are_not_compared():
+def test_neither_scores_of_two_blocks_are_compared_nor_windows_without_a_score_counted():
     one = scores(np.random.default_rng(2), shift=0.5)
     assert auc(one._replace(score=one.score + 100.0 * one.block)) == pytest.approx(auc(one))
-
-
-def test_a_window_without_a_score_does_not_count():
-    one = scores(np.random.default_rng(3), shift=0.5)
     more = Scores(*(np.concatenate([column, column[:20]]) for column in one))
     more.score[-20:] = np.nan
     assert auc(more) == pytest.approx(auc(one))
@@ -157,20 +152,13 @@ def fish(seed, seconds=60.0, turning=1.0, track=0):
 def swimming_of(table, row):
     n = len(table)
     whole = np.arange(n)
-    return Swimming(
-        table, np.zeros(n, int), whole, np.full(n, -1) if row is None else row, whole / RATE
-    )
+    rows = np.full(n, -1) if row is None else row
+    return Swimming(table, np.zeros(n, int), whole, rows, whole / RATE)
 
 
 def sample_of(table, p=P):
-    return Sample(
-        swimming_of(table, np.arange(len(table))),
-        table["frame"].to_numpy() / RATE,
-        0.2,
-        RATE,
-        DELTA,
-        p,
-    )
+    film = swimming_of(table, np.arange(len(table)))
+    return Sample(film, table["frame"].to_numpy() / RATE, 0.2, RATE, DELTA, p)
 
 
 def test_channels_do_not_depend_on_place_direction_or_size():
@@ -192,8 +180,8 @@ def test_channels_do_not_depend_on_place_direction_or_size():
 def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
     cut = convert_to_frames(5.0, 1.25, 0.6, DELTA)
     assert cut == (24, 6, 3)
-    sample = sample_of(pd.concat([fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)],
-                                 ignore_index=True))  # fmt: skip
+    tracks = fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)
+    sample = sample_of(pd.concat(tracks, ignore_index=True))
     made = sample.cut_windows(sample.film, sample.blocks())
     assert made.first.tolist() == [0, 6, 12, 38 + 22]
     assert made.x.shape == (4, 8, len(CHANNELS))
@@ -240,7 +228,7 @@ def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from()
 
 def verdict_on(made, p=P, row=None, seed=0):
     sample = sample_of(fish(seed, 120.0), p)
-    return verdict(sample.windows_beside_film(swimming_of(made, row)), p, alone=False)
+    return classify_windows(sample.windows_beside_film(swimming_of(made, row)), p, alone=False)
 
 
 @cache
@@ -278,16 +266,17 @@ def test_permuted_labels_cannot_be_told():
     sample = sample_of(fish(0, 240.0))
     windows = sample.cut_windows(sample.film, sample.blocks())
     mixed = np.random.default_rng(0).permutation(len(windows.x)) % 2 == 0
-    sides = [
-        Windows(*(column[part] for column in vars(windows).values())) for part in (mixed, ~mixed)
-    ]
+    columns = vars(windows).values()
+    sides = tuple(Windows(*(column[part] for column in columns)) for part in (mixed, ~mixed))
     # Windows overlap, so that neighbours of either kind are learnt from together.
-    assert verdict(tuple(sides), P, alone=False).whole.value == pytest.approx(0.5, abs=0.08)
+    assert classify_windows(sides, P, alone=False).whole.value == pytest.approx(0.5, abs=0.08)
 
 
 def test_a_film_too_short_is_refused_with_what_would_do():
     with pytest.raises(FinloopError, match=r"a longer film, fewer realism.cross_validation_folds"):
-        verdict(sample_of(fish(0, 3.0)).windows_beside_film(swimming_of(fish(1, 3.0), None)), P)
+        classify_windows(
+            sample_of(fish(0, 3.0)).windows_beside_film(swimming_of(fish(1, 3.0), None)), P
+        )
 
 
 def test_a_verdict_is_the_same_again():
@@ -375,20 +364,19 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
             for mine, other in zip(part.fish, whole.fish, strict=True):
                 assert (mine is None) == (other is None)
                 if mine is not None:
-                    assert (mine.x_px, mine.y_px, mine.x0, mine.y0) == pytest.approx(
-                        (other.x_px, other.y_px, other.x0, other.y0)
-                    )
+                    for name in ("x_px", "y_px", "x0", "y0"):
+                        assert getattr(mine, name) == pytest.approx(getattr(other, name))
                     assert np.allclose(mine.backbone.points_px, other.backbone.points_px)
 
 
 def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     features = load_table(carp / "data/features/features.parquet", FEATURES)
     places = features[["x_px", "y_px"]].to_numpy()
-    edit = as_filmed(np.arange(len(features)), places)
+    edit = filmed_edit_list(np.arange(len(features)), places)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = instrument_of(carp).measure(place_rows(edit, gallery))
-    simulated = swimming([edit], [table], RATE)
+    simulated = join_measurements([edit], [table], RATE)
     assert (simulated.row == np.arange(len(features))).all()
     off = table[["x_px", "y_px"]].to_numpy() - places
     assert np.abs(off).max() < 0.2
@@ -406,7 +394,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     filmed = first[["x_px", "y_px"]].to_numpy()
     about = (filmed - filmed.mean(0)) * size
     places = about + np.array(one.tank.shape[1::-1]) / 2
-    edit = as_filmed(np.arange(len(first)), places).assign(scale=size)
+    edit = filmed_edit_list(np.arange(len(first)), places).assign(scale=size)
     with Project() as project:
         gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = drawn.measure(place_rows(drawn.through_lens(edit), gallery))
@@ -425,16 +413,13 @@ def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
         np.testing.assert_array_equal(own.bodies.poses.codes, other.bodies.poses.codes)
 
 
-def test_the_film_as_an_edit_list_fits_the_schema(tmp_path):
-    save_table(tmp_path / "film.parquet", as_filmed(np.arange(3), np.ones((3, 2))), EDIT)
-
-
-def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them():
-    edit = as_filmed(np.arange(5, 9), np.ones((4, 2)))
+def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them(tmp_path):
+    edit = filmed_edit_list(np.arange(5, 9), np.ones((4, 2)))
+    save_table(tmp_path / "film.parquet", edit, EDIT)  # it fits the schema
     edit.loc[1, "mode"] = "network"
     edit.loc[2, "kind"] = SPRITE
     table = fish(0, 4 / RATE)
-    twice = swimming([edit, edit], [table, table], RATE)
+    twice = join_measurements([edit, edit], [table, table], RATE)
     assert twice.row.tolist() == [5, 6, -1, 8] * 2
     assert twice.part.tolist() == [0] * 4 + [1] * 4
     assert np.allclose(twice.time_s * RATE, np.arange(8))
@@ -444,23 +429,15 @@ def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them():
 
 def test_the_stage_writes_numbers_curves_and_examples(carp):
     numbers = load_numbers(carp / "reports/realism")
-    assert {
-        "network_auc",
-        "network_auc_low",
-        "matching_auc_high",
-        "halves_auc",
-        "again_auc",
-    } <= set(numbers)
+    names = {"network_auc", "network_auc_low", "matching_auc_high", "halves_auc", "again_auc"}
+    assert names <= set(numbers)
     table = pd.read_csv(carp / "reports/realism/auc.csv")
     assert table["auc"].between(0, 1).all() and (table["low"] <= table["high"]).all()
     shown = load_table(carp / "data/realism/examples.parquet", examples.EXAMPLES)
     assert set(shown["side"]) == set(examples.SIDES)
     assert (carp / "data/realism/examples.mp4").stat().st_size > 0
-
-
-@pytest.mark.parametrize("name", ["auc.png", "contact_sheet.png"])
-def test_the_pictures_are_drawn(carp, name):
-    assert load_picture(carp / "reports/realism" / name).std() > 5
+    for name in ("auc.png", "contact_sheet.png"):
+        assert load_picture(carp / "reports/realism" / name).std() > 5
 
 
 def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, capsys):
@@ -473,15 +450,9 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
 
 
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
-    works = {"film": [], "network": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
-    monkeypatch.setattr(
-        stages.realism, "measure_list", lambda *_: pd.DataFrame(columns=FEATURES.names)
-    )
-    pictures = GalleryOpener(Project())
-    assert (
-        stages.realism.swimming_of(
-            works, pictures, dict.fromkeys(works, instrument_of(carp)), Processes()
-        )
-        == {}
-    )
+    works = {"film": [], "network": [(filmed_edit_list(np.arange(3), np.ones((3, 2))), ())]}
+    nothing = pd.DataFrame(columns=FEATURES.names)
+    monkeypatch.setattr(stages.realism, "measure_list", lambda *_: nothing)
+    how = GalleryOpener(Project()), dict.fromkeys(works, instrument_of(carp)), Processes()
+    assert stages.realism.swimming_of(works, *how) == {}
     assert "the fish of network in 0 %" in capsys.readouterr().err

@@ -21,7 +21,7 @@ from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_picture
 from finloop.report.figures import CHAPTERS
 from finloop.report.page import render_template, webp
-from finloop.report.tables import MEASURES, headline, measures, number
+from finloop.report.tables import MEASURES, format_number, measures_table, mode_headline
 
 FIGURES = [figure for chapter in CHAPTERS for figure in chapter.figures]
 GREY = np.full((48, 64), 128, np.uint8)
@@ -39,22 +39,18 @@ def fill(folder: Path) -> None:
     """What the stages before would have left: a film, some numbers, every picture but two."""
     rng = np.random.default_rng(1)
     put_clip(folder, [GREY] * 3)
-    frames = [
-        np.roll(np.tile(np.arange(320, dtype=np.uint8), (240, 1)), 3 * k, 1) for k in range(50)
-    ]
-    write_film(folder / "data/render/hybrid_marked.mp4", frames)
+    slope = np.tile(np.arange(320, dtype=np.uint8), (240, 1))
+    moving = [np.roll(slope, 3 * k, 1) for k in range(50)]
+    write_film(folder / "data/render/hybrid_marked.mp4", moving)
     for figure in FIGURES[2:]:
         save_picture(folder / "reports" / figure.path, rng.integers(0, 255, (90, 120, 3), np.uint8))
     for name in (
-        "animate/measures.csv", "animate/doubts.csv", "animate/numbers.csv",
-        "features/numbers.csv",
+        "reports/animate/measures.csv", "reports/animate/doubts.csv", "reports/animate/numbers.csv",
+        "reports/features/numbers.csv", "reports/features/table1.csv",
+        "reports/morph/connection.csv", "benchmarks/table2.csv",
     ):  # fmt: skip
-        (folder / "reports" / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / "reports" / name, folder / "reports" / name)
-    for name in ("features/table1.csv", "morph/connection.csv"):
-        shutil.copy(ROOT / "reports" / name, folder / "reports" / name)
-    (folder / "benchmarks").mkdir()
-    shutil.copy(ROOT / "benchmarks/table2.csv", folder / "benchmarks/table2.csv")
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
 
 
 @pytest.fixture
@@ -96,24 +92,24 @@ def test_figures_say_what_they_show():
      (-3.14159, "-3.14"), (float("nan"), ""), (None, ""), ("several hours", "several hours")],
 )  # fmt: skip
 def test_numbers_are_short(value, text):
-    assert number(value) == text
+    assert format_number(value) == text
 
 
 def test_measures_name_what_there_is_and_give_the_film_its_own_halves():
     found = pd.read_csv(ROOT / "reports/animate/measures.csv")
-    table = measures(found)
+    table = measures_table(found)
     missing = {one.key for one in MEASURES} - {*found["measure"]}
     assert len(table.rows) == len(MEASURES) - len(missing)
     assert all(key.startswith("path_") for key in missing)  # it was sent to goals
     assert {len(row) for row in table.rows} == {len(table.columns)} == {len(MODES) + 3}
     (speed,) = [row for row in table.rows if row[0].startswith("speed")]
     halves = found.set_index("measure").loc["speed_halves_kinematic_distance_sd", "film"]
-    assert speed[len(MODES) + 1] == number(halves) != ""
-    assert measures(found.drop(columns="loops")).columns[1:3] == ["Network", "Hybrid"]
+    assert speed[len(MODES) + 1] == format_number(halves) != ""
+    assert measures_table(found.drop(columns="loops")).columns[1:3] == ["Network", "Hybrid"]
 
 
 def test_the_headline_leaves_out_what_was_not_measured():
-    assert headline({"network_goals_reached_pct": 50.0}, "network") == [
+    assert mode_headline({"network_goals_reached_pct": 50.0}, "network") == [
         ("50 %", "of its goals reached")
     ]
 

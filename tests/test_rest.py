@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.edit.bodies import Bodies
-from finloop.edit.rest import resting_rows
+from finloop.edit.bodies import Bodies, resting_rows
 from finloop.puppet import Pose
 
 STILL = np.r_[5:9, 20]

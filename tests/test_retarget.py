@@ -26,7 +26,7 @@ from finloop.edit.schema import EDIT
 from finloop.export.tracks import deeplabcut
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table, save_csv_in_blocks
-from finloop.plots.retarget import MOMENTS, moments
+from finloop.plots.retarget import MOMENTS, choose_ticks
 from finloop.project import Project
 from finloop.puppet import Pose
 from finloop.puppet.pose import bends
@@ -552,9 +552,9 @@ def test_a_track_of_another_film_is_swum_and_drawn(folder, tmp_path, monkeypatch
 
 def test_the_moments_of_the_picture_are_spread_and_the_worst_is_last():
     far = pd.DataFrame({"apart": np.r_[np.zeros(70), 0.3, np.zeros(29)]})
-    some = moments(far)
+    some = choose_ticks(far)
     assert len(some) == MOMENTS + 1 and some[-1] == 70 and some[0] == 0 and some[-2] == 99
-    assert len(moments(far.assign(apart=np.nan))) == MOMENTS
+    assert len(choose_ticks(far.assign(apart=np.nan))) == MOMENTS
 
 
 def test_a_track_that_has_changed_has_another_stamp(tmp_path):

@@ -33,7 +33,7 @@ from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
-from finloop.plots.sprites import contact_sheet
+from finloop.plots.sprites import draw_sprites
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.choice import (
     SIDES,
@@ -689,7 +689,7 @@ def test_numbers_are_flat_and_finite(toy, sprites):
 
 
 def test_the_contact_sheet_shows_steps_and_orientations(sprites, pictures):
-    sheet = contact_sheet(
+    sheet = draw_sprites(
         sprites, lambda s, o: pictures[sprite_row(s, o, ORIENTATIONS)], columns=6, size=60
     )
     lines = sum(-(-len(rows) // 6) for _, rows in sprites.groupby("sequence")) + ORIENTATIONS // 6

@@ -15,15 +15,15 @@ from toy_fish import (
     line,
     overlap,
     toy,
-)
+)  # fmt: skip
 
 from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
 from finloop.sprites.orient import turn_cutout
 from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
-from finloop.tank.camera import CAMERAS, VIEW_DEG, views
-from finloop.tank.display import choose_window
+from finloop.tank.camera import CAMERAS, VIEW_DEG, camera_views
 from finloop.tank.light import Floor, WaterSurface
+from finloop.tank.scene import choose_window
 from finloop.tank.skin import Skins
 from finloop.tank.swim import film_bodies, swimming_heights
 
@@ -113,12 +113,10 @@ def test_backbones_of_the_film_run_from_head_to_tail():
 def test_from_above_it_covers_what_the_painter_draws(row, angle, scale):
     edit = edit_list(1, source=row, rotation_deg=angle, scale=scale, x_px=88.4, y_px=71.7)
     tracks, _, cutouts = toy()
-    x, y = tracks.loc[row, ["x_px", "y_px"]].to_numpy(float) - [
-        cutouts[row].x0_px,
-        cutouts[row].y0_px,
-    ]
+    one = cutouts[row]
+    x, y = tracks.loc[row, ["x_px", "y_px"]].to_numpy(float) - [one.x0_px, one.y0_px]
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
-    painter.draw(88.4, 71.7, Turned(picture(cutouts[row].pixels, x, y), angle, scale))
+    painter.draw(88.4, 71.7, Turned(picture(one.pixels, x, y), angle, scale))
     assert overlap(fish_mask(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
 
@@ -159,10 +157,8 @@ def test_the_mass_centre_is_where_the_list_puts_it():
 
 
 def test_it_swims_in_the_water():
-    high = swimming_heights(np.linspace(0, 100, 500), 50.0)
-    assert not np.allclose(
-        high, swimming_heights(np.linspace(0, 100, 500), 50.0, 1)
-    )  # each by itself
+    high, other = (swimming_heights(np.linspace(0, 100, 500), 50.0, fish) for fish in (0, 1))
+    assert not np.allclose(high, other)
     assert high.min() > 12 and high.max() < 38 and np.abs(np.diff(high)).max() < 1.2
 
 
@@ -216,7 +212,7 @@ def circling(ticks=300):
 
 @pytest.mark.parametrize("camera", ["corner", "orbit"])
 def test_the_whole_tank_is_seen_and_fills_the_picture(camera):
-    view = views(camera, ROOM, *circling(), 25.0)
+    view = camera_views(camera, ROOM, *circling(), 25.0)
     corners = [(x, -y, z) for x in (0, 199) for y in (0, 149) for z in (0, 120)]
     for tick in (0, 77, 299):
         at = np.array([seen_at(view, tick, corner)[0] for corner in corners])
@@ -227,7 +223,7 @@ def test_the_whole_tank_is_seen_and_fills_the_picture(camera):
 @pytest.mark.parametrize("camera", ["follow", "side"])
 def test_the_fish_is_seen_all_the_time(camera):
     head, heading = circling()
-    view = views(camera, ROOM, head, heading, 25.0)
+    view = camera_views(camera, ROOM, head, heading, 25.0)
     for tick in range(0, 300, 23):
         at, far = seen_at(view, tick, head[tick])
         assert np.abs(at[0]) < ROOM.aspect and abs(at[1]) < 0.9 and far > LENGTH
@@ -235,7 +231,7 @@ def test_the_fish_is_seen_all_the_time(camera):
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_cameras_do_not_jump(camera):
-    view = views(camera, ROOM, *circling(900), 25.0)
+    view = camera_views(camera, ROOM, *circling(900), 25.0)
     assert len(view.place) == len(view.aim) == 900
     for way in (view.place, view.aim):
         step = np.linalg.norm(np.diff(way, axis=0), axis=1)

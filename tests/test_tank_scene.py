@@ -27,11 +27,9 @@ from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
 from finloop.io.viewer import _script
-from finloop.tank.camera import views
-from finloop.tank.display import choose_window
-from finloop.tank.glb import Glb
-from finloop.tank.gltf import AnimatedFish, gltf_place, shapes, tank_glb
-from finloop.tank.scene import TankScene
+from finloop.tank.camera import camera_views
+from finloop.tank.gltf import AnimatedFish, Glb, gltf_place, principal_shapes, tank_glb
+from finloop.tank.scene import TankScene, choose_window
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -72,7 +70,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     fish = fish_of(edit_list(2, x_px=[70.0, 140.0], y_px=[50.0, 100.0], rotation_deg=[20.0, 200.0]))
     size = (208, 156)
     room = ROOM._replace(aspect=size[0] / size[1])
-    view = views("top", room, fish.head, fish.poses.heading, 25.0)
+    view = camera_views("top", room, fish.head, fish.poses.heading, 25.0)
     floor = np.full((150, 200), 128, np.uint8)
     floor[:40, :40] = 60
     with TankScene(floor, room, size) as scene:
@@ -83,9 +81,8 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
             assert shown[13:33, 14:34].mean() < 80 < 110 < shown[-30:-10, 20:40].mean() < 140
             wanted = fish_mask(fish, tick, seen.shape)
             assert overlap(wanted, seen) > 0.7
-            assert not (
-                seen & ~cv2.dilate(wanted.astype(np.uint8), np.ones((3, 3))).astype(bool)
-            ).any()
+            near = cv2.dilate(wanted.astype(np.uint8), np.ones((3, 3))).astype(bool)
+            assert not (seen & ~near).any()
             at = np.argwhere(seen).mean(0)[::-1]
             assert at == pytest.approx(fish.place[tick, :2] * (1, -1), abs=2)
         again = scene.frame([fish.shape_at(1)], view, 1, 0.0)
@@ -103,7 +100,7 @@ def test_several_fish_are_drawn_each_with_its_shadow():
     size = (208, 156)
     room, floor = ROOM._replace(aspect=size[0] / size[1]), np.full((150, 200), 128, np.uint8)
     one, other = (fish_of(edit_list(1, x_px=x, y_px=75.0)) for x in (60.0, 140.0))
-    view = views("top", room, one.head, one.poses.heading, 25.0)
+    view = camera_views("top", room, one.head, one.poses.heading, 25.0)
     shown = {}
     for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
         with TankScene(floor, room, size, len(fish)) as scene:
@@ -121,20 +118,14 @@ def test_few_shapes_that_mix_give_every_shape_back():
     fish = fish_of(swimming())
     points = fish.points().astype(float)
     heading = fish.poses.heading
-    found = shapes(points, heading)
+    found = principal_shapes(points, heading)
     back = found.mean + np.einsum("tm,mvc->tvc", found.weights, found.modes)
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    there = np.stack(
-        [
-            cos * back[..., 0] - sin * back[..., 1],
-            sin * back[..., 0] + cos * back[..., 1],
-            back[..., 2],
-        ],
-        -1,
-    )
+    x, y, z = np.moveaxis(back, -1, 0)
+    there = np.stack([cos * x - sin * y, sin * x + cos * y, z], -1)
     error = np.linalg.norm(there - points, axis=-1).max()
     assert found.error_px == pytest.approx(error, abs=1e-4) and error < 0.05
-    one = shapes(points, heading, modes=0)
+    one = principal_shapes(points, heading, modes=0)
     assert one.error_px > 1 and len(one.modes) == 0
 
 
@@ -142,7 +133,7 @@ def glb_of(*fish):
     background = np.full((150, 200, 3), (40, 90, 140), np.uint8)
     headings = [one.poses.heading for one in fish]
     every = [
-        AnimatedFish(shapes(one.points(), heading), one.place, heading)
+        AnimatedFish(principal_shapes(one.points(), heading), one.place, heading)
         for one, heading in zip(fish, headings, strict=True)
     ]
     return tank_glb(ROOM, background, fish[0].typical_skin(), every, 25.0)
@@ -200,9 +191,10 @@ def test_the_files_own_numbers_are_true():
         assert start % 4 == 0 and view["byteLength"] == accessor["count"] * width * int(kind[2])
         read = np.frombuffer(binary[start : start + view["byteLength"]], kind).reshape(-1, width)
         if "min" in accessor:
-            assert (
-                read.min(0).tolist() == accessor["min"] and read.max(0).tolist() == accessor["max"]
-            )
+            assert [read.min(0).tolist(), read.max(0).tolist()] == [
+                accessor["min"],
+                accessor["max"],
+            ]
     pictures = [document["bufferViews"][image["bufferView"]] for image in document["images"]]
     for view in pictures:
         coded = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
@@ -215,7 +207,7 @@ def test_the_files_own_numbers_are_true():
 
 def test_numbers_that_are_none_are_not_written():
     with pytest.raises(ValueError, match="NaN"):
-        Glb("test").add_array(np.array([0.0, np.nan], np.float32))
+        Glb().add_array(np.array([0.0, np.nan], np.float32))
 
 
 # --- the stage -----------------------------------------------------------------------------------
@@ -229,9 +221,8 @@ def put(folder, fish=1):
         area_px=1.0, contrast=1.0, length_px=LENGTH, outline_x_px=ring, outline_y_px=ring
     )
     save_table(folder / "data/extract/tracks.parquet", tracks, tracks_schema(P))
-    save_record(
-        folder / "data/extract/scene.json", SceneFacts("dark", 1, 6, 400, LENGTH, 60, "all", P)
-    )
+    scene = SceneFacts("dark", 1, 6, 400, LENGTH, 60, "all", P)
+    save_record(folder / "data/extract/scene.json", scene)
     with CutoutWriter(folder / "data/extract/cutouts.arrow") as store:
         for one in cutouts:
             store.write(one)

@@ -10,7 +10,7 @@ from finloop.tank.body import typical_width
 from finloop.tank.camera import Room
 from finloop.tank.fish import FishSurface
 from finloop.tank.skin import Skins
-from finloop.tank.swim import film_bodies, poses
+from finloop.tank.swim import film_bodies, tank_poses
 
 P, LENGTH = 33, 60.0
 S = np.linspace(0, 1, P)
@@ -106,7 +106,7 @@ def fish_of(edit):
     tracks, heads, cutouts = toy()
     film = film_bodies(tracks, heads)
     typical = typical_width(film.half_width, film.backbone)
-    pose = poses(edit, film, SPRITE)
+    pose = tank_poses(edit, film, SPRITE)
     skins = Skins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), cutouts.__getitem__)
     place = np.c_[pose.centre, np.full(len(edit), 40.0)]
     return FishSurface(pose, place, skins, typical, LENGTH)

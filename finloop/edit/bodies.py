@@ -1,24 +1,27 @@
-"""The filmed body behind every picture, whether it is a frame or a sprite.
+"""The filmed body behind every picture, frame or sprite: pose, movement and rest.
 
 A sprite is a row of the film that was turned and perhaps mirrored. A frame may also be mirrored, at
 the line through its mass centre along its heading.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask
-from finloop.edit.movement import Movement, movement
-from finloop.edit.schema import FRAME
+from finloop.edit.schema import FRAME, RowPicture
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.pose.film import FilmPoses
+from finloop.puppet import Pose
 
 Rows = NDArray[np.intp]
+_LOT = 10_000  # rows whose movement is measured at a time
 
 
 class Body(NamedTuple):
@@ -31,6 +34,33 @@ class Body(NamedTuple):
     def select(self, which: Any) -> "Body":
         """Return the bodies that a NumPy index (numbers, mask or slice) selects."""
         return Body(self.row[which], self.mirrored[which], self.heading_deg[which])
+
+
+class Movement(NamedTuple):
+    """How far (n − 1,) the body moves about its centre from each row to the next, in body lengths.
+
+    Both are root mean squares over the points of the backbone. whole: turning and bending; bends:
+    bending alone, with the heading kept.
+    """
+
+    whole: Floats
+    bends: Floats
+
+
+def movement(pose: Pose) -> Movement:
+    """Return how far the body turns and bends from each of n poses to the next."""
+
+    def measure_lot(first: int) -> Floats:
+        lot = pose[first : first + _LOT + 1]
+        line = lot.move_to(0.0, 0.0, 0.0, 1.0).backbone_px()
+        turn = np.diff(lot.heading_rad)[:, None]
+        cos, sin, x, y = np.cos(turn), np.sin(turn), line[1:, :, 0], line[1:, :, 1]
+        turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)
+        return np.sqrt(((np.stack([turned, line[1:]]) - line[:-1]) ** 2).sum(-1).mean(-1))
+
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        lots = list(pool.map(measure_lot, range(0, len(pose) - 1, _LOT)))
+    return Movement(*np.concatenate([np.empty((2, 0)), *lots], axis=1))
 
 
 @dataclass(frozen=True)
@@ -73,46 +103,30 @@ class Bodies:
         before = np.arange(len(codes)) - np.append(False, more[:-1])
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
-    @cached_property
-    def _orientations(self) -> int:
-        return orientations_of(self.sprites)
-
     def line_deg(self, orientation: int, rotation_deg: float) -> Floats:
-        """Return the direction [°] in which a sprite swims on screen.
-
-        It is that of the stored orientation (1 …) plus the rotation with which the sprite is drawn.
-        """
-        return direction_deg(orientation, self._orientations) + rotation_deg
+        """Return the direction [°] in which a sprite, drawn in an orientation and turned, swims."""
+        return direction_deg(orientation, orientations_of(self.sprites)) + rotation_deg
 
     def picture_bodies(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
-        """Return the filmed bodies (…) that pictures show.
+        """Return the filmed body behind each of some pictures (…), frames or sprites.
 
-        frame (…): whether each picture is a frame, else a sprite; number: its row or sprite number;
-        turn_deg: by how much a frame is turned, or the direction of a sprite's line; mirrored:
-        whether a frame is mirrored.
+        frame: whether each is a frame, else a sprite; number: its row or sprite number; turn_deg:
+        by how much a frame is turned, or the direction in which a sprite swims; mirrored: a frame.
         """
         rows, flips, axis, _ = self._sprite_bodies
         sprite = np.where(frame, 0, number)
-        row, mirror = (
-            np.where(frame, number, rows[sprite]),
-            np.where(frame, mirrored, flips[sprite]),
-        )
+        row = np.where(frame, number, rows[sprite])
+        mirror = np.where(frame, mirrored, flips[sprite])
         heading = self.heading_deg[row]
         sway = np.where(mirror, -1, 1) * wrap_deg(heading - axis[sprite])
         return Body(row, mirror, turn_deg + np.where(frame, heading, sway))
 
-    def edit_row_body(
-        self, kind: str, source: int, orientation: int, rotation_deg: float, mirrored: bool
-    ) -> Body:
-        """Return the filmed body that a row of an edit list shows.
-
-        The arguments are columns of `EDIT`; source: a feature row or, for kind SPRITE, a sprite.
-        """
-        turn = rotation_deg if kind == FRAME else self.line_deg(int(orientation), rotation_deg)
-        frame = np.array(kind == FRAME)
-        return self.picture_bodies(
-            frame, np.array(source), np.asarray(turn, float), np.array(mirrored)
-        )
+    def edit_row_body(self, shown: RowPicture) -> Body:
+        """Return the filmed body behind a picture of an edit list."""
+        frame, turn = np.array(shown.kind == FRAME), np.asarray(shown.rotation_deg, float)
+        if not frame:
+            turn = np.asarray(self.line_deg(int(shown.orientation), shown.rotation_deg), float)
+        return self.picture_bodies(frame, np.array(shown.source), turn, np.array(shown.mirrored))
 
     def next_body(self, body: Body) -> Body:
         """Return the bodies that the film shows next, or the same bodies where nothing follows."""
@@ -122,17 +136,14 @@ class Bodies:
         return Body(row, body.mirrored, body.heading_deg + turn)
 
     def line_turn_deg(self, frame: Mask, number: Rows) -> Floats:
-        """Return by how much (…) [°] each sprite's line turns to the next frame; 0 for frames.
+        """Return by how much [°] each of some sprites (…) turns to its next frame; 0 for frames.
 
         frame (…): whether each picture is a frame; number (…): its row or sprite number.
         """
         return np.where(frame, 0.0, self._sprite_bodies[3][np.where(frame, 0, number)])
 
     def same_moment(self, one: Body, other: Body, frames: int) -> Mask:
-        """Return whether (…) two bodies show nearly the same moment, both mirrored or both not.
-
-        That is: rows of one track, at most `frames` frames apart.
-        """
+        """Return whether bodies (…) are at most some frames apart in a track, mirrored alike."""
         track = np.append(0, np.cumsum(~self.goes_on[:-1]))
         near = np.abs(one.row - other.row) <= frames
         return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
@@ -147,3 +158,20 @@ class Bodies:
 
     def _mirror_codes(self, codes: Floats, mirrored: Mask) -> Floats:
         return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror, codes)
+
+
+def resting_rows(bodies: Bodies, share: float) -> Mask:
+    """Return whether the animal keeps its place and posture at each feature row (n,).
+
+    It rests where it moves, since the row before, less than `share` of the film's root mean square
+    movement, of its centre and of the body about it. A camera sees a resting animal as one picture
+    again and again, as does a codec that leaves out small changes. Nothing may move the fish there:
+    a picture that stays the same and drifts looks false.
+    """
+    pose, same_track = bodies.poses.pose, bodies.goes_on[:-1]
+    step = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) / pose.size_px[1:]
+    square = step**2 + bodies.movement.whole**2
+    rests = np.zeros(len(bodies.goes_on), bool)
+    if same_track.any():
+        rests[1:] = same_track & (square < share**2 * square[same_track].mean())
+    return rests

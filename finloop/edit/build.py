@@ -9,8 +9,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
-from finloop.edit.joins import INERTIAL, Joins, PictureSequence, cross_fades, inertialize
-from finloop.edit.schema import EDIT, FRAME, SPRITE, STATES, TERMS
+from finloop.edit.joins import Joins, PictureSequence, cross_fades, inertialize
+from finloop.edit.schema import EDIT, FRAME, INERTIAL, SPRITE, STATES, TERMS
 from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import direction_deg, orientation, wrap_deg
 
@@ -21,10 +21,10 @@ _NO_COSTS = (np.nan,) * len(TERMS)
 class EditInputs:
     """What an edit list can show (n rows of the film, s sprites), and how pictures are joined.
 
-    rate_hz: ticks a second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,):
-    drawn size / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_scale
-    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: the number that
-    each sprite has; modes: the one that plays frames, and the one that plays sprites.
+    body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,), sprite_scale (s,): drawn size
+    / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_after (s,): the
+    sprite that follows each; orientations: of each sprite; modes: the one that plays frames, and
+    the one that plays sprites.
     """
 
     rate_hz: float
@@ -39,42 +39,36 @@ class EditInputs:
     modes: tuple[str, str]
 
     def following(self, kind: str, number: int) -> int:
-        """Return the number of the picture after this one, or this one's where none follows.
-
-        kind: SPRITE or FRAME; number: of the sprite or the feature row.
-        """
+        """Return the number of the next sprite or feature row, or this one where none follows."""
         if kind == SPRITE:
             return int(self.sprite_after[number])
         return number + int(self.goes_on[number])
 
 
-def edit_list(found: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
-    """Return the first `ticks` ticks of one animation as an edit list (schema `EDIT`).
+def edit_list(swim: Swim, ticks: int, sources: EditInputs, fish: int = 0) -> pd.DataFrame:
+    """Return the first ticks of one fish's animation as an edit list (schema `EDIT`).
 
-    found: the stretches that the planner chose; fish: the fish's number, from 0.
+    fish: its number, from 0.
     """
-    table = pd.DataFrame(edit_columns(found.stretches, found.names, ticks, sources))
+    table = pd.DataFrame(edit_columns(swim.stretches, swim.names, ticks, sources))
     faded = table["weight"] > 0
     table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
     table.loc[~faded, ["partner_kind", "partner"]] = None
     table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
     for side in ("", "partner_"):
         table.loc[table[f"{side}kind"] != SPRITE, f"{side}orientation"] = pd.NA
-    table = table.assign(fish=fish, **decision_columns(found.stretches, ticks))
+    table = table.assign(fish=fish, **_decision_columns(swim.stretches, ticks))
     return table[EDIT.names]
 
 
 def edit_lists(swims: Sequence[Swim], ticks: int, sources: EditInputs) -> pd.DataFrame:
     """Return the edit list (schema `EDIT`) of several fish: `ticks` rows each, fish after fish."""
-    each = [edit_list(one, ticks, sources, fish) for fish, one in enumerate(swims)]
+    each = [edit_list(swim, ticks, sources, fish) for fish, swim in enumerate(swims)]
     return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
 
 
-def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
-    """Return the columns (ticks,) that say why, filled on the first tick of each stretch.
-
-    They are the columns `WHY` of `EDIT`, by name.
-    """
+def _decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
+    """Return the columns `WHY` (ticks,) by name, filled on the first tick of each stretch."""
     start = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
     first = start[start < ticks]
     decisions = [s.decision for s in stretches[: len(first)]]
@@ -129,7 +123,7 @@ def edit_columns(
     return {
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / sources.rate_hz,
-        **join_columns(pictures, heading, first[new], sources),
+        **_join_columns(pictures, heading, first[new], sources),
         "x_px": way[:, 0],
         "y_px": way[:, 1],
         "heading_deg": heading,
@@ -146,12 +140,11 @@ def edit_columns(
 def resolve_mirror_images(
     frame: Mask, number: Ints, rot: Floats, heading_deg: Reals
 ) -> PictureSequence:
-    """Return pictures (ticks,) whose mirror images have their row's number and `mirrored` set.
+    """Return pictures (ticks,) in which each number n + i became row i, `mirrored`.
 
-    frame: whether each picture is a frame; number: its row i, n + i for the mirror image of row i,
-    or a sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Number n
-    + i is row i upside down. Drawn, row i is mirrored about its own heading, so its rotation
-    changes.
+    frame: whether each picture is a frame; number: its row i, n + i for row i upside down, or a
+    sprite; rot: a frame's rotation, degrees; heading_deg (n,): of the rows as filmed. Row i is
+    drawn mirrored about its own heading, so its rotation changes.
     """
     rows = len(heading_deg)
     mirrored = frame & (number >= rows)
@@ -162,7 +155,7 @@ def resolve_mirror_images(
     )
 
 
-def join_columns(
+def _join_columns(
     pictures: PictureSequence, heading: Floats, new: Ints, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
     """Return the columns (ticks,) of pictures, cross-fade partners and poses.
@@ -170,7 +163,7 @@ def join_columns(
     heading (ticks,): of the fish, degrees; new: ticks whose picture does not continue the one
     before. For inertialization the joins are found in the pictures themselves.
     """
-    how, own = sources.joins, picture_columns(pictures, heading, sources)
+    how, own = sources.joins, _picture_columns(pictures, heading, sources)
     pose = np.full(len(heading), None, object)
     if how.kind == INERTIAL and len(heading):
         join = inertialize(pictures, heading, how)
@@ -179,33 +172,28 @@ def join_columns(
             pose[tick] = join.codes[tick]
         own["rotation_deg"] = wrap_deg(own["rotation_deg"] + join.turn_deg).astype(np.float32)
     partner, weight = cross_fades(pictures, new, how.fade, sources.following)
-    other = {
-        f"partner_{name}": column
-        for name, column in picture_columns(partner, heading, sources).items()
-    }
-    return own | {"partner": other.pop("partner_source")} | other | {"weight": weight, "pose": pose}
+    other = _picture_columns(partner, heading, sources)
+    return {
+        **own, "partner": other.pop("source"),
+        **{f"partner_{name}": column for name, column in other.items()},
+        "weight": weight, "pose": pose,
+    }  # fmt: skip
 
 
-def picture_columns(
+def _picture_columns(
     pictures: PictureSequence, heading: Floats, sources: EditInputs
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns (ticks,) kind, source, orientation, rotation_deg, scale, mirrored.
-
-    heading (ticks,): of the fish, degrees. The orientation of a frame is 0.
-    """
-    count = sources.orientations
+    """Return the columns of pictures (ticks,) drawn for a fish with this heading (ticks,)."""
+    count, frame, number = sources.orientations, pictures.frame, pictures.number
     sector = orientation(heading, count)
     residual = wrap_deg(heading - direction_deg(sector, count))
-    sprite, frame = (
-        np.where(which, pictures.number, 0) for which in (~pictures.frame, pictures.frame)
-    )
+    frame_scale = sources.scale[np.where(frame, number, 0)]
+    sprite_scale = sources.sprite_scale[np.where(frame, 0, number)]
     return {
-        "kind": np.where(pictures.frame, FRAME, SPRITE),
-        "source": pictures.number,
-        "orientation": np.where(pictures.frame, 0, sector),
-        "rotation_deg": np.where(pictures.frame, wrap_deg(pictures.rot), residual).astype(
-            np.float32
-        ),
-        "scale": np.where(pictures.frame, sources.scale[frame], sources.sprite_scale[sprite]),
-        "mirrored": pictures.frame & pictures.mirrored,
+        "kind": np.where(frame, FRAME, SPRITE),
+        "source": number,
+        "orientation": np.where(frame, 0, sector),
+        "rotation_deg": np.where(frame, wrap_deg(pictures.rot), residual).astype(np.float32),
+        "scale": np.where(frame, frame_scale, sprite_scale),
+        "mirrored": frame & pictures.mirrored,
     }

@@ -23,16 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.edit.bodies import Bodies, Body
-from finloop.edit.rest import resting_rows
+from finloop.edit.bodies import Bodies, Body, resting_rows
 from finloop.edit.schema import CUT, FRAME, INERTIAL, SPRITE
 from finloop.features.table import wrap_deg
 
 _DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
 _REACH = 2.0  # times the duration of a join, after which less than 0.1 % of its offset is left
 
-
 Helps = Callable[[int, int, bool, bool], bool]
+"""Whether a row looks more like another one in that one's posture; whether each is mirrored."""
 
 
 class JoinTimes(Protocol):
@@ -52,11 +51,11 @@ class JoinTimes(Protocol):
 
     @property
     def join_least(self) -> float:
-        """Return the shortest such time, Δ."""
+        """Return the shortest time of a join that is "auto", Δ."""
 
     @property
     def join_most(self) -> float:
-        """Return the longest such time, Δ."""
+        """Return the longest time of a join that is "auto", Δ."""
 
     @property
     def rest(self) -> float:
@@ -71,21 +70,20 @@ class JoinTimes(Protocol):
 class Joins:
     """How pictures are joined. kind: INERTIAL, FADE or CUT; fade: ticks of a cross-fade.
 
-    decay: ticks after which 5 % of an offset are left; bodies: the film's; helps(row, other,
-    mirrored, other_mirrored): whether a row looks more like another in that one's posture; rests
-    (n,): whether the animal rests at each row of the film.
+    decay: ticks after which 5 % of an offset are left; bodies: the film's; bending_helps: see
+    `Helps`; rests (n,): whether the animal rests at each row of the film.
     """
 
     kind: str
     fade: int
     decay: float
     bodies: Bodies
-    helps: Helps
+    bending_helps: Helps
     rests: Mask
 
     @property
     def reach(self) -> int:
-        """Return over how many ticks, at which the film moves, a join can affect later pictures."""
+        """Return for how many ticks, at which the film moves, a join can change later pictures."""
         return max(self.fade, self._ticks) + 3
 
     @property
@@ -93,14 +91,14 @@ class Joins:
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
 
     def moving(self, kind: str, number: Ints) -> int:
-        """Return how many of some pictures count towards the time of a join: those that move.
+        """Return how many pictures count as time after a join: all but frames at rest.
 
         kind: SPRITE (all count) or FRAME; number (k,): rows, plus n for mirror images.
         """
         return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring(self) -> tuple[Floats, Floats]:
-        """Return what is left after 0, 1, 2 … ticks (k,) of an offset of 1, and of a velocity of 1.
+        """Return how much of an offset of 1, and of a velocity of 1, is left after each tick (k,).
 
         Both are offsets; the velocity is 1 a tick. See x(τ) in this module's text.
         """
@@ -109,19 +107,15 @@ class Joins:
         return (1 + rate * ticks) * left, ticks * left
 
 
-def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> Joins:
-    """Return how pictures are joined, with the parameters' times in ticks.
-
-    kind: INERTIAL, FADE or CUT; delta: Δ in ticks; helps: see `Joins`.
-    """
+def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, bending_helps: Helps) -> Joins:
+    """Return how pictures are joined, by INERTIAL, FADE or CUT, with the times p (Δ) in ticks."""
     if p.join_time_deltas == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
         ticks = max(time * delta, float(p.join_frames))
     else:
         ticks = max(p.join_time_deltas * delta, 1.0)
     fade = 0 if kind == CUT else round(p.cross_fade_deltas * delta)
-    still = resting_rows(bodies, p.rest)
-    return Joins(kind, fade, ticks, bodies, helps, still)
+    return Joins(kind, fade, ticks, bodies, bending_helps, resting_rows(bodies, p.rest))
 
 
 @dataclass(frozen=True)
@@ -160,15 +154,17 @@ class Inertial(NamedTuple):
 
 
 def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertial:
-    """Return the poses and rotations that inertialization adds to pictures, and its joins.
+    """Return the poses and rotations that inertialization adds to pictures (ticks,), and its joins.
 
-    shown (ticks,): the pictures; line_deg (ticks,): direction for which each sprite is drawn,
-    degrees.
+    line_deg (ticks,): direction for which each sprite is drawn, degrees.
     """
     bodies, frame, number = how.bodies, shown.frame, shown.number
     own = bodies.picture_bodies(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
     last, new = own.select(np.s_[:-1]), own.select(np.s_[1:])
-    follows = _next_bodies(last, (frame[:-1], number[:-1]), np.diff(line_deg), bodies)
+    follows = bodies.next_body(last)  # due after each picture; a sprite turns as the fish does
+    sprite_turn = np.diff(line_deg) - bodies.line_turn_deg(frame[:-1], number[:-1])
+    turned = follows.heading_deg + np.where(frame[:-1], 0.0, sprite_turn)
+    follows = follows._replace(heading_deg=turned)
     natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
     natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
     moves = np.append(True, ~(natural & how.rests[new.row]))
@@ -179,13 +175,15 @@ def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertia
     offset, velocity = _jumps(own, old, at, before, bodies)
     here = own.select(at)
     pairs = np.stack([here.row, old.row, here.mirrored, old.mirrored], -1).tolist()
-    plain = at[[not how.helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]]
+    plain = at[[not how.bending_helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]]
     offset[plain, :-1] = velocity[plain, :-1] = 0
     springs = how.spring()
     clock = np.cumsum(moves) - 1
     left = sum_past(springs[0], offset[moves]) + sum_past(springs[1], velocity[moves])
     left = left[clock]
-    since = clock - np.maximum.accumulate(_last(clock[at], clock[-1] + 1))[clock]
+    latest_join = np.full(clock[-1] + 1, -(2**31))
+    latest_join[clock[at]] = clock[at]
+    since = clock - np.maximum.accumulate(latest_join)[clock]
     posed, codes = since < len(springs[0]), bodies.codes(own)
     codes[posed] += left[posed, :-1]
     shapes = bodies.poses.shapes  # a posture near a filmed one is possible
@@ -194,15 +192,6 @@ def inertialize(shown: PictureSequence, line_deg: Floats, how: Joins) -> Inertia
         codes[doubtful] = shapes.nearest_codes(codes[doubtful]).codes
     begins = at[~bodies.same_moment(old, here, how.fade)]
     return Inertial(begins, codes.astype(np.float32), posed, left[:, -1])
-
-
-def _next_bodies(
-    last: Body, pictures: tuple[Mask, Ints], line_turn_deg: Floats, bodies: Bodies
-) -> Body:
-    """Return the body due after each picture; a sprite's line turns as the fish does."""
-    after = bodies.next_body(last)
-    turn = np.where(pictures[0], 0.0, line_turn_deg - bodies.line_turn_deg(*pictures))
-    return after._replace(heading_deg=after.heading_deg + turn)
 
 
 def _jumps(
@@ -217,22 +206,12 @@ def _jumps(
     plays = (ahead > at) & ~np.isin(ahead, at)
     turns = np.where(plays, wrap_deg(own.heading_deg[ahead] - here.heading_deg), before_deg)
     held = (own.row[ahead] == here.row) & (ahead > at)
-    made = []
-    for codes, heading in (
-        (bodies.codes(old) - bodies.codes(here), wrap_deg(old.heading_deg - here.heading_deg)),
-        (bodies.speed(old) - bodies.speed(here) * ~held[:, None], before_deg - turns),
-    ):
-        jump = np.zeros((ticks, codes.shape[1] + 1))
-        jump[at] = np.column_stack([codes, heading])
-        made.append(jump)
-    return made[0], made[1]
-
-
-def _last(at: Ints, ticks: int) -> Ints:
-    """Return each tick (ticks,) itself if it is in `at`, else a long-gone one."""
-    last = np.full(ticks, -(2**31))
-    last[at] = at
-    return last
+    codes = bodies.codes(old) - bodies.codes(here)
+    speed = bodies.speed(old) - bodies.speed(here) * ~held[:, None]
+    offset, velocity = np.zeros((2, ticks, codes.shape[1] + 1))
+    offset[at] = np.column_stack([codes, wrap_deg(old.heading_deg - here.heading_deg)])
+    velocity[at] = np.column_stack([speed, before_deg - turns])
+    return offset, velocity
 
 
 def cross_fades(
@@ -243,11 +222,8 @@ def cross_fades(
     At each tick of `begins` the old picture plays on for `fade` ticks and loses its share.
     following(kind, number): returns the number of the next picture.
     """
-    ticks = len(shown.number)
-    partner = PictureSequence(
-        np.zeros(ticks, bool), np.zeros(ticks, np.int64), np.zeros(ticks), np.zeros(ticks, bool)
-    )
-    weight = np.zeros(ticks)
+    ticks, dtypes = len(shown.number), (bool, np.int64, float, bool)
+    partner, weight = PictureSequence(*(np.zeros(ticks, d) for d in dtypes)), np.zeros(ticks)
     for first in begins:
         frame, old = bool(shown.frame[first - 1]), int(shown.number[first - 1])
         for tick in range(first, min(first + fade, ticks)):

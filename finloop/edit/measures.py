@@ -12,14 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.edit.schema import (
-    ENTER,
-    FORECAST,
-    FRAME,
-    SPOT,
-    STATES,
-    TURN,
-)
+from finloop.edit.schema import ENTER, FORECAST, FRAME, SPOT, STATES, TURN
 from finloop.features.table import wrap_deg
 from finloop.puppet import PoseShapes
 
@@ -41,18 +34,16 @@ def picture_kinds(edit: pd.DataFrame) -> pd.Series:
 def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
     """Return the percentage of ticks that show each of `SHOWN`, and the number of switches.
 
-    film_pct: ticks of film, bent or mirrored or not; stuck_pct: ticks on the spot because no way
-    leads on; switches: between sprites and film; switches_without_gateway: those by no gateway.
+    film_pct: film, bent or mirrored or not; stuck_pct: on the spot because no way leads on;
+    switches: between sprites and film; switches_without_gateway: those by no gateway.
     """
     names, frame = picture_kinds(edit), (edit["kind"] == FRAME).to_numpy()
     switched = np.append(False, frame[1:] != frame[:-1])
     gateway = edit["reason"].eq(ENTER).to_numpy() | edit["exit"].notna().to_numpy()
     gateway &= edit["seam"].notna().to_numpy()
+    shares = {name: 100 * float((names == name).mean()) for name in SHOWN}
     return {
-        **{
-            f"shown_{name.replace(' ', '_')}_pct": 100 * float((names == name).mean())
-            for name in SHOWN
-        },
+        **{f"shown_{name.replace(' ', '_')}_pct": share for name, share in shares.items()},
         "film_pct": 100 * float((~names.isin([SPRITE_SHOWN, PREDICTED])).mean()),
         "stuck_pct": 100 * float((edit["reason"].ffill() == SPOT).mean()),
         "switches": float(switched.sum()),
@@ -61,16 +52,13 @@ def picture_kind_shares(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def area_missed(edit: pd.DataFrame) -> dict[str, float]:
-    """Return the median error of the motion area in turns by the network (Fig. 18).
+    """Return the median error of the motion area in turns by the network (Fig. 18); {} without.
 
     The error is that of the most bent sprite shown against the area that the network asked for, as
-    a share of the film's largest. Without such turns the result is empty.
+    a share of the film's largest.
     """
-    turns = edit[edit["sprite_area"].notna() & edit["motion_area"].notna()]
-    if turns.empty:
-        return {}
-    missed = (turns["sprite_area"] - turns["motion_area"]).abs()
-    return {"turn_area_missed_median": float(missed.median())}
+    missed = (edit["sprite_area"] - edit["motion_area"]).abs().dropna()
+    return {} if missed.empty else {"turn_area_missed_median": float(missed.median())}
 
 
 def average_measures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
@@ -87,19 +75,16 @@ def turn_measures(edit: pd.DataFrame) -> dict[str, float]:
     turning = (edit["state"] == STATES[TURN]).to_numpy()
     begins = edit["reason"].notna().to_numpy()
     number = np.cumsum(begins)
-    bearing = np.degrees(
-        np.arctan2(edit["y_px"] - edit["aim_y_px"], edit["aim_x_px"] - edit["x_px"])
-    )
+    right, up = edit["aim_x_px"] - edit["x_px"], edit["y_px"] - edit["aim_y_px"]
+    bearing = np.degrees(np.arctan2(up, right))
     error = np.abs(wrap_deg((bearing - edit["heading_deg"]).to_numpy(float)))
-    same = (number[1:] == number[:-1]) & turning[1:]
-    rises = same & (np.diff(error) > 1e-3)
-    turns = np.unique(number[turning])
-    bad = np.unique(number[1:][rises])
+    rises = (number[1:] == number[:-1]) & turning[1:] & (np.diff(error) > 1e-3)
+    turns, bad = np.unique(number[turning]), np.unique(number[1:][rises])
+    tight = (edit.loc[begins & turning, "room"] < 1).mean() if len(turns) else np.nan
     return {
         "turns": float(len(turns)),
         "turns_monotone_pct": 100 * (1 - len(bad) / len(turns)) if len(turns) else np.nan,
-        "turns_with_little_room_pct": 100
-        * float((edit.loc[begins & turning, "room"] < 1).mean() if len(turns) else np.nan),
+        "turns_with_little_room_pct": 100 * float(tight),
     }
 
 
@@ -110,7 +95,7 @@ def step_measures(mine: Floats, film: Floats) -> dict[str, float]:
     over the film's median; percentages above the film's 95th and 99.5th percentile.
     """
     above = 100 * float((mine > np.quantile(film, 0.995)).mean())
-    return _against(film, "step", mine, "steps") | {"steps_above_film_p995_pct": above}
+    return _compare_with_film(mine, film, "step", "steps") | {"steps_above_film_p995_pct": above}
 
 
 def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
@@ -121,15 +106,15 @@ def discontinuity_measures(seams: Floats, film: Floats) -> dict[str, float]:
     """
     if seams.size == 0:
         return {"jumps": 0.0}
-    return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
+    return {"jumps": float(seams.size)} | _compare_with_film(seams, film, "seam", "jumps")
 
 
-def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[str, float]:
+def _compare_with_film(mine: Floats, film: Floats, name: str, plural: str) -> dict[str, float]:
     middle = float(np.median(film))
     return {
         f"{name}_ratio_median": float(np.median(mine)) / middle,
         f"{name}_ratio_p95": float(np.quantile(mine, 0.95)) / middle,
-        f"{all_of_them}_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
+        f"{plural}_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
     }
 
 
@@ -150,11 +135,8 @@ def state_measures(edit: pd.DataFrame) -> dict[str, float]:
 
 
 def longest_repeat(edit: pd.DataFrame) -> int:
-    """Return the length, in ticks, of the longest run of pictures that is shown again later.
-
-    The two runs do not overlap.
-    """
-    pictures, longest = _pictures(edit), 0
+    """Return the ticks of the longest run of pictures that is shown again later, after its end."""
+    pictures, longest = _number_pictures(edit), 0
     for lag in range(1, len(pictures)):
         if len(pictures) - lag <= longest:
             break
@@ -165,7 +147,7 @@ def longest_repeat(edit: pd.DataFrame) -> int:
     return longest
 
 
-def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
+def _number_pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
     """Return a number (ticks,) for each picture of an edit list, equal for equal pictures."""
     names = ["kind", "source", "orientation", "mirrored"]
     return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
@@ -179,7 +161,7 @@ def rhythm_measures(
     jumps (k,): ticks of transitions; only those from frame to frame count. Times are seconds; the
     spacing is NaN with fewer than two jumps.
     """
-    changes = np.diff(_pictures(edit)) != 0
+    changes = np.diff(_number_pictures(edit)) != 0
     runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))
     frame = (edit["kind"] == FRAME).to_numpy()
     across = jumps[frame[jumps] & frame[jumps - 1]]
@@ -188,8 +170,3 @@ def rhythm_measures(
         "jumps_of_the_film": float(len(across)),
         "shortest_stay_s": float(np.diff(across).min()) / rate_hz if len(across) > 1 else np.nan,
     }
-
-
-def table(modes: Mapping[str, Mapping[str, float]], film: Mapping[str, float]) -> pd.DataFrame:
-    """Return all measures side by side: a row each, a column for each mode and one for the film."""
-    return pd.DataFrame({**modes, "film": film}).rename_axis("measure").reset_index()

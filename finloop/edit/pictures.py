@@ -1,6 +1,6 @@
 """The pictures of an edit list: what is drawn from tick to tick, and how well it joins (Eq. 5)."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -14,11 +14,12 @@ from finloop.base.arrays import Floats, Ints
 from finloop.distance.picture import SPAN, centre_cutout, distance_pair_by_pair
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies, Body
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.joins import Helps
+from finloop.edit.schema import FRAME, SPRITE, row_partner, row_picture
 from finloop.puppet import Pose, blend, draw
 
 Picture = NDArray[np.float32]
-_HELPS = 100_000  # pairs of rows that are remembered
+_REMEMBERED = 100_000  # pairs of rows
 
 
 @dataclass(frozen=True)
@@ -65,30 +66,28 @@ class Pictures:
         return draw(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
 
     @cached_property
-    def helps(self) -> Callable[[int, int, bool, bool], bool]:
-        """Return a test: whether a row looks more like another in that one's posture.
+    def bending_helps(self) -> Helps:
+        """Return a test: whether a row looks more like another one in that one's posture."""
+        return lru_cache(_REMEMBERED)(self._bending_helps)
 
-        Its arguments: the two row numbers, and whether each row is mirrored.
-        """
-        return lru_cache(_HELPS)(self._helps)
-
-    def _helps(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
+    def _bending_helps(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
         middle, size = (self.size - 1) / 2, self.size / SPAN
-        one, two = (
+        bodies = [
             Body(np.array(number), np.array(flip), np.zeros(()))
             for number, flip in ((row, mirrored), (other, other_mirrored))
+        ]
+        own, wanted = (
+            self.bodies.poses.pose_from_codes(int(body.row), self.bodies.codes(body)).move_to(
+                middle, middle, 0, size
+            )
+            for body in bodies
         )
-        own, its = (
-            self.bodies.poses.pose_from_codes(int(body.row), self.bodies.codes(body))
-            for body in (one, two)
+        other_picture = self.draw_body(bodies[1], wanted)
+        bent, plain = (
+            distance_pair_by_pair(self.draw_body(bodies[0], pose), other_picture)
+            for pose in (wanted, own)
         )
-        there = its.move_to(middle, middle, 0, size)
-        wanted = self.draw_body(two, there)
-        plain = self.draw_body(one, own.move_to(middle, middle, 0, size))
-        return bool(
-            distance_pair_by_pair(self.draw_body(one, there), wanted)
-            < distance_pair_by_pair(plain, wanted)
-        )
+        return bool(bent < plain)
 
     @cached_property
     def right_facing_sprites(self) -> Picture:
@@ -97,9 +96,9 @@ class Pictures:
 
     @cached_property
     def sprite_successors(self) -> Picture:
-        """Return pictures (s, size, size, channels) of what the film shows after each sprite.
+        """Return pictures of what the film shows after each sprite, as if the sprite headed right.
 
-        Each is turned as the next sprite would be if the first one heads right.
+        Pictures (s, size, size, channels): each is turned as the next sprite would be.
         """
         return self.reel.after_sprites(self.size)
 
@@ -109,43 +108,19 @@ def fade_distance(row: Any, pictures: Pictures) -> float:
 
     row: a row of an edit list as a named tuple, with `weight` > 0.
     """
-    return float(distance_pair_by_pair(_row_picture(row, pictures), _partner(row, pictures)))
-
-
-def _row_picture(row: Any, pictures: Pictures) -> Picture:
-    return pictures(
-        row.kind, row.source, row.orientation, row.rotation_deg, row.scale, row.mirrored
-    )
-
-
-def _partner(row: Any, pictures: Pictures) -> Picture:
-    return pictures(
-        row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
-        row.partner_scale, row.partner_mirrored,
-    )  # fmt: skip
-
-
-def _body(row: Any, pictures: Pictures) -> Body:
-    own = row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored
-    return pictures.bodies.edit_row_body(*own)
-
-
-def _partner_body(row: Any, pictures: Pictures) -> Body:
-    return pictures.bodies.edit_row_body(
-        row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
-        row.partner_mirrored,
-    )  # fmt: skip
+    own, partner = (pictures(*name(row)) for name in (row_picture, row_partner))
+    return float(distance_pair_by_pair(own, partner))
 
 
 def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
-    """Return the edit list without partners farther than `most` from the picture they fade into.
+    """Return the edit list without cross-fades between pictures that are too unlike.
 
-    most: a distance (Eq. 5). Two unlike fish on top of each other look like ghosts. A partner once
-    removed does not come back in the same cross-fade.
+    most: the largest distance (Eq. 5) that stays. Two unlike fish on top of each other look like
+    ghosts. A partner once removed does not come back in the same cross-fade.
     """
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
-        before = bool(ghosts) and ghosts[-1] == row.Index - 1  # once gone, it does not come back
+        before = bool(ghosts) and ghosts[-1] == row.Index - 1
         if before or fade_distance(row, pictures) > most:
             ghosts.append(row.Index)
     clean = edit.copy()
@@ -161,28 +136,26 @@ def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
 
     Joins, poses and cross-fades are included.
     """
-    every = pairwise(draw_edit(edit, pictures))
-    return np.array([float(distance_pair_by_pair(after, before)) for before, after in every])
+    drawn = pairwise(draw_edit(edit, pictures))
+    return np.array([float(distance_pair_by_pair(after, before)) for before, after in drawn])
 
 
 def draw_edit(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     """Yield the picture (size, size, channels) that an edit list shows at each tick."""
     for row in edit.itertuples():
+        names = [row_picture(row), row_partner(row)] if row.weight else [row_picture(row)]
         if row.pose is None:
-            first = _row_picture(row, pictures)
+            shown = [pictures(*name) for name in names]
         else:
-            body = _body(row, pictures)
-            target = pictures.target(body, row.scale, row.pose)
-            first = pictures.draw_body(body, target)
-        if row.weight == 0:
-            yield first
-        elif row.pose is None:
-            yield blend(first, _partner(row, pictures), row.weight)
-        else:
-            yield blend(first, pictures.draw_body(_partner_body(row, pictures), target), row.weight)
+            drawn = [pictures.bodies.edit_row_body(name) for name in names]
+            target = pictures.target(drawn[0], row.scale, row.pose)
+            shown = [pictures.draw_body(body, target) for body in drawn]
+        yield blend(*shown, row.weight) if row.weight else shown[0]
 
 
-def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.intp]]:
+def measure_discontinuities(
+    edit: pd.DataFrame, pictures: Pictures
+) -> tuple[Floats, NDArray[np.intp]]:
     """Return the discontinuity (k,) (Eq. 5) and the tick (k,) of every join, without cross-fades.
 
     It compares what the film would show next, turned as the picture on screen, with what is drawn.
@@ -190,7 +163,7 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
     earlier join has not died away, the pose of the new picture includes what is left of it. There
     only light and skin are compared.
     """
-    next_sprite = film_next(pictures.reel.sprites)
+    next_sprite = _next_sprites(pictures.reel.sprites)
     distances, ticks = [], []
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
@@ -205,41 +178,34 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
                 continue
         elif now.kind == SPRITE and now.source == next_sprite[before.source]:
             continue
-        distances.append(
-            float(distance_pair_by_pair(_new(now, pictures), _next_picture(before, now, pictures)))
-        )
+        distances.append(float(distance_pair_by_pair(*_join_pictures(before, now, pictures))))
         ticks.append(tick)
     return np.array(distances), np.array(ticks, np.intp)
 
 
-def _new(now: Any, pictures: Pictures) -> Picture:
-    turn = -float(now.heading_deg)
+def _join_pictures(before: Any, now: Any, pictures: Pictures) -> tuple[Picture, Picture]:
+    """Draw a row of an edit list, and what the film shows after the row before; both head right."""
+    turn, bodies = -float(now.heading_deg), pictures.bodies
     if now.pose is not None:
-        body = _body(now, pictures)
-        return pictures.draw_body(body, pictures.target(body, now.scale, now.pose, turn))
-    if now.kind == FRAME:
-        return _row_picture(now._replace(rotation_deg=now.rotation_deg + turn), pictures)
-    return pictures.right_facing_sprites[now.source]
-
-
-def _next_picture(before: Any, now: Any, pictures: Pictures) -> Picture:
-    """Draw what the film shows after a row, at the fish's current heading."""
-    turn = -float(now.heading_deg)
-    if before.pose is not None and now.pose is not None:
-        target = pictures.target(_body(now, pictures), now.scale, now.pose, turn)
-        return pictures.draw_body(pictures.bodies.next_body(_body(before, pictures)), target)
+        body = bodies.edit_row_body(row_picture(now))
+        target = pictures.target(body, now.scale, now.pose, turn)
+        drawn = pictures.draw_body(body, target)
+        if before.pose is not None:
+            follows = bodies.next_body(bodies.edit_row_body(row_picture(before)))
+            return drawn, pictures.draw_body(follows, target)
+    elif now.kind == FRAME:
+        drawn = pictures(*row_picture(now._replace(rotation_deg=now.rotation_deg + turn)))
+    else:
+        drawn = pictures.right_facing_sprites[now.source]
     if before.kind == SPRITE:
-        return pictures.sprite_successors[before.source]
-    follows = int(pictures.reel.next_rows(before.source))
-    side = 2 * before.mirrored * (
-        pictures.bodies.heading_deg[before.source] - pictures.bodies.heading_deg[follows]
-    )  # fmt: skip
-    return _row_picture(
-        before._replace(source=follows, rotation_deg=before.rotation_deg + side + turn), pictures
-    )
+        return drawn, pictures.sprite_successors[before.source]
+    row = int(pictures.reel.next_rows(before.source))
+    turn += 2 * before.mirrored * (bodies.heading_deg[before.source] - bodies.heading_deg[row])
+    next_frame = before._replace(source=row, rotation_deg=before.rotation_deg + turn)
+    return drawn, pictures(*row_picture(next_frame))
 
 
-def film_next(sprites: pd.DataFrame) -> Ints:
+def _next_sprites(sprites: pd.DataFrame) -> Ints:
     """Return for every sprite (s,) the number of the sprite of the film's next frame, or −1."""
     if not len(sprites):
         return np.zeros(0, np.int64)

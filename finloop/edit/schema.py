@@ -13,10 +13,12 @@ shapes (stage `pose`), as seen on screen, so after mirroring. Place, heading and
 the source; the partner is drawn in the same place and posture.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
+from finloop.base.arrays import Floats, Ints
 from finloop.base.schema import ANY, Column, Schema, columns
 
 SPRITE, FRAME = "sprite", "frame"
@@ -129,6 +131,45 @@ class Goal(NamedTuple):
     x_px: float
     y_px: float
     radius_px: float = 0.0
+
+
+class RowPicture(NamedTuple):
+    """A picture that a row of an edit list names, by columns of `EDIT`."""
+
+    kind: str
+    source: int
+    orientation: int
+    rotation_deg: float
+    scale: float
+    mirrored: bool
+
+
+def row_picture(row: Any) -> RowPicture:
+    """Return the picture that a row of an edit list, a named tuple, shows."""
+    return RowPicture(*(getattr(row, name) for name in RowPicture._fields))
+
+
+def row_partner(row: Any) -> RowPicture:
+    """Return the picture that fades out at a row of an edit list, a named tuple."""
+    rest = (getattr(row, f"partner_{name}") for name in RowPicture._fields[2:])
+    return RowPicture(row.partner_kind, row.partner, *rest)
+
+
+def filmed_edit_list(rows: Ints, places_px: Floats) -> pd.DataFrame:
+    """Return an edit list (schema `EDIT`) that shows feature rows (n,), one a tick, as filmed.
+
+    So the film is drawn and measured like an animation. places_px (n, 2): x, y of each.
+    """
+    empty = {"string": "", "bool": False}
+    rest = {
+        column.name: None if column.nullable else empty.get(column.dtype, 0)
+        for column in EDIT.columns
+    }
+    own = {
+        "tick": np.arange(len(rows)), "kind": FRAME, "source": rows, "scale": 1.0,
+        "x_px": places_px[:, 0], "y_px": places_px[:, 1], "mode": "film", "state": STATES[FILM],
+    }  # fmt: skip
+    return pd.DataFrame(rest | own, index=np.arange(len(rows)))
 
 
 def by_fish(edit: pd.DataFrame) -> list[pd.DataFrame]:

@@ -4,6 +4,7 @@ A stretch is some ticks of swimming that one decision gives. `finloop.edit.build
 any planner into an edit list.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,11 +12,28 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.schema import (
+    AS_PREDICTED,
+    ENTER,
+    FRAME,
+    JUMP,
+    NO_WAY,
+    PHASE,
+    PLAY,
+    SPOT,
+    SPRITE,
+    TERMS,
+    TURNING,
+    WAITING,
+    WALL,
+)  # fmt: skip
+
+_CHANCE = "chance"  # the term that is left out: it explains nothing
+_LEAST_S = 0.05  # a term that costs less would be shown as 0.0
 
 
 class Decision(NamedTuple):
-    """Why a stretch was chosen, as codes and numbers of `EDIT`; `in_words` turns them into text.
+    """Why a stretch was chosen, as codes and numbers of `EDIT`; see `describe_decision`.
 
     reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
     Numbers that a reason does not have are NaN, counts and quadrant 0. taken_terms: seconds that
@@ -71,7 +89,7 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """Return the picture numbers (n,) as `Discs` counts: a frame's row, or −1 − a sprite."""
+        """Return the numbers (n,) of the pictures: a frame's row, or −1 − a sprite's number."""
         return self.number if self.kind == FRAME else -1 - self.number
 
     @cached_property
@@ -90,17 +108,12 @@ class Stretch:
         """Return the stretch with only its first `ticks` ≥ 1 ticks."""
         if ticks >= len(self.way):
             return self
-        return replace(
-            self,
-            way=self.way[:ticks],
-            number=self.number[:ticks],
-            rot=None if self.rot is None else self.rot[:ticks],
-            phase=None if self.phase is None else self.phase[:ticks],
-            past=None if self.past is None else self.past[: len(self.past) - len(self.way) + ticks],
-            steer=None if self.steer is None else self.steer[:ticks],
-            touched=False,
-            whole=False,
-        )
+        known = {
+            name: values[: len(values) - len(self.way) + ticks]
+            for name in ("way", "number", "rot", "phase", "past", "steer")
+            if (values := getattr(self, name)) is not None
+        }
+        return replace(self, **known, touched=False, whole=False)
 
 
 @dataclass(frozen=True)
@@ -114,3 +127,81 @@ class Swim:
     stretches: list[Stretch]
     names: list[str]
     reached: Ints
+
+
+def describe_decision(decision: Decision, goal: str, motion_area: float) -> str:
+    """Return a sentence that says why a stretch was chosen.
+
+    goal: its name or ""; motion_area: the relative one that the network asked for.
+    """
+    why = _describe_reason(decision, goal or "a place", motion_area)
+    if not decision.exit:
+        return why
+    gate = "without a gateway"
+    if not math.isnan(decision.seam):
+        gate = f"by a gateway, {decision.seam:.2f} steps"
+    cause = "the mode shows sprites"
+    if decision.exit == NO_WAY:
+        cause = f"no legal way on ({_count_ways(decision)})"
+    return f"leave the film {gate}: {cause}; {why}"
+
+
+def _describe_reason(decision: Decision, goal: str, motion_area: float) -> str:
+    """Return what the fish does next and why, without why it leaves the film."""
+    if decision.reason == TURNING:
+        side, room = "left" if decision.turn_deg > 0 else "right", ""
+        if decision.room < 1:
+            room = ", little room" if decision.room > 0 else ", on the spot"
+        return (
+            f"turn {side} {abs(decision.turn_deg):.0f}° towards {goal}: the network asks for "
+            f"motion area {motion_area:.2f}, the sprites have {decision.sprite_area:.2f}{room}"
+        )
+    sprites = {
+        PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
+        WALL: "a wall is ahead",
+        SPOT: f"no way stays in the tank ({_count_ways(decision)}): on the spot",
+        WAITING: "other fish are in the way: wait",
+        AS_PREDICTED: f"as predicted{_describe_costs(decision)}",
+    }
+    if decision.reason in sprites:
+        return sprites[decision.reason]
+    how = {
+        PLAY: "play on",
+        JUMP: f"jump, {decision.seam:.2f} steps",
+        ENTER: f"enter the film by a gateway, {decision.seam:.2f} steps",
+    }
+    quadrant = decision.quadrant
+    leads = f"quadrant {quadrant} towards {goal}" if quadrant else f"along a {goal}"
+    return f"{how[decision.reason]}: {leads}{_describe_costs(decision)}"
+
+
+def _describe_costs(decision: Decision) -> str:
+    """Return how many ways there were, the cost of the chosen one and that of the next best."""
+    if not decision.ways:
+        return "; as planned before"
+    if math.isnan(decision.value_s):
+        return f"; {_count_ways(decision)}"
+    terms = dict(zip(TERMS, decision.taken_terms, strict=False))
+    parts = [
+        f"{name.replace('_', ' ')} {cost:.1f}".replace("-", "−")
+        for name, cost in terms.items()
+        if name != _CHANCE and abs(cost) >= _LEAST_S
+    ]
+    text = f"; {_count_ways(decision)}; {decision.value_s:.1f} s"
+    if parts:
+        text += f" ({', '.join(parts)})"
+    if decision.other_terms:
+        others = dict(zip(TERMS, decision.other_terms, strict=True))
+        text += f", the next best {sum(others.values()) - others[_CHANCE]:.1f} s"
+    return text
+
+
+def _count_ways(decision: Decision) -> str:
+    """Return how many ways there were, and how many of them fail each test of Fig. 19."""
+    failed = {
+        "leave the tank or end": decision.ways_tank,
+        "lead away": decision.ways_quadrant,
+        "head away": decision.ways_heading,
+    }
+    failures = [f"{count} {what}" for what, count in failed.items() if count]
+    return ", ".join([f"{decision.ways} way{'s' * (decision.ways != 1)}", *failures])

@@ -9,9 +9,9 @@ import numpy as np
 
 from finloop.animate.kinematics import rotate
 from finloop.base.errors import FinloopError
-from finloop.edit.explain import in_words
 from finloop.edit.modes import MODES
 from finloop.edit.schema import VERDICTS
+from finloop.edit.stretch import describe_decision
 from finloop.live import message
 from finloop.live.fish import DecisionRecord, LiveFish, PathTask, RuleTask
 from finloop.live.page import pack_message
@@ -200,7 +200,7 @@ class View:
         ranked = [] if options is None else _rank_candidates(options)
         return {
             "tick": decision.tick, "mode": decision.mode,
-            "why": in_words(stretch.decision, decision.name, stretch.area),
+            "why": describe_decision(stretch.decision, decision.name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
             "aim": [round(part, 1) for part in stretch.aim[:2]],
             "planned": plan.tick,

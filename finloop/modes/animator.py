@@ -214,6 +214,8 @@ def make_animator(
     mode: its flow chart; way: the motion graph of the film; sprites: None in a mode without
     sprites; p: the group `animate`; join: how pictures are joined, "fade", "inertial" or "cut".
     """
-    how = joins(p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.helps)
+    how = joins(
+        p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.bending_helps
+    )
     player = PaperPlayer(mode, basis.world, way, sprites, basis.cast, how)
     return PaperAnimator(player, basis.pictures, float(made.steps["headed"].median()), p)

@@ -227,7 +227,7 @@ def matching_animator(made: MatchingData, p: AllSettings) -> MatchingAnimator:
     for line in made.lines:
         if line is not None and line.rows is not None and not p.path_own_frames:
             barred[line.rows] = True
-    how = joins(p, p.join, bodies, motion.delta, pictures.helps)
+    how = joins(p, p.join, bodies, motion.delta, pictures.bending_helps)
     seen = np.full(len(features), np.nan)
     seen[map_rows(features, made.steps)] = made.steps["as_filmed"]
     rarity = Rarity.from_movement(

@@ -10,7 +10,7 @@ import numpy as np
 from finloop.animate.route import Route, asked_at, heading_at, place
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_leaf, for_kernels, kernel
-from finloop.edit.movement import Movement
+from finloop.edit.bodies import Movement
 from finloop.edit.schema import TERMS
 from finloop.plan.graph import MotionGraph, lags, mean_step_px
 

@@ -15,7 +15,7 @@ COLOURS = (  # Okabe-Ito: of the modes, in the order of `finloop.edit.modes`; th
 _FILM = "0.35"
 
 
-def kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure:
+def draw_kinematics(table: pd.DataFrame, numbers: Mapping[str, float]) -> Figure:
     """Draw speeds and turn rates of every mode beside the film's, and the time in each state.
 
     table: columns of `measures.KINEMATICS`; numbers: `<mode>_<state>_pct`, 0 … 100.

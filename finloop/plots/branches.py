@@ -5,23 +5,199 @@ side branches. finloop thins the silhouette instead, without pale pixels, and we
 path by the width of the fish. The picture shows both.
 """
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import skimage
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+from scipy import ndimage
 
-from finloop.base.arrays import Floats, Ints
+from finloop.base.arrays import Floats, Ints, Mask, Picture
+from finloop.extract.backbone import longest_geodesic, trace_backbone, without_notches
+from finloop.extract.background import Scene, in_light_of
+from finloop.extract.samples import Typical, judge
+from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
+from finloop.extract.settings import ExtractSettings
 from finloop.plots.parts import message
-from finloop.plots.thinned_fish import SkeletonBranch, ThinnedFish
 
 _KEPT, _PAPER, _BACKBONE = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
+_MARGIN = 6  # px of tank around a fish
+_NEAR = np.ones((3, 3), np.uint8)
+
+
+class SkeletonBranch(NamedTuple):
+    """A branch of a skeleton, with the number of each of its m pixels.
+
+    path (m, 2): x, y px, from the joint with an earlier branch to its end; numbers (m,): rising by
+    1, the first is the joint's.
+    """
+
+    path: Ints
+    numbers: Ints
+
+
+class ThinnedFish(NamedTuple):
+    """One fish, thinned with every pixel above the noise; places are px of `film`.
+
+    label: film and frame; film: (h, w) or (h, w, 3); body, whole, skeleton (h, w): the silhouette,
+    every pixel above the noise, and these thinned; half_width (h, w): px to the edge of `whole`;
+    branches: by the paper's rule, the kept one first; kept (m, 2): x, y of the path with the
+    greatest length × width; backbone (n, 2): x, y as in finloop, None if the silhouette has none;
+    body_ends: ends of the silhouette thinned alone, 2 without side branches.
+    """
+
+    label: str
+    film: Picture
+    body: Mask
+    whole: Mask
+    skeleton: Mask
+    half_width: NDArray[np.float32]
+    branches: list[SkeletonBranch]
+    kept: Ints
+    backbone: Floats | None
+    body_ends: int
+
+    @property
+    def side_branches(self) -> list[SkeletonBranch]:
+        """Return the branches that leave the fish: longer than the fish is wide at their joint."""
+        joints = [branch.path[0] for branch in self.branches[1:]]
+        return [
+            branch
+            for branch, (x, y) in zip(self.branches[1:], joints, strict=True)
+            if len(branch.path) - 1 > self.half_width[y, x]
+        ]
+
+    @property
+    def difference_px(self) -> int:
+        """Return how many pixels of either kept path no pixel of the other path touches."""
+        apart = np.abs(self.branches[0].path[:, None] - self.kept).max(-1)  # (m, k)
+        return int((apart.min(0) > 1).sum() + (apart.min(1) > 1).sum())
+
+
+def number_pixels(skeleton: Mask, start: tuple[int, int]) -> Ints:
+    """Return the number of each pixel of a skeleton (h, w) from a start, as in fish paper Fig. 4.
+
+    The start (x, y) has 0, each pixel one more than its lowest neighbour, so at a joint all
+    branches continue with the same number. −1: not connected, or no skeleton.
+    """
+    number = np.full(skeleton.shape, -1, np.int64)
+    ring = np.zeros(skeleton.shape, np.uint8)
+    ring[start[1], start[0]] = 1
+    count = 0
+    while ring.any():
+        number[ring > 0] = count
+        ring = cv2.dilate(ring, _NEAR) * (skeleton & (number < 0))
+        count += 1
+    return number
+
+
+def _find_ends(skeleton: Mask) -> list[tuple[int, int]]:
+    """Return the ends (x, y) of a skeleton (h, w): pixels with at most one neighbour."""
+    pixels = skeleton.astype(np.uint8)
+    neighbours = cv2.filter2D(pixels, -1, _NEAR, borderType=cv2.BORDER_CONSTANT) - pixels
+    return [(int(x), int(y)) for y, x in np.argwhere(skeleton & (neighbours <= 1))]
+
+
+def find_branches(skeleton: Mask) -> list[SkeletonBranch]:
+    """Return the branches of a skeleton (h, w) by the paper's rule (§2.2.1), greatest number first.
+
+    The numbering starts at an end from which the greatest number is reached. The first branch, to
+    the greatest number, is the paper's backbone. Every other end has a branch, which starts at its
+    joint with a branch of a greater number.
+    """
+    some_y, some_x = np.argwhere(skeleton)[0].tolist()
+    first = number_pixels(skeleton, (some_x, some_y))
+    far_y, far_x = np.unravel_index(first.argmax(), first.shape)
+    start = int(far_x), int(far_y)
+    number = number_pixels(skeleton, start)
+    ends = [end for end in _find_ends(skeleton & (number >= 0)) if end != start]
+    ends.sort(key=lambda end: -number[end[1], end[0]])
+    taken = np.zeros(skeleton.shape, bool)
+    taken[start[1], start[0]] = True
+    branches = []
+    for x, y in ends or [start]:
+        path = [(x, y)]
+        while not taken[y, x]:
+            taken[y, x] = True
+            x, y = _step_back(number, x, y)
+            path.append((x, y))
+        xy = np.array(path[::-1])
+        branches.append(SkeletonBranch(xy, number[xy[:, 1], xy[:, 0]]))
+    return branches
+
+
+def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
+    """Return the neighbour whose number is one less; beside the pixel rather than diagonal."""
+    steps = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
+    height, width = number.shape
+    for dx, dy in steps:
+        u, v = x + dx, y + dy
+        if 0 <= u < width and 0 <= v < height and number[v, u] == number[y, x] - 1:
+            return u, v
+    raise ValueError("the numbers of a skeleton fall by 1 towards its start")
+
+
+def thin_fish(
+    frame: Picture, label: str, scene: Scene, typical: Typical, arena: Picture,
+    settings: ExtractSettings,
+) -> Iterator[ThinnedFish]:  # fmt: skip
+    """Yield every isolated fish of a frame (h, w) or (h, w, 3), thinned with its pale pixels.
+
+    label: film and frame, for the figure; arena: 255 inside.
+    """
+    lit = in_light_of(scene, frame)
+    ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
+    for silhouette in silhouettes(frame, lit, arena, settings.least_area_px, ends):
+        if judge(silhouette, typical, settings) == "fish":
+            yield _thin(silhouette, frame, label, settings.points, scene.threshold)
+
+
+def _thin(
+    silhouette: Silhouette, frame: Picture, label: str, points: int, floor: float
+) -> ThinnedFish:
+    """Thin a silhouette with the pale pixels around it; points: of the backbone; floor: grey."""
+    pale = silhouette.fins or silhouette  # the box of the pale pixels contains the silhouette's
+    left, top = pale.x0 - _MARGIN, pale.y0 - _MARGIN
+    size = pale.mask.shape[0] + 2 * _MARGIN, pale.mask.shape[1] + 2 * _MARGIN
+    body = _paste(silhouette.mask, silhouette.x0 - left, silhouette.y0 - top, size)
+    seen = body | _paste(pale.mask, _MARGIN, _MARGIN, size)
+    pieces, _ = ndimage.label(seen, np.ones((3, 3)))
+    seen = ndimage.binary_fill_holes(pieces == pieces[body].max())
+    rows, columns = (np.flatnonzero(seen.any(axis)) for axis in (1, 0))
+    first_row, first_column = rows[0] - _MARGIN, columns[0] - _MARGIN
+    window = np.s_[
+        max(first_row, 0) : rows[-1] + _MARGIN + 1, max(first_column, 0) : columns[-1] + _MARGIN + 1
+    ]
+    left, top = left + window[1].start, top + window[0].start
+    whole = seen[window]
+    skeleton = skimage.morphology.skeletonize(whole)
+    half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
+    backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor)
+    alone, _ = without_notches(silhouette.mask, silhouette.field)
+    corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
+    y = np.clip(np.arange(whole.shape[0]) + top, 0, frame.shape[0] - 1)
+    x = np.clip(np.arange(whole.shape[1]) + left, 0, frame.shape[1] - 1)
+    return ThinnedFish(
+        label, frame[np.ix_(y, x)], body[window], whole, skeleton, half_width,
+        find_branches(skeleton), longest_geodesic(skeleton, half_width).astype(np.int64),
+        None if backbone is None else backbone.points_px + corner,
+        len(_find_ends(skimage.morphology.skeletonize(alone))),
+    )  # fmt: skip
+
+
+def _paste(mask: Mask, x: int, y: int, size: tuple[int, int]) -> Mask:
+    """Return a larger mask of this size with a mask at (x, y)."""
+    into = np.zeros(size, bool)
+    into[y : y + mask.shape[0], x : x + mask.shape[1]] = mask
+    return into
 
 
 def choose_fish(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
@@ -33,12 +209,17 @@ def choose_fish(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
     count = branched = differing = alone = 0
     most: list[ThinnedFish] = []
     different: list[ThinnedFish] = []
+
+    def branch_order(fish: ThinnedFish) -> tuple[int, int]:
+        branches = fish.side_branches
+        return -len(branches), -sum(len(branch.path) for branch in branches)
+
     for one in fish:
         count += 1
         branched += bool(one.side_branches)
         differing += one.difference_px > 0
         alone += one.body_ends > 2
-        most = sorted([*most, one], key=_branch_order)[:1]
+        most = sorted([*most, one], key=branch_order)[:1]
         different = sorted([*different, one], key=lambda fish: -fish.difference_px)[:2]
     second = [one for one in different if one.difference_px and one is not most[0]]
     words = (
@@ -47,11 +228,6 @@ def choose_fish(fish: Iterable[ThinnedFish]) -> tuple[list[ThinnedFish], str]:
         f"Their silhouettes alone, which finloop thins: {alone} have a side branch."
     )
     return [*most, *second[:1]], words
-
-
-def _branch_order(fish: ThinnedFish) -> tuple[int, int]:
-    branches = fish.side_branches
-    return -len(branches), -sum(len(branch.path) for branch in branches)
 
 
 def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
@@ -67,7 +243,7 @@ def figure3_4(fish: Sequence[ThinnedFish], words: str) -> Figure:
     figure.suptitle(words, fontsize=10)
     parts = np.atleast_1d(np.asarray(figure.subfigures(len(fish), 1, height_ratios=heights)))
     for part, one in zip(parts, fish, strict=True):
-        kept = _draw(part, one)
+        kept = _draw_fish(part, one)
     parts[-1].legend(
         handles=kept.get_legend_handles_labels()[0], loc="outside lower center", ncols=3,
         frameon=False, fontsize=9,
@@ -84,20 +260,18 @@ def lie_down(fish: ThinnedFish) -> ThinnedFish:
     def turn(xy: Any) -> Any:  # (m, 2), integer or float
         return np.column_stack([xy[:, 1], width - 1 - xy[:, 0]])
 
+    pictures = ("film", "body", "whole", "skeleton", "half_width")
     return fish._replace(
         label=f"{fish.label}, turned by 90°",
-        film=np.rot90(fish.film),
-        body=np.rot90(fish.body),
-        whole=np.rot90(fish.whole),
-        skeleton=np.rot90(fish.skeleton),
-        half_width=np.rot90(fish.half_width),
+        **{name: np.rot90(getattr(fish, name)) for name in pictures},
         branches=[SkeletonBranch(turn(path), numbers) for path, numbers in fish.branches],
         kept=turn(fish.kept),
         backbone=None if fish.backbone is None else turn(fish.backbone),
     )
 
 
-def _draw(part: SubFigure, fish: ThinnedFish) -> Axes:
+def _draw_fish(part: SubFigure, fish: ThinnedFish) -> Axes:
+    """Draw the four panels of a fish; return the last one."""
     panels = part.subplots(2, 2).ravel()
     titles = (
         f"3 (a) {fish.label}: every pixel above the noise, and the silhouette (dashed)",
@@ -117,9 +291,9 @@ def _draw(part: SubFigure, fish: ThinnedFish) -> Axes:
     for axes in (thinned, numbered):
         axes.imshow(np.where(fish.whole, 0.86, 1.0), cmap="gray", vmin=0, vmax=1)
     side = np.argwhere(fish.skeleton)[:, ::-1]
-    _pixels(thinned, side, "black")
-    _number(numbered, fish)
-    _pixels(kept, side, "white", 0.6)
+    _draw_pixels(thinned, side, "black")
+    _draw_numbers(numbered, fish)
+    _draw_pixels(kept, side, "white", 0.6)
     kept.plot(*fish.branches[0].path.T, color=_PAPER, lw=5, alpha=0.7, label="the paper's rule")
     kept.plot(*fish.kept.T, color=_KEPT, lw=2.2, label="steps weighted by width, as in finloop")
     if fish.backbone is not None:
@@ -130,17 +304,18 @@ def _draw(part: SubFigure, fish: ThinnedFish) -> Axes:
     return kept
 
 
-def _pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0) -> None:
+def _draw_pixels(axes: Axes, xy: Ints, colour: str | Floats, alpha: float = 1.0) -> None:
     picture = np.zeros((*(int(max(lim)) + 1 for lim in (axes.get_ylim(), axes.get_xlim())), 4))
     picture[xy[:, 1], xy[:, 0]] = np.array(to_rgba(colour) if isinstance(colour, str) else colour)
     picture[..., 3] *= alpha
     axes.imshow(picture, interpolation="nearest")
 
 
-def _number(axes: Axes, fish: ThinnedFish) -> None:
+def _draw_numbers(axes: Axes, fish: ThinnedFish) -> None:
+    """Colour the pixels by their numbers, and write those of ends and joints (Fig. 4)."""
     last = fish.branches[0].numbers[-1]
     for path, numbers in fish.branches:
-        _pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))
+        _draw_pixels(axes, path, colormaps["viridis"](numbers / max(last, 1)))
     blocked = cv2.dilate(fish.skeleton.astype(np.uint8), np.ones((3, 3))).astype(float)
     ends = [(fish.branches[0].path[0], f"A {fish.branches[0].numbers[0]}", True)]
     ends += [

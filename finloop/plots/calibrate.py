@@ -20,7 +20,7 @@ _SHOWN = 0.99  # quantile of the film's values that the axis goes to
 _BINS = 30
 
 
-def distributions(shoals: Mapping[str, pd.DataFrame]) -> Figure:
+def draw_school_measures(shoals: Mapping[str, pd.DataFrame]) -> Figure:
     """Draw the distribution of every measure of a group, one line per group.
 
     shoals: name of a group → its table of `SHOAL`.

@@ -23,7 +23,8 @@ def _draw(ax: Axes, points: Array, closed: bool, colour: str = INK, width: float
     ax.plot(x, y, color=colour, lw=width)
 
 
-def _bare(ax: Axes, box: Array) -> None:
+def _show_box(ax: Axes, box: Array) -> None:
+    """Show the part of a plot that holds these points, without axes."""
     low, high = box.reshape(-1, 2).min(axis=0), box.reshape(-1, 2).max(axis=0)
     margin = 0.06 * float((high - low).max())
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin))
@@ -31,12 +32,14 @@ def _bare(ax: Axes, box: Array) -> None:
     ax.axis("off")
 
 
-def _height(box: Array, width: float) -> float:
+def _panel_height(box: Array, width: float) -> float:
+    """Return the height, in inches, of a panel of this width that shows these points."""
     wide, high = np.ptp(box.reshape(-1, 2), axis=0) + 1e-9
     return min(3.0, max(0.7, width * float(high / wide))) + 0.3
 
 
-def _name(ax: Axes, text: str) -> None:
+def _name_row(ax: Axes, text: str) -> None:
+    """Write the name of a row of panels to the left of its first panel."""
     at = ax.transAxes
     ax.text(-0.08, 0.5, text, transform=at, rotation=90, va="center", ha="right", fontsize=9)
 
@@ -53,9 +56,9 @@ def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
         shapes = [drop_details(curve.points, wavelet, k, curve.closed) for k in LEVELS]
         for ax, k, points in zip(row, LEVELS, shapes, strict=True):
             _draw(ax, points, curve.closed)
-            _bare(ax, np.stack(shapes))
+            _show_box(ax, np.stack(shapes))
             ax.set_title(f"({k})  {n >> k} samples", fontsize=9)
-        _name(row[0], title)
+        _name_row(row[0], title)
     return figure
 
 
@@ -93,7 +96,7 @@ def figure6(
     """
     rows = -(-len(frames) // columns)
     box = np.concatenate([frames, rest[None]])
-    height = rows * _height(box, 1.7) + 0.4
+    height = rows * _panel_height(box, 1.7) + 0.4
     figure = Figure(figsize=(1.7 * columns, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, points, time in zip(axes, frames, times, strict=False):
@@ -101,7 +104,7 @@ def figure6(
         _draw(ax, points, closed)
         ax.set_title(f"τ = {time:.3g}", fontsize=8)
     for ax in axes:
-        _bare(ax, box)
+        _show_box(ax, box)
     figure.suptitle(title, fontsize=10)
     return figure
 
@@ -114,15 +117,15 @@ def figure7(
     shapes: pairs (number of control points, curves (t, n, 2) at the times (t,)).
     """
     box = np.concatenate([frames for _, frames in shapes])
-    height = len(shapes) * _height(box, 1.5) + 0.5
+    height = len(shapes) * _panel_height(box, 1.5) + 0.5
     figure = Figure(figsize=(1.5 * len(times) + 0.6, height), layout="constrained")
     rows = figure.subplots(len(shapes), len(times), squeeze=False)
     for index, (row, (points, frames)) in enumerate(zip(rows, shapes, strict=True)):
         for ax, time, frame in zip(row, times, frames, strict=True):
             _draw(ax, frame, closed)
-            _bare(ax, box)
+            _show_box(ax, box)
             if index == 0:
                 ax.set_title(f"τ = {time:.3g}", fontsize=8)
-        _name(row[0], f"({'abcdefgh'[index]}) {points}")
+        _name_row(row[0], f"({'abcdefgh'[index]}) {points}")
     figure.suptitle(title, fontsize=10)
     return figure

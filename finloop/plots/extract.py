@@ -4,12 +4,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
 from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, judge
-from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
+from finloop.extract.segment import SilhouetteEdge, silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.plots.parts import convert_to_colour, in_rows, write
 
@@ -23,13 +22,9 @@ _COLOURS = {  # RGB; colour-blind people distinguish them, too (Okabe-Ito)
 
 
 def detections_picture(
-    frames: Sequence[Picture],
-    labels: Sequence[str],
-    scene: Scene,
-    typical: Typical,
-    arena: Picture,
-    settings: ExtractSettings,
-) -> NDArray[np.uint8]:
+    frames: Sequence[Picture], labels: Sequence[str], scene: Scene, typical: Typical,
+    arena: Picture, settings: ExtractSettings,
+) -> Picture:  # fmt: skip
     """Draw frames, two per row, with each silhouette's outline in the colour of its verdict.
 
     labels: one per frame; arena: 255 inside. Returns (h, w, 3) RGB, with a key on top.
@@ -40,27 +35,20 @@ def detections_picture(
         lit = in_light_of(scene, frame)
         ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
         for s in silhouettes(frame, lit, arena, settings.least_area_px, ends):
-            colour = _COLOURS[judge(s, typical, settings)]
-            cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))
+            contours = cv2.findContours(
+                s.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE,
+                offset=(s.x0, s.y0),
+            )[0]  # fmt: skip
+            outline, colour = max(contours, key=len), _COLOURS[judge(s, typical, settings)]
+            cv2.drawContours(panel, [outline], -1, colour, max(1, frame.shape[1] // 600))
         place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
         write(panel, label, place, (255, 255, 255), 0.9 * scale, line)
         panels.append(panel)
     rows = in_rows(panels, 2)
-    return np.vstack([_legend(rows[0].shape[1]), *rows])
-
-
-def _contour(silhouette: Silhouette) -> NDArray[np.int32]:
-    contours = cv2.findContours(
-        silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE,
-        offset=(silhouette.x0, silhouette.y0),
-    )[0]  # fmt: skip
-    return max(contours, key=len)
-
-
-def _legend(width: int) -> NDArray[np.uint8]:
+    width = rows[0].shape[1]
     scale = width / 1800
-    bar = np.full((int(50 * scale), width, 3), 255, np.uint8)
+    key = np.full((int(50 * scale), width, 3), 255, np.uint8)
     for i, (word, colour) in enumerate(_COLOURS.items()):
         place = (int((20 + 300 * i) * scale), int(36 * scale))
-        write(bar, word, place, colour, 1.1 * scale, max(1, round(3 * scale)))
-    return bar
+        write(key, word, place, colour, 1.1 * scale, max(1, round(3 * scale)))
+    return np.vstack([key, *rows])

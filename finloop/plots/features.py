@@ -48,11 +48,8 @@ def figure7(features: pd.DataFrame) -> Figure:
     return figure
 
 
-def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
-    """Draw the paths of tracks over the empty tank, with their beginnings and some headings.
-
-    At most `_WAYS` tracks are drawn, spread over the film.
-    """
+def draw_trajectories(features: pd.DataFrame, background: Picture) -> Figure:
+    """Draw the paths of tracks, spread over the film, on the empty tank, with some headings."""
     figure, axes = over_tank(background, 0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
     every = features["track_id"].unique()
@@ -68,7 +65,7 @@ def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
     return figure
 
 
-def rose(features: pd.DataFrame) -> Figure:
+def draw_rose(features: pd.DataFrame) -> Figure:
     """Draw the share of frames in each orientation as a polar bar chart, by swimming type."""
     count = orientations_of(features)
     figure = Figure(figsize=(6, 6), layout="constrained")
@@ -102,16 +99,12 @@ class Specimen(NamedTuple):
 
 
 def specimens(
-    table: pd.DataFrame,
-    tracks: pd.DataFrame,
-    numbers: np.ndarray,
-    cutouts: Cutouts,
-    background: np.ndarray,
-) -> Iterator[Specimen]:
-    """Yield the fish of some rows, each with its backbone and its cut-out over the empty tank.
+    table: pd.DataFrame, tracks: pd.DataFrame, numbers: NDArray[np.intp], cutouts: Cutouts,
+    background: Picture,
+) -> Iterator[Specimen]:  # fmt: skip
+    """Yield the fish of some row numbers, each with its backbone and its cut-out over the tank.
 
-    table, tracks: the feature table and the tracks, row by row the same; numbers: of the rows to
-    yield.
+    table, tracks: the feature table and the tracks, row by row the same.
     """
     lines = lists_to_points(tracks, "backbone")
     lines = np.where(tail_first(lines, table)[:, None, None], lines[:, ::-1], lines)
@@ -120,8 +113,8 @@ def specimens(
         yield Specimen(row, lines[number], cutout.over(background), cutout.x0_px, cutout.y0_px)
 
 
-def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
-    """Return `count` row numbers for a contact sheet.
+def choose_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
+    """Return rows for a contact sheet: doubtful heads, and motion areas of all sizes.
 
     The first half has the least confidence in head and tail, the worst first, at most three per
     track. The second half is spread over the range of motion areas, the largest first.
@@ -134,20 +127,24 @@ def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
     return np.concatenate([doubtful, spread])
 
 
-def contact_sheet(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
+def draw_specimens(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
     """Draw fish in tiles, each with backbone, control points, B-spline and heading.
 
     size: px of a tile. Returns (h, w, 3), with a key on top.
     """
-    rows = in_rows([_tile(specimen, size) for specimen in specimens], columns)
-    return np.vstack([_key(rows[0].shape[1]), *rows])
+    rows = in_rows([_draw_tile(specimen, size) for specimen in specimens], columns)
+    key = np.full((24, rows[0].shape[1], 3), 40, np.uint8)
+    words = (("backbone", _BACKBONE), ("control points", _CONTROL), ("B-spline", _SPLINE))
+    for number, (word, colour) in enumerate((*words, ("heading", _HEADING))):
+        write(key, word, (8 + 130 * number, 16), colour, _LETTERS)
+    return np.vstack([key, *rows])
 
 
 _BACKBONE, _SPLINE, _CONTROL, _HEADING = (255, 220, 0), (255, 60, 60), (255, 255, 255), (0, 255, 90)
 _WORDS, _LETTERS = (235, 235, 235), 0.38
 
 
-def _tile(specimen: Specimen, size: int) -> Picture:
+def _draw_tile(specimen: Specimen, size: int) -> Picture:
     film = convert_to_colour(specimen.film)
     scale = (size - 40) / max(film.shape[:2])
     tile = np.full((size, size, 3), 40, np.uint8)
@@ -168,9 +165,8 @@ def _tile(specimen: Specimen, size: int) -> Picture:
     angle = np.radians(specimen.row["heading_deg"])
     step = 0.25 * specimen.row["body_length_px"] * np.array([np.cos(angle), -np.sin(angle)])
     start, end = place(np.stack([specimen.backbone[0], specimen.backbone[0] + step]))
-    cv2.arrowedLine(
-        tile, tuple(map(int, start)), tuple(map(int, end)), _HEADING, 2, cv2.LINE_AA, 4, 0.3
-    )
+    ends = tuple(map(int, start)), tuple(map(int, end))
+    cv2.arrowedLine(tile, *ends, _HEADING, 2, cv2.LINE_AA, 4, 0.3)
     row = specimen.row
     word = TYPES[int(row["swimming_type"])][0]
     above = f"track {row['track_id']:.0f} frame {row['frame']:.0f} {word}"
@@ -178,11 +174,3 @@ def _tile(specimen: Specimen, size: int) -> Picture:
     for text, y in ((above, 13), (below, 27)):
         write(tile, text, (5, y), _WORDS, _LETTERS)
     return tile
-
-
-def _key(width: int) -> Picture:
-    bar = np.full((24, width, 3), 40, np.uint8)
-    words = (("backbone", _BACKBONE), ("control points", _CONTROL), ("B-spline", _SPLINE))
-    for number, (word, colour) in enumerate((*words, ("heading", _HEADING))):
-        write(bar, word, (8 + 130 * number, 16), colour, _LETTERS)
-    return bar

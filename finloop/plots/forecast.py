@@ -2,10 +2,8 @@
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from finloop.base.arrays import Floats
 from finloop.forecast.assess import autocorrelation
 from finloop.forecast.film import FilmStates
 
@@ -58,7 +56,12 @@ def free_figure(film: FilmStates, free: pd.DataFrame) -> Figure:
     lags = max(2, round(_SPAN_S * film.rate_hz))
     for (name, number, label), above, below in zip(_CHANNELS, *panels, strict=True):
         filmed, own = film.states[rows, number], free[name].to_numpy(float)
-        _distributions(above, filmed, own)
+        low, high = np.quantile(filmed, [0.002, 0.998])
+        bins = np.linspace(low, high, 60).tolist()
+        above.hist(filmed, bins, density=True, color=_FILM, alpha=0.35, label="film")
+        above.hist(own, bins, density=True, histtype="step", color=_OWN, lw=1.6, label="free")
+        above.set_yscale("log")
+        above.legend(frameon=False)
         above.set(xlabel=label, ylabel="density")
         times = np.arange(lags) / film.rate_hz
         below.plot(times, autocorrelation(filmed, follows, lags), color=_FILM, label="film")
@@ -68,12 +71,3 @@ def free_figure(film: FilmStates, free: pd.DataFrame) -> Figure:
         below.set(xlabel="s", ylabel=f"autocorrelation of {name}")
         below.legend(frameon=False)
     return figure
-
-
-def _distributions(axes: Axes, filmed: Floats, own: Floats) -> None:
-    low, high = np.quantile(filmed, [0.002, 0.998])
-    bins = np.linspace(low, high, 60).tolist()
-    axes.hist(filmed, bins, density=True, color=_FILM, alpha=0.35, label="film")
-    axes.hist(own, bins, density=True, histtype="step", color=_OWN, lw=1.6, label="free")
-    axes.set_yscale("log")
-    axes.legend(frameon=False)

@@ -16,8 +16,9 @@ from finloop.gait.model import Gait, Layout, at_phases, clock, four_keys
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#B0B0B0"
 KEY_NAMES = ("1", "2", "1'", "2'")
-CONTROL = (4, 16, 64)
-"""Control points of the rows of Fig. 14."""
+_CONTROL = (4, 16, 64)  # control points of the rows of Fig. 14
+_COLUMNS = 6  # pictures per row
+_FRAMES = 18  # contours in Fig. 8, at most
 
 Pose = Mapping[str, Points]
 
@@ -34,22 +35,19 @@ def figures(
     film: contours with their phases; keys: key frames; subcycles: by contour and 0 for A, 1 for B;
     pictures: of the film with their phases, None where Fig. 8 shows contours.
     """
-    yield "fig8", figure8(*pictures) if pictures else figure8_contours(film)
-    yield "fig9", figure9(gait, keys, film)
-    yield "fig10", figure10(film, keys, gait.split)
-    yield "fig11", figure11(subcycles)
-    yield "fig12", figure12(gait, keys, film)
-    yield "fig13", figure13(gait, keys, film)
-    yield "fig14", figure14(gait, keys, film)
+    yield "fig8", _figure8(*pictures) if pictures else _figure8_contours(film)
+    yield "fig9", _figure9(gait, keys, film)
+    yield "fig10", _figure10(film, keys, gait.split)
+    yield "fig11", _figure11(subcycles)
+    yield "fig12", _figure12(gait, keys, film)
+    yield "fig13", _figure13(gait, keys, film)
+    yield "fig14", _figure14(gait, keys, film)
 
 
-def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int = 6) -> Figure:
-    """Draw Fig. 8 of the curve paper: pictures of one gait cycle, left to right, top to bottom.
-
-    pictures: k of (h, w); phases (k,): in cycles.
-    """
+def _figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points) -> Figure:
+    """Draw k pictures (h, w) of one gait cycle with their phases (k,), in cycles, row by row."""
     high, wide = pictures[0].shape[:2]
-    rows = -(-len(pictures) // columns)
+    columns, rows = _COLUMNS, -(-len(pictures) // _COLUMNS)
     figure, ax = _canvas(columns * 2.0, rows * (2.0 * high / wide + 0.2), "")
     for k, (picture, phase) in enumerate(zip(pictures, phases, strict=True)):
         x, y = (k % columns) * 1.04 * wide, (k // columns) * (high + 0.1 * wide)
@@ -59,46 +57,40 @@ def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int 
     return figure
 
 
-def figure8_contours(film: GaitContours, columns: int = 6, most: int = 18) -> Figure:
-    """Draw Fig. 8 of the curve paper with contours, at most `most` frames of the first cycle."""
+def _figure8_contours(film: GaitContours) -> Figure:
+    """Draw Fig. 8 with contours, of frames spread over the first cycle."""
     first = np.flatnonzero(film.phase < film.phase[0] + 1)
-    frames = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
-    poses = _poses({name: points[frames] for name, points in film.contours.items()})
+    frames = first[np.unique(np.linspace(0, len(first) - 1, min(_FRAMES, len(first))).astype(int))]
+    rows = _rows({name: points[frames] for name, points in film.contours.items()})
     titles = [f"phase {film.phase[k] % 1:.2f}" for k in frames]
-    rows = _rows(poses, columns)
-    return _sheet(rows, titles, [""] * len(rows), "contours of the film")
+    return _draw_sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
-def figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
-    """Draw Fig. 9 of the curve paper: (a) the clock of a cycle, (b) its four key frames.
-
-    (a) marks when each limb is on the ground (●) or lifted (○). Without limbs on the ground it
-    shows how far the contour reaches to either side.
-    """
+def _figure9(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+    """Draw (a) when limbs are on the ground or how far contours reach, (b) the four key frames."""
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[1, 1.1])
-    above, below = parts
-    ax = above.subplots()
+    ax = parts[0].subplots()
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
+    above_axes = ax.get_xaxis_transform()
     for at, name in zip(edges, (*KEY_NAMES, "1"), strict=True):
         ax.axvline(at, color=GREY, lw=0.8)
-        ax.text(
-            at, 1.02, f"key {name}", transform=ax.get_xaxis_transform(), ha="center", fontsize=8
-        )
+        ax.text(at, 1.02, f"key {name}", transform=above_axes, ha="center", fontsize=8)
     for letter, (a, b) in zip("ABCD", pairwise(edges), strict=True):
-        ax.text((a + b) / 2, 1.02, letter, transform=ax.get_xaxis_transform(), ha="center")
+        ax.text((a + b) / 2, 1.02, letter, transform=above_axes, ha="center")
     if gait.support:
-        _support(ax, gait)
+        _draw_support(ax, gait)
     else:
-        _reach(ax, gait, keys, film)
+        _draw_reach(ax, gait, keys, film)
     ax.set(xlim=(0, 1), xlabel="phase of the cycle")
     poses = four_keys(keys.first, keys.second, film.symmetry, Layout(offsets=film.offsets))
     titles = [f"key {name}" for name in KEY_NAMES]
-    _cells(below.subplots(), [list(poses)], titles)
+    _draw_cells(parts[1].subplots(), [list(poses)], titles)
     return figure
 
 
-def _support(ax: Axes, gait: Gait) -> None:
+def _draw_support(ax: Axes, gait: Gait) -> None:
+    """Mark when each limb is on the ground (●) or lifted (○)."""
     places = np.linspace(0, 1, 24, endpoint=False) + 1 / 48
     inks = _inks(gait.support)
     for row, (ink, spans) in enumerate(zip(inks, gait.support.values(), strict=True)):
@@ -113,7 +105,8 @@ def _support(ax: Axes, gait: Gait) -> None:
     ax.set_title("● on the ground, ○ lifted", fontsize=9, pad=18)
 
 
-def _reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
+def _draw_reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
+    """Draw how far each contour reaches to either side over the cycle."""
     phases = np.linspace(0, 1, 121)
     frames = _frames(gait, keys, film, phases)
     for ink, (name, points) in zip(_inks(frames), frames.items(), strict=True):
@@ -125,11 +118,8 @@ def _reach(ax: Axes, gait: Gait, keys: Keys, film: GaitContours) -> None:
     ax.legend(fontsize=8)
 
 
-def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
-    """Draw Fig. 10 of the curve paper: subcycle A, key 1 dashed, key 2 solid, frames dotted.
-
-    Frames of subcycle C are included, mapped by the symmetry. split: phase of key 2, 0 … 0.5.
-    """
+def _figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
+    """Draw subcycle A up to key 2, at the phase `split`, with C mapped onto it by the symmetry."""
     inside = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
     late = (np.mod(film.phase, 1) >= 0.5)[inside, None, None]
     later = film.contours_half_cycle_later(film.contours)
@@ -154,12 +144,10 @@ def figure10(film: GaitContours, keys: Keys, split: float) -> Figure:
     return figure
 
 
-def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
-    """Draw Fig. 11 of the curve paper: progress f(τ) of each frame between two keys, and its fit.
+def _figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
+    """Draw the remaining share f(τ) of the change from key to key, of frames, and its fit by γ.
 
-    Frames of subcycle A are 'o', of B 'x'; the parabola is fitted by γ. f is the remaining share of
-    the change from key to key, by least squares over the contour. subcycles: by contour, and 0 for
-    A, 1 for B.
+    Frames of subcycle A are 'o', of B 'x'; f is found by least squares over the contour.
     """
     names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
@@ -190,37 +178,31 @@ def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
     return figure
 
 
-def figure12(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
-    """Draw Fig. 12 of the curve paper: the synthesized cycle, subcycles A to D in rows.
-
-    columns: frames per subcycle.
-    """
+def _figure12(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+    """Draw the synthesized cycle, subcycles A to D in rows."""
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
-    tau = np.arange(columns) / columns
+    tau = np.arange(_COLUMNS) / _COLUMNS
     phases = np.concatenate([a + tau * (b - a) for a, b in pairwise(edges)])
-    rows = _rows(_poses(_frames(gait, keys, film, phases)), columns)
+    rows = _rows(_frames(gait, keys, film, phases))
     titles = [f"phase {phase:.3f}" for phase in phases]
-    return _sheet(rows, titles, list("ABCD"), "synthesized cycle")
+    return _draw_sheet(rows, titles, list("ABCD"), "synthesized cycle")
 
 
-def figure13(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6, rows: int = 2) -> Figure:
-    """Draw Fig. 13 of the curve paper: subcycle A, synthesized, in rows × columns frames."""
-    phases = np.linspace(0, gait.split, rows * columns)
-    poses = _rows(_poses(_frames(gait, keys, film, phases)), columns)
+def _figure13(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+    """Draw subcycle A, synthesized, in two rows."""
+    phases = np.linspace(0, gait.split, 2 * _COLUMNS)
+    rows = _rows(_frames(gait, keys, film, phases))
     titles = [f"phase {phase:.3f}" for phase in phases]
-    return _sheet(poses, titles, [""] * rows, "subcycle A")
+    return _draw_sheet(rows, titles, ["", ""], "subcycle A")
 
 
-def figure14(gait: Gait, keys: Keys, film: GaitContours, columns: int = 6) -> Figure:
-    """Draw Fig. 14 of the curve paper: the cycle with 4, 16 and 64 control points per contour.
-
-    columns: frames per row.
-    """
-    phases = np.arange(columns) / columns
-    rows = [_poses(_frames(gait, keys, film, phases, control)) for control in CONTROL]
-    titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * columns)
-    names = [f"{control} points" for control in CONTROL]
-    return _sheet(rows, titles, names, "the same at few control points")
+def _figure14(gait: Gait, keys: Keys, film: GaitContours) -> Figure:
+    """Draw the cycle with 4, 16 and 64 control points per contour, a row each."""
+    phases = np.arange(_COLUMNS) / _COLUMNS
+    rows = [_rows(_frames(gait, keys, film, phases, control))[0] for control in _CONTROL]
+    titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * _COLUMNS)
+    names = [f"{control} points" for control in _CONTROL]
+    return _draw_sheet(rows, titles, names, "the same at few control points")
 
 
 def _frames(
@@ -230,42 +212,44 @@ def _frames(
     return at_phases(keys.first, keys.second, gait, phases, layout, control=control)
 
 
-def _poses(frames: Mapping[str, Points]) -> list[Pose]:
-    return [dict(zip(frames, pose, strict=True)) for pose in zip(*frames.values(), strict=True)]
+def _rows(frames: Mapping[str, Points]) -> list[list[Pose]]:
+    """Return the pose of each frame of some contours, in rows of _COLUMNS."""
+    each = zip(*frames.values(), strict=True)
+    poses: list[Pose] = [dict(zip(frames, pose, strict=True)) for pose in each]
+    return [poses[k : k + _COLUMNS] for k in range(0, len(poses), _COLUMNS)]
 
 
-def _rows(poses: Sequence[Pose], columns: int) -> list[Sequence[Pose]]:
-    return [poses[k : k + columns] for k in range(0, len(poses), columns)]
-
-
-def _sheet(
+def _draw_sheet(
     rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str], title: str
 ) -> Figure:
-    wide, high = _cell(rows)
+    wide, high = _cell_size(rows)
     columns = max(map(len, rows))
     inches = 1.7 * columns + 0.4
     figure, ax = _canvas(inches, (inches / (columns + 0.3)) * len(rows) * high / wide + 0.4, title)
-    _cells(ax, rows, titles, names)
+    _draw_cells(ax, rows, titles, names)
     return figure
 
 
-def _cell(rows: Sequence[Sequence[Pose]]) -> Points:
+def _cell_size(rows: Sequence[Sequence[Pose]]) -> Points:
+    """Return width and height of the cell in which each of some poses is drawn."""
     box = _box([pose for row in rows for pose in row])
     wide, high = _high(box) - _low(box)
     return np.array([1.08 * wide, 1.04 * high + 0.13 * wide])
 
 
-def _cells(
+def _draw_cells(
     ax: Axes, rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str] = ()
 ) -> None:
     """Draw poses side by side in one plot: a plot for each would take ten times as long."""
     box = _box([pose for row in rows for pose in row])
-    low, (wide, high) = _low(box), _cell(rows)
+    low, (wide, high) = _low(box), _cell_size(rows)
     left = iter(titles)
     for r, row in enumerate(rows):
         for c, pose in enumerate(row):
             corner = np.array([c * wide, r * high])
-            _draw(ax, {name: points - low + corner for name, points in pose.items()})
+            for ink, points in zip(_inks(pose), pose.values(), strict=True):
+                ax.fill(*(points - low + corner).T, color=ink, alpha=0.25, lw=0)
+                _line(ax, points - low + corner, color=ink, lw=1.1)
             x, y = corner + np.array([0.46 * wide, -0.02 * wide])
             ax.text(x, y, next(left), ha="center", va="bottom", fontsize=7)
         if names:
@@ -281,18 +265,13 @@ def _cells(
 
 
 def _canvas(wide: float, high: float, title: str) -> tuple[Figure, Axes]:
+    """Return a figure of this size in inches, filled by one plot without a frame."""
     figure = Figure(figsize=(wide, high))
     ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / high))
     ax.set_title(title, fontsize=10)
     ax.set_aspect("equal")
     ax.axis("off")
     return figure, ax
-
-
-def _draw(ax: Axes, pose: Pose) -> None:
-    for ink, points in zip(_inks(pose), pose.values(), strict=True):
-        ax.fill(*points.T, color=ink, alpha=0.25, lw=0)
-        _line(ax, points, color=ink, lw=1.1)
 
 
 def _line(ax: Axes, points: Points, color: str, lw: float, ls: str = "-") -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from finloop.distance.map import MapFacts
 from finloop.distance.reel import Reel
 from finloop.gateways.find import IN, OUT, sprite_pictures
+from finloop.plots.loops import sample
 from finloop.plots.parts import Picture, in_rows, on_grey, write
 
 Stack = NDArray[np.float32]
@@ -38,14 +39,14 @@ class GatewayPictures(NamedTuple):
     below: str
 
 
-def spread(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
-    """Return at most `count` gateways, evenly from the smallest distance to the largest."""
-    order = gateways.sort_values("distance", kind="stable")
-    numbers = np.linspace(0, len(order) - 1, min(count, len(order)))
-    return order.iloc[numbers.round().astype(int)]
+def spread_by_distance(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
+    """Return a few gateways, evenly from the smallest distance to the largest."""
+    return sample(gateways.sort_values("distance", kind="stable"), count)
 
 
-def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[GatewayPictures]:
+def gateway_pictures(
+    gateways: pd.DataFrame, reel: Reel, facts: MapFacts
+) -> Iterator[GatewayPictures]:
     """Yield the pictures of each gateway, in the pose in which they were compared.
 
     gateways: columns of `GATEWAYS`; reel: frames and sprites; facts: of the distance map.
@@ -72,18 +73,20 @@ def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Gatew
         )
 
 
-def contact_sheet(pairs: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
+def draw_gateways(pairs: Mapping[str, Sequence[GatewayPictures]], columns: int = 3) -> Picture:
     """Draw gateways in both directions, each direction below a line that explains its pictures.
 
     pairs: direction (IN, OUT) → gateways; columns: gateways per row. Returns (h, w, 3).
     """
     bands = []
     for direction, some in pairs.items():
-        bands += [_strip(_HEADLINES[direction], columns), *in_rows([*map(_tiles, some)], columns)]
+        strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)
+        write(strip, _HEADLINES[direction], (4, _STRIP - 5), _INK, 0.45)
+        bands += [strip, *in_rows([_draw_gateway(pair) for pair in some], columns)]
     return np.vstack(bands)
 
 
-def _tiles(pair: GatewayPictures) -> Picture:
+def _draw_gateway(pair: GatewayPictures) -> Picture:
     half = ((pair.natural + pair.instead) / 2).astype(np.float32)
     stacks = (pair.before, pair.natural, pair.instead, half)
     whole = np.hstack([on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
@@ -91,9 +94,3 @@ def _tiles(pair: GatewayPictures) -> Picture:
         write(whole, text, (4, y), _INK, 0.36)
     cv2.rectangle(whole, (0, 0), (whole.shape[1] - 1, TILE - 1), (235,) * 3, 2)
     return whole
-
-
-def _strip(text: str, columns: int) -> Picture:
-    strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)
-    write(strip, text, (4, _STRIP - 5), _INK, 0.45)
-    return strip

@@ -9,7 +9,7 @@ _MOST = 40  # animals drawn: those seen longest
 _SURE = "viridis"
 
 
-def timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Figure:
+def draw_timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Figure:
     """Draw one row per animal with a bar per track over time; dots are joins of two tracks.
 
     A dot's colour is the join's probability. table: schema IDENTITIES; features: track_id and frame

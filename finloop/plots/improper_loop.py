@@ -115,6 +115,7 @@ def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, wor
 
 
 def _rows_to_show(loop: ImproperLoop) -> dict[str, int]:
+    """Return the rows at which the fish is drawn, by letter: both ends, or the improper one."""
     ends = {"a": loop.a, "b": loop.b}
     return ends if loop.place == 0 else dict([list(ends.items())[loop.place - 1]])
 

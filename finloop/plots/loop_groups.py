@@ -1,7 +1,6 @@
 """Fig. 12 of the fish paper: groups of loops that never overlap in time, and dead ends."""
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,29 +26,18 @@ _NARROW = 0.02  # of the film; a group over less of it has no number at its bar
 Rows = NDArray[np.integer]
 
 
-class RowRange(NamedTuple):
-    """Successive rows of one track of the film, from `start` to `stop` − 1."""
-
-    start: int
-    stop: int
-
-
-def stretches(inside: Mask, track_id: Rows) -> list[RowRange]:
-    """Return the unbroken stretches of rows with `inside` (n,) True, each within one track.
-
-    track_id (n,): of each row.
-    """
+def stretches(inside: Mask, track_id: Rows) -> list[tuple[int, int]]:
+    """Return first row and end of each unbroken stretch of `inside` (n,) within one track (n,)."""
     number = np.where(inside, track_id, -1)
     edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
     edges = np.unique(np.r_[edges, len(number)])
-    return [RowRange(int(a), int(b)) for a, b in pairwise(edges) if inside[a]]
+    return [(int(a), int(b)) for a, b in pairwise(edges) if inside[a]]
 
 
 def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
-    """Return which rows (n,) of the film lie below loops, as a mask.
+    """Return which rows (n,) of the film lie below loops: between the ends of a loop in one track.
 
-    Below a loop within a track is all film between its ends; below a loop from track to track are
-    its two ends alone. track_id (n,): of each row.
+    Below a loop from track to track are its two ends alone. track_id (n,): of each row.
     """
     change = np.zeros(len(track_id) + 1, np.int64)
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
@@ -60,13 +48,13 @@ def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
     return np.cumsum(change)[:-1] > 0
 
 
-def over_time(
+def figure12(
     loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, rate_hz: float
 ) -> Figure:
     """Draw Fig. 12 of the fish paper: groups of loops along the film, and its dead ends.
 
     At the top are loops within a track alone, as in the paper. Below are a row for each group of
-    all loops, and the film that can be played for ever. rate_hz: frames per second.
+    all loops, and the film that can be played for ever.
     """
     track_id = features["track_id"].to_numpy()
     size = loops["group"].value_counts().sort_index()
@@ -74,7 +62,7 @@ def over_time(
     heights = (3.2, 0.45 + 0.28 * rows, 1.5)
     figure = Figure(figsize=(12.5, sum(heights) + 1.6), layout="constrained")
     within, every, bar = figure.subplots(3, 1, sharex=True, height_ratios=heights)
-    _draw_within(within, loops, track_id, rate_hz)
+    _draw_track_loops(within, loops, track_id, rate_hz)
     _draw_groups(every, loops, track_id, rate_hz)
     _draw_dead_ends(bar, graph, features, rate_hz)
     bar.set(xlim=(0, len(track_id) / rate_hz))
@@ -85,7 +73,7 @@ def over_time(
     return figure
 
 
-def _draw_within(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
+def _draw_track_loops(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
     some = loops[loops["length_s"].notna()]
     axes.set(yticks=[], ylim=(-0.28, 1.05))
     if some.empty:
@@ -169,7 +157,7 @@ def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_h
     ]
     axes.legend(handles=handles)
     dead = stretches(~endless, track_id)
-    named = sorted(sorted(dead, key=lambda one: one.start - one.stop)[:_NAMED])
+    named = sorted(sorted(dead, key=lambda rows: rows[0] - rows[1])[:_NAMED])
     for number, (start, stop) in enumerate(named):
         text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"
         axes.annotate(

@@ -111,10 +111,7 @@ def jumps_of(way: Sequence[Leg]) -> list[Leg]:
 
 
 def spell(way: Sequence[Leg], ends: Rows) -> str:
-    """Return a route as the fish paper writes it, as GHCDEF: a letter for each end that it reaches.
-
-    ends: rows of the ends A, B …, rising.
-    """
+    """Return a route as the fish paper writes it, as GHCDEF; ends: rows of A, B …, rising."""
     rows = [way[0][0], *(to for _, to, _ in way)]
     return "".join(LETTERS[int(np.searchsorted(ends, row))] for row in rows)
 
@@ -143,13 +140,14 @@ def figure10(three: ThreeWays, reel: Reel, pose: str, step: float) -> Figure:
     for number, (axes, way) in enumerate(zip(panels, three.cases, strict=True), start=1):
         _draw_way(axes, way, three.ends, frame)
         axes.set(xlim=limits)
-        axes.set_title(_describe(number, way, three, step), loc="left", fontsize=10)
+        axes.set_title(_describe_case(number, way, three, step), loc="left", fontsize=10)
     words = "(b) three ways from G to F: solid, frames played successively; dotted, a jump"
     lower.suptitle(words, x=0.005, ha="left")
     return figure
 
 
 def _colour_of_ends(three: ThreeWays) -> list[str]:
+    """Return the colour of the loop that each of the ends A … H belongs to."""
     colours = dict.fromkeys(three.ends.tolist(), "")
     for colour, loop in zip(_COLOURS, three.loops.itertuples(), strict=True):
         colours[loop.a] = colours[loop.b] = colour
@@ -216,7 +214,7 @@ def _draw_way(axes: Axes, way: Sequence[Leg], ends: Rows, frame: Rows) -> None:
     axes.axis("off")
 
 
-def _describe(number: int, way: Sequence[Leg], three: ThreeWays, step: float) -> str:
+def _describe_case(number: int, way: Sequence[Leg], three: ThreeWays, step: float) -> str:
     jumps = jumps_of(way)
     frames = sum(b - a for a, b, how in way if how == PLAY)
     distance = {

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
@@ -31,10 +30,6 @@ def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
     return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
 
 
-def _describe_count(count: int, all_of_them: int) -> str:
-    return f"{count} of {all_of_them}" if count < all_of_them else f"all {all_of_them}"
-
-
 def arc_points(
     a: NDArray[np.floating], b: NDArray[np.floating], longest: float | None = None
 ) -> NDArray[np.float64]:
@@ -48,7 +43,7 @@ def arc_points(
     return np.stack([middle - half * np.cos(angle), high * np.sin(angle)], axis=-1)
 
 
-def over_tank(
+def draw_over_tank(
     loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, background: parts.Picture
 ) -> Figure:
     """Draw loop ends over the empty tank, and arrows for loops within a track (Fig. 11a).
@@ -76,17 +71,14 @@ def over_tank(
             x[a], y[a], x[b] - x[a], y[b] - y[a], angles="xy", scale_units="xy", scale=1,
             width=0.0018, color="black", alpha=0.75, zorder=3,
         )  # fmt: skip
-    axes.set_title(
-        f"arrows: what is played between the ends of {_describe_count(len(some), len(within))} "
-        "loops within a track"
-        if len(some)
-        else "no loop lies within one track"
-    )
+    count = f"{len(some)} of" if len(some) < len(within) else "all"
+    words = f"what is played between the ends of {count} {len(within)} loops within a track"
+    axes.set_title(f"arrows: {words}" if len(some) else "no loop lies within one track")
     figure.legend(loc="outside lower center", ncols=3, frameon=False, markerscale=3)
     return figure
 
 
-def table_picture(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
+def figure11(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
     """Draw Fig. 11 of the fish paper: a track with its loop ends A, B …, and their position table.
 
     table: quadrants as texts, "" where there is none; ends: rows of the feature table.
@@ -99,7 +91,14 @@ def table_picture(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Fi
     at = features.iloc[ends]
     x, y = at["x_px"].to_numpy(float), at["y_px"].to_numpy(float)
     way.scatter(x, y, c=np.arange(len(ends)), cmap="viridis", s=22, zorder=3)
-    _letters(way, x, y, at["heading_deg"].to_numpy(float))
+    side = np.where(np.arange(len(x)) % 2, -90, 90)
+    towards = np.radians(at["heading_deg"].to_numpy(float) + side)
+    for letter, right_px, down_px, angle in zip(LETTERS, x, y, towards, strict=False):
+        way.annotate(
+            letter, (right_px, down_px), (11 * np.cos(angle), 11 * np.sin(angle)),
+            textcoords="offset points", ha="center", va="center", fontweight="bold",
+            path_effects=_HALO, zorder=4,
+        )  # fmt: skip
     way.set_aspect("equal", adjustable="datalim")
     way.invert_yaxis()
     way.set(
@@ -117,20 +116,6 @@ def table_picture(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Fi
     return figure
 
 
-def _letters(
-    axes: Axes, x: NDArray[np.floating], y: NDArray[np.floating], heading_deg: NDArray[np.floating]
-) -> None:
-    side = np.where(np.arange(len(x)) % 2, -90, 90)
-    angle = np.radians(heading_deg + side)
-    for letter, *numbers in zip(LETTERS, x, y, angle, strict=False):
-        right_px, down_px, towards = numbers
-        axes.annotate(
-            letter, (right_px, down_px), (11 * np.cos(towards), 11 * np.sin(towards)),
-            textcoords="offset points", ha="center", va="center", fontweight="bold",
-            path_effects=_HALO, zorder=4,
-        )  # fmt: skip
-
-
 SIZE_PX = 128  # of the pictures of a loop
 
 
@@ -146,7 +131,7 @@ class Example(NamedTuple):
     words: str
 
 
-def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Example]:
+def loop_examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Example]:
     """Yield the pictures of each loop: the row before a, row a itself, and row b instead of it."""
     track, frame = (reel.features[name].to_numpy() for name in ("track_id", "frame"))
     for loop in loops.itertuples():
@@ -162,23 +147,17 @@ def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Examp
 
 
 def separate_loops(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
-    """Return the first `count` loops whose ends are more than `rows` from the ends of earlier ones.
-
-    The result holds positions in the table `loops`.
-    """
-    places: list[int] = []
-    near = np.empty(0, int)
-    ends = loops[["a", "b"]].to_numpy()
+    """Return the first loops whose ends are more than some rows apart, by place in the table."""
+    ends, places = loops[["a", "b"]].to_numpy(), list[int]()
     for place, pair in enumerate(ends):
-        if (np.abs(near[:, None] - pair) > rows).all():
+        if len(places) == count:
+            break
+        if (np.abs(ends[places].reshape(-1, 1) - pair) > rows).all():
             places.append(place)
-            near = np.r_[near, pair]
-            if len(places) == count:
-                break
     return places
 
 
-def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
+def figure8(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
     """Draw Fig. 8 of the fish paper for the best and the worst loops, four pictures each.
 
     They are the last frame, the film's next, the loop's next, and the difference of these two.
@@ -198,14 +177,11 @@ def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
         for axes in panels:
             axes.axis("off")
         for axes, example in zip(panels, examples, strict=False):
-            axes.imshow(np.hstack([tile[band] for tile in _tiles(example)]))
+            last, natural, instead = (on_light(shown) for shown in example[:3])
+            differs = np.clip(0.5 + 1.5 * (instead - natural), 0, 1)
+            axes.imshow(np.hstack([last, natural, instead, differs])[band])
             axes.set_title(example.words, fontsize=8, loc="left", pad=2)
     return figure
-
-
-def _tiles(example: Example) -> list[NDArray[np.floating]]:
-    over = [on_light(picture) for picture in (example.before, example.natural, example.instead)]
-    return [*over, np.clip(0.5 + 1.5 * (over[2] - over[1]), 0, 1)]
 
 
 def on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
@@ -215,9 +191,6 @@ def on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
 
 
 def fish_rows(pictures: NDArray[np.float32]) -> slice:
-    """Return the slice of pixel rows in which some picture shows fish, with a small margin.
-
-    pictures (k, h, w, c): premultiplied, the last channel alpha, 0 … 1.
-    """
+    """Return the pixel rows in which some premultiplied picture (k, h, w, c) shows fish."""
     rows = np.flatnonzero(np.any(pictures[..., -1] > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)

@@ -13,25 +13,24 @@ Picture = NDArray[np.uint8]
 _BAR = 22  # px above a row, for its name
 
 
-def sheet(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
-    """Draw each morph in a row of `columns` pictures, evenly from its first frame to its last.
+def draw_morphs(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
+    """Draw each morph in a row of pictures, evenly from its first frame to its last.
 
-    morphs: name → morph; size: px of a picture. Returns (h, w, 3).
+    morphs: by name; size: px of a picture. Returns (h, w, 3).
     """
-    return np.vstack([_row(name, morph, columns, size) for name, morph in morphs.items()])
-
-
-def _row(name: str, morph: Morph, columns: int, size: int) -> Picture:
-    side = max(morph.width, morph.height)
-    what = group_contours(morph.closed, morph.styles, side)
-    tiles = []
-    for frame in np.linspace(0, len(morph.tau) - 1, columns).round().astype(int):
-        contours = [
-            (shape, [morph.layers[layer][frame] for layer in shape.layers]) for shape in what
-        ]
-        tiles.append(paint_layers(contours, (size, size), size / side))
-    bar = np.full((_BAR, size * columns, 3), 255, np.uint8)
-    folded = sum(int(count.sum()) for count in morph.folds.values())
-    text = f"{name}: {folded or 'no'} folds in {len(morph.tau)} frames"
-    cv2.putText(bar, text, (6, 16), (0, 0, 0), cv2.FontFace("sans"), 13)
-    return np.vstack([bar, np.hstack(tiles)])
+    rows = []
+    for name, morph in morphs.items():
+        side = max(morph.width, morph.height)
+        shapes = group_contours(morph.closed, morph.styles, side)
+        tiles = []
+        for frame in np.linspace(0, len(morph.tau) - 1, columns).round().astype(int):
+            contours = [
+                (shape, [morph.layers[layer][frame] for layer in shape.layers]) for shape in shapes
+            ]
+            tiles.append(paint_layers(contours, (size, size), size / side))
+        bar = np.full((_BAR, size * columns, 3), 255, np.uint8)
+        folded = sum(int(count.sum()) for count in morph.folds.values())
+        text = f"{name}: {folded or 'no'} folds in {len(morph.tau)} frames"
+        cv2.putText(bar, text, (6, 16), (0, 0, 0), cv2.FontFace("sans"), 13)
+        rows += [bar, np.hstack(tiles)]
+    return np.vstack(rows)

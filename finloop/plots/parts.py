@@ -39,10 +39,7 @@ def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
 
 
 def in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
-    """Join tiles of one size (h, w, 3) side by side into rows; return one picture per row.
-
-    White tiles fill the last row.
-    """
+    """Join tiles (h, w, 3) side by side into rows, one picture each; white fills the last."""
     white = [np.full_like(tile, 255) for tile in tiles[:1]] * (-len(tiles) % columns)
     every = [*tiles, *white]
     return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]
@@ -51,15 +48,11 @@ def in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
 def one_below_another(pictures: Sequence[Picture]) -> Picture:
     """Join pictures (h, w, 3) of any sizes into one column, as wide as the first picture."""
     width = pictures[0].shape[1]
-    scaled = [
-        cv2.resize(
-            picture,
-            (width, round(picture.shape[0] * width / picture.shape[1])),
-            interpolation=cv2.INTER_AREA,
-        )
-        for picture in pictures[1:]
-    ]
-    return np.vstack([pictures[0], *scaled])
+    column = [pictures[0]]
+    for picture in pictures[1:]:
+        size = width, round(picture.shape[0] * width / picture.shape[1])
+        column.append(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
+    return np.vstack(column)
 
 
 def convert_to_colour(picture: Picture) -> Picture:
@@ -95,10 +88,7 @@ def message(text: str) -> Figure:
 
 
 def draw_arrow(axes: Axes, start: Floats, end: Floats, **style: object) -> None:
-    """Draw an arrow between two places (x, y) in the units of the axes.
-
-    style: properties of Matplotlib's arrow.
-    """
+    """Draw an arrow between two places (x, y) in the units of the axes, in Matplotlib's style."""
     arrow = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, **style}
     ends = tuple(end), tuple(start)
     axes.annotate("", *ends, zorder=3, annotation_clip=False, arrowprops=arrow)

@@ -11,7 +11,7 @@ from finloop.plots.animate import COLOURS
 _GOAL = "0.2"
 
 
-def path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
+def draw_path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     """Draw the requested path and each mode's path over the tank; on the right, errors over time.
 
     Rings mark where a fish left its path. paths: columns of `path_measures.PATH_ROWS`; left: of
@@ -24,7 +24,8 @@ def path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure
     grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
-    goal = _goal_path(paths)
+    farthest = paths.loc[paths["along_px"].idxmax(), "mode"]
+    goal = paths[paths["mode"] == farthest]
     tank.plot(goal["asked_x_px"], goal["asked_y_px"], color=_GOAL, lw=3.5, alpha=0.5,
               label=f"requested of fish {paths['fish'].iloc[0] + 1}")  # fmt: skip
     shared = None
@@ -48,8 +49,3 @@ def path(paths: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure
     tank.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
     tank.legend(frameon=True, loc="upper right")
     return figure
-
-
-def _goal_path(paths: pd.DataFrame) -> pd.DataFrame:
-    farthest = paths.loc[paths["along_px"].idxmax(), "mode"]
-    return paths[paths["mode"] == farthest]

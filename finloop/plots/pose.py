@@ -11,7 +11,7 @@ _INK = (150, 30, 30)
 SHAPES, TIMES = 4, (-2, -1, 0, 1, 2)
 
 
-def sheet(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
+def draw_shapes(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
     """Draw the first principal shapes of the posture, a row each, as (h, w, 3).
 
     A row shows one animal at the mean posture and at `TIMES` standard deviations from it. The

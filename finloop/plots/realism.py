@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from finloop.base.arrays import Picture
@@ -19,10 +18,10 @@ _GREY = {HALVES: "0.35", AGAIN: "0.65"}
 _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 
 
-def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
+def draw_areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     """Draw ROC curves, and bars of the area for all channels and for each alone.
 
-    table: from `compare.table`; roc: columns compared, false_alarms, hits.
+    table: from `compare.verdict_table`; roc: columns compared, false_alarms, hits.
     """
     names = list(dict.fromkeys(table["compared"]))
     modes = [name for name in names if name not in _GREY]
@@ -62,7 +61,7 @@ def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
     return figure
 
 
-def sheet(
+def draw_false_windows(
     curves: pd.DataFrame, titles: Sequence[str], strips: Sequence[Mapping[str, Picture]]
 ) -> Figure:
     """Draw the most obviously false windows, each with the film window most like it.
@@ -90,15 +89,11 @@ def sheet(
         mine = curves[curves["example"] == number]
         for column, channel in enumerate(CHANNELS):
             axes = figure.add_subplot(grid[2 * number : 2 * number + 2, column + 1])
-            _channel(axes, mine, channel)
+            for side, part in mine.groupby("side"):
+                axes.plot(part["time_s"], part[channel], color=_SIDE[str(side)], lw=1.2)
+            axes.tick_params(labelsize=7)
             if number == 0:
                 axes.set_title(UNITS[column], fontsize=8)
     words = "s (channels); pictures at equal times"
     figure.text(0.5, 0.1 / height, words, ha="center", fontsize=8)
     return figure
-
-
-def _channel(axes: Axes, curves: pd.DataFrame, channel: str) -> None:
-    for side, part in curves.groupby("side"):
-        axes.plot(part["time_s"], part[channel], color=_SIDE[str(side)], lw=1.2)
-    axes.tick_params(labelsize=7)

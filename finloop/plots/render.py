@@ -21,13 +21,12 @@ _WANDERING = "0.35"
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 
 
-def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
+def draw_trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
     """Draw Figs. 16, 17 of the fish paper: the fish's path over the empty tank, and its goals.
 
-    The colour shows the source of the picture, or the state where all have one source. After the
-    last goal the fish wanders; that part is a thin grey line. Each goal has the time at which it
-    was reached. Crosses: the fish is on the spot, because every route leaves the tank (§4.2).
-    Diamonds: gateways (A, B of Fig. 17).
+    The colour shows the source of the picture, or the state where all have one source; a thin grey
+    line is wandering. Each goal has the time at which it was reached. Crosses: on the spot, as
+    every route leaves the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
     """
     figure, axes = over_tank(background, 0.45, below=0.5)
     names, colours = tick_categories(edit)
@@ -87,18 +86,15 @@ class Tile(NamedTuple):
     picture that fades out, 0 … 1.
     """
 
-    film: Picture  # (h, w) or (h, w, 3)
+    film: Picture
     tick: int
-    name: str  # state or mode
+    name: str
     colour: str
     weight: float
 
 
-def liveliest(edit: pd.DataFrame, count: int) -> int:
-    """Return the first of the `count` successive ticks in which the heading changes most.
-
-    edit: of one fish.
-    """
+def find_liveliest(edit: pd.DataFrame, count: int) -> int:
+    """Return the first of the successive ticks of one fish in which its heading changes most."""
     heading = np.radians(edit["heading_deg"].to_numpy(float))
     change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     total = np.cumsum(np.r_[0.0, change])
@@ -106,12 +102,11 @@ def liveliest(edit: pd.DataFrame, count: int) -> int:
     return int(np.argmax(total[count : count + last + 1] - total[: last + 1])) if last else 0
 
 
-def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
-    """Return at most `most` ticks, rising, at which the animation switches to other pictures.
+def find_switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
+    """Return some ticks, rising, at which another part of the film, sequence or fade begins.
 
-    At such a tick another part of the film, another sequence or a fade begins. They are spread over
-    the animation; switches between sprite and frame come first. tracks: track_id and frame of every
-    cut-out.
+    They are spread over the animation; switches between sprite and frame come first. tracks:
+    track_id and frame of every cut-out; most: ticks.
     """
     kind = edit["kind"].to_numpy()
     fades = (edit["weight"] > 0).to_numpy()
@@ -132,72 +127,59 @@ def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
 
 
 def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
-    """Return the ticks to draw on each of two sheets, "contact_sheet" and "switches".
+    """Return the ticks to draw on two sheets: "contact_sheet", the liveliest, and "switches".
 
-    The first shows the liveliest successive ticks, the second the ticks around each switch. tracks:
-    track_id and frame of every cut-out.
+    The second has the ticks around each switch. tracks: track_id and frame of every cut-out.
     """
-    start, ticks = liveliest(edit, TICKS), len(edit)
-    switched = [
-        tick
-        for switch in switches(edit, tracks, SWITCHES)
-        for tick in ticks_around_switch(switch, ticks)
-    ]
-    return {"contact_sheet": [*range(start, min(start + TICKS, ticks))], "switches": switched}
+    start, ticks = find_liveliest(edit, TICKS), len(edit)
+    switches = find_switches(edit, tracks, SWITCHES)
+    around = [tick for switch in switches for tick in ticks_around_switch(switch, ticks)]
+    return {"contact_sheet": [*range(start, min(start + TICKS, ticks))], "switches": around}
 
 
 def ticks_around_switch(tick: int, ticks: int) -> range:
-    """Return the ticks to draw around a switch: BEFORE ticks before it, and AFTER from it on.
-
-    ticks: length of the animation, in which the result lies.
-    """
+    """Return the ticks to draw around a switch in an animation of some ticks, as range."""
     first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
     return range(first, min(first + BEFORE + AFTER, ticks))
 
 
-def tiles(
+def cut_tiles(
     edit: pd.DataFrame, ticks: Sequence[int], rows: Iterable[Placed], painter: Painter, half_px: int
 ) -> list[Tile]:
-    """Return a tile for each of the given ticks of an edit list.
+    """Return a tile around the fish at each of the given ticks of an edit list.
 
-    rows: the fish to draw in each of these ticks; half_px: half the width of a tile in the tank.
+    rows: the fish to draw at these ticks; half_px: half the width of a tile in the tank.
     """
     names, colours = tick_categories(edit)
-    out = []
+    tiles = []
     for tick, row in zip(ticks, rows, strict=True):
         painter.show(row)
-        film = window(painter.frame, row.x_px, row.y_px, half_px)
-        out.append(Tile(film, tick, names[tick], colours[names[tick]], row.weight))
-    return out
+        film = crop_square(painter.frame, row.x_px, row.y_px, half_px)
+        tiles.append(Tile(film, tick, names[tick], colours[names[tick]], row.weight))
+    return tiles
 
 
-def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
-    """Return the square (2 half_px + 1 wide) of a frame around a place x, y in px.
-
-    Beyond the frame its edge continues.
-    """
+def crop_square(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
+    """Return the square (2 half_px + 1 wide) of a frame around a place; its edge continues."""
     x, y = round(x_px), round(y_px)
     columns = np.clip(np.arange(x - half_px, x + half_px + 1), 0, frame.shape[1] - 1)
     rows = np.clip(np.arange(y - half_px, y + half_px + 1), 0, frame.shape[0] - 1)
     return frame[rows[:, None], columns]
 
 
-def contact_sheet(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
+def draw_tiles(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
     """Draw tiles side by side in rows, each below a bar in its colour; return (h, w, 3).
 
     size: px of a tile.
     """
     white = np.full((size + 20, size + 2, 3), 255, np.uint8)
-    return np.vstack(in_rows([_tile(tile, size) for tile in tiles] or [white], columns))
+    return np.vstack(in_rows([_draw_tile(tile, size) for tile in tiles] or [white], columns))
 
 
-def _tile(tile: Tile, size: int) -> Picture:
+def _draw_tile(tile: Tile, size: int) -> Picture:
     big = cv2.resize(convert_to_colour(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
     bar = np.full((18, size, 3), 255, np.uint8)
     bar[:, :5] = rgb(tile.colour)
     share = f"  {100 * tile.weight:.0f} %" if tile.weight > 0 else ""
-    text = f"{tile.tick} {tile.name}{share}"
-    write(bar, text, (9, 13), (0, 0, 0), 12)
-    return cv2.copyMakeBorder(
-        np.vstack([bar, big]), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=(255,) * 3
-    )
+    write(bar, f"{tile.tick} {tile.name}{share}", (9, 13), (0, 0, 0), 12)
+    return np.pad(np.vstack([bar, big]), ((1, 1), (1, 1), (0, 0)), constant_values=255)

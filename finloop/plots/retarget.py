@@ -13,32 +13,28 @@ from finloop.render.painter import Painter, Placed
 
 _ASKED, _DRAWN, _INK = (86, 180, 233), (213, 94, 0), (150, 30, 30)
 _HALO = (255, 255, 255)
-_ACROSS = 4  # tiles
+_ACROSS, _TILE_PX = 4, 300  # tiles in a row, and their width
 MOMENTS = 11  # spread over the track; one more, the last, is the worst
 
 
-def moments(asked: pd.DataFrame) -> list[int]:
-    """Return ticks spread over the track, and as the last one the tick with the largest error.
+def choose_ticks(asked: pd.DataFrame) -> list[int]:
+    """Return at most MOMENTS ticks, spread over the track, and then that of the largest error.
 
-    asked: columns of `retarget.ASKED`. There are MOMENTS at most, and the last.
+    asked: columns of `retarget.ASKED`.
     """
     some = np.linspace(0, len(asked) - 1, min(MOMENTS, len(asked))).astype(int).tolist()
     far = asked["apart"].to_numpy(float)
     return [*some, int(np.nanargmax(far))] if np.isfinite(far).any() else some
 
 
-def sheet(
-    asked: pd.DataFrame,
-    ticks: Sequence[int],
-    fish: Iterable[Placed],
-    painter: Painter,
+def draw_backbones(
+    asked: pd.DataFrame, ticks: Sequence[int], fish: Iterable[Placed], painter: Painter,
     size_px: int,
-    tile_px: int = 300,
-) -> Picture:
+) -> Picture:  # fmt: skip
     """Draw one tile per tick: the fish, the requested points (wide, blue), its backbone (red).
 
     asked: columns of `retarget.ASKED`; fish: to draw at these ticks; size_px: width of a tile in
-    the tank; tile_px: of the picture. Returns (h, w, 3).
+    the tank. Returns (h, w, 3).
     """
     tiles = []
     for tick, one in zip(ticks, fish, strict=True):
@@ -46,10 +42,10 @@ def sheet(
         row = asked.iloc[[tick]]
         wanted, drawn = (lists_to_points(row, name)[0].astype(float) for name in ("asked", "drawn"))
         corner = np.array([one.x_px, one.y_px]) - size_px / 2
-        scale = tile_px / size_px
+        scale = _TILE_PX / size_px
         to_tile = np.column_stack([scale * np.eye(2), -scale * corner])
         tile = cv2.warpAffine(
-            convert_to_colour(painter.frame), to_tile, (tile_px, tile_px), flags=cv2.INTER_LINEAR,
+            convert_to_colour(painter.frame), to_tile, (_TILE_PX, _TILE_PX), flags=cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
         _line(tile, scale * (wanted - corner), _ASKED, 5)

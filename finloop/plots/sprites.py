@@ -14,7 +14,7 @@ from finloop.plots.parts import Picture, in_rows, on_grey, write
 _INK = (150, 30, 30)
 
 
-def contact_sheet(
+def draw_sprites(
     sprites: pd.DataFrame,
     pictures: Callable[[int, int], Cutout],
     columns: int = 12,
@@ -26,14 +26,15 @@ def contact_sheet(
     the pivot. size: px of a tile. Returns (h, w, 3).
     """
     count = orientations_of(sprites)
-    reach = 1 + max(
-        _reach(pictures(row.sprite, o), row)
-        for row in sprites.itertuples()
-        for o in (1, 1 + count // 4)
-    )
+    reach = 1
+    for row in sprites.itertuples():
+        for cutout in (pictures(row.sprite, 1), pictures(row.sprite, 1 + count // 4)):
+            h, w = cutout.pixels.shape[:2]
+            x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
+            reach = max(reach, 1 + int(np.ceil(max(x, y, w - x, h - y))))
 
     def tile(row: Any, o: int, above: str, below: str) -> Picture:
-        return _tile(pictures(row.sprite, o), row, reach, size, above, below)
+        return _draw_tile(pictures(row.sprite, o), row, reach, size, above, below)
 
     bands = []
     for word, rows in sprites.groupby("sequence", sort=False):
@@ -49,24 +50,12 @@ def contact_sheet(
     return np.vstack([*bands, *in_rows(tiles, columns)])
 
 
-def _reach(cutout: Cutout, row: Any) -> int:
-    h, w = cutout.pixels.shape[:2]
-    x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
-    return int(np.ceil(max(x, y, w - x, h - y)))
-
-
-def _tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
+def _draw_tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
     scale = size / (2 * reach)
-    matrix = np.array(
-        [
-            [scale, 0, size / 2 - scale * (row.x_px - cutout.x0_px)],
-            [0, scale, size / 2 - scale * (row.y_px - cutout.y0_px)],
-        ]
-    )
-    big = cv2.warpAffine(
-        cutout.pixels.astype(np.float32), matrix, (size, size), flags=cv2.INTER_CUBIC
-    )
-    big = np.clip(big, 0, 255)
+    x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
+    matrix = np.array([[scale, 0, size / 2 - scale * x], [0, scale, size / 2 - scale * y]])
+    pixels = cutout.pixels.astype(np.float32)
+    big = np.clip(cv2.warpAffine(pixels, matrix, (size, size), flags=cv2.INTER_CUBIC), 0, 255)
     tile = on_grey(big[..., :-1], big[..., -1:] / 255)
     middle = size // 2
     cv2.drawMarker(tile, (middle, middle), (255, 255, 255), cv2.MARKER_CROSS, 5, 1)

@@ -48,22 +48,16 @@ def _clear_turns(features: pd.DataFrame, k: int, delta: int) -> Floats:
     sure = features["head_confidence"].rolling(2 * k + 1).min().to_numpy()[last] >= _SURE
     one, other = (turned_deg(features, rows, k, delta) for rows in (first, middle))
     side = np.sign(one)
-    clear = (
-        (track[first] == track[last])
-        & sure
-        & (kind[first] == STRAIGHT)
-        & (kind[middle] == side)
-        & (side != STRAIGHT)
-        & (np.sign(other) == side)
-        & (area[middle] >= np.maximum(area[first], area[last]))
-    )
+    clear = sure & (track[first] == track[last]) & (kind[first] == STRAIGHT)
+    clear &= (side != STRAIGHT) & (kind[middle] == side) & (np.sign(other) == side)
+    clear &= area[middle] >= np.maximum(area[first], area[last])
     return np.where(clear, np.abs(one + other), 0.0)
 
 
 def turned_deg(features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta: int) -> Floats:
     """Return how far the heading turns from each of n rows to k frames later, in degrees (n,).
 
-    It is the sum of the included angles over Δ; positive is left. k: a multiple of Δ, in frames.
+    Positive is left. k: a multiple of Δ, in frames.
     """
     angle = features["included_angle_deg"].to_numpy(float)
     return np.asarray(angle[rows[:, None] + np.arange(0, k, delta)].sum(axis=1))
@@ -85,44 +79,38 @@ def figure5(
     angles = turned_deg(features, rows[:-1], k, delta)
     times = [f"t0{f' + {n}k' if n > 1 else ' + k' if n else ''}" for n in range(len(rows))]
     for number, (one, letter) in enumerate(zip(fish, "abc", strict=True)):
-        film, corner = picture_around(one, background, side)
+        film, corner = _picture_around(one, background, side)
         for axes in panels[:, number]:
             axes.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
             axes.axis("off")
         panels[0, number].set_title(f"({letter})  {times[number]}: frame {one.row['frame']:.0f}")
         turned = float(angles[number - 1]) if number else None
         _draw_measures(panels[1, number], one, corner, turned)
-        panels[1, number].set_title(
-            _describe(one.row, letter, "abc"[number - 1], turned), fontsize=11
-        )
+        row = one.row
+        words = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
+        words += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
+        if turned is not None:
+            angle = f"{turned:+.0f}".replace("-", "−")
+            words += f"included angle {angle}° since ({'abc'[number - 1]})"
+        panels[1, number].set_title(words, fontsize=11)
     times_delta = "Δ" if k == delta else f"{k // delta}Δ"
     frames = f"k = {times_delta} = {k} frame{'s' if k > 1 else ''}"
     track, seconds = fish[0].row["track_id"], fish[-1].row["time_s"] / fish[-1].row["frame"]
-    upper.legend(
-        handles=[*panels[1, 0].get_legend_handles_labels()[0], *_arrow_keys()],
-        loc="outside lower center", ncols=6, frameon=False,
-    )  # fmt: skip
+    handles = [
+        *panels[1, 0].get_legend_handles_labels()[0],
+        Line2D([], [], color=_HEADING, lw=2.5, label="heading"),
+        Line2D([], [], color="0.35", lw=1.5, ls=(0, (3, 2)), label="heading k before"),
+    ]
+    upper.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
     upper.suptitle(f"track {track:.0f}; {frames} = {k * seconds:.2f} s", fontsize=11)
     _draw_course(lower, features, rows, k)
     return figure
 
 
-def _describe(row: pd.Series, letter: str, last: str, turned: float | None) -> str:
-    words = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
-    words += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
-    if turned is None:
-        return words
-    return f"{words}included angle {f'{turned:+.0f}'.replace('-', '−')}° since ({last})"
-
-
-def picture_around(
+def _picture_around(
     specimen: Specimen, background: Picture, side: int
 ) -> tuple[Picture, NDArray[np.intp]]:
-    """Return a fish in a square of the empty tank, and the upper left pixel of that square.
-
-    The picture is (side, side) or (side, side, 3); beyond the film the tank's edge continues. The
-    pixel (2,) is x, y px of the film.
-    """
+    """Return a fish in a square of the tank, its edge repeated, and the upper left pixel."""
     film, (h, w) = background.copy(), specimen.film.shape[:2]
     x0, y0 = specimen.x0_px, specimen.y0_px
     film[y0 : y0 + h, x0 : x0 + w] = specimen.film
@@ -167,13 +155,6 @@ def _draw_heading(
     angle = np.radians(heading_deg)
     end = start + reach * np.array([np.cos(angle), -np.sin(angle)])
     draw_arrow(axes, start, end, **style)
-
-
-def _arrow_keys() -> list[Line2D]:
-    return [
-        Line2D([], [], color=_HEADING, lw=2.5, label="heading"),
-        Line2D([], [], color="0.35", lw=1.5, ls=(0, (3, 2)), label="heading k before"),
-    ]
 
 
 def _draw_course(part: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int) -> None:

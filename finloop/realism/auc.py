@@ -39,7 +39,7 @@ class Auc(NamedTuple):
 class Scores(NamedTuple):
     """A classifier's held-out scores of n windows; a higher score is more like animation.
 
-    animation (n,): True for animation, False for film; block (n,): number of the classifier that
+    animation (n,): whether it is animation, else film; block (n,): number of the classifier that
     gave the score; cluster (n,): windows with the same number are not independent. NaN scores do
     not count.
     """
@@ -80,7 +80,11 @@ def auc(scores: Scores) -> Auc:
     sums = weighed.groupby(level=0).sum().to_numpy()
     clusters, shared = max(len(sums), 2), _INFLATION if len(values) > 1 else 1.0
     error = float(np.sqrt(shared * clusters / (clusters - 1) * (sums**2).sum()))
-    return Auc(value, *_interval(value, error))
+    if not 0.0 < value < 1.0:
+        return Auc(value, value, value)
+    half = _Z * error / (value * (1 - value))
+    low, high = scipy.special.expit(scipy.special.logit(value) + np.array([-half, half]))
+    return Auc(value, float(low), float(high))
 
 
 def _share_below(a: Floats, b: Floats) -> Floats:
@@ -88,14 +92,6 @@ def _share_below(a: Floats, b: Floats) -> Floats:
     ordered = np.sort(b)
     both = np.searchsorted(ordered, a, "left") + np.searchsorted(ordered, a, "right")
     return both / (2 * len(b))
-
-
-def _interval(value: float, error: float) -> tuple[float, float]:
-    if not 0.0 < value < 1.0:
-        return value, value
-    half = _Z * error / (value * (1 - value))
-    low, high = scipy.special.expit(scipy.special.logit(value) + np.array([-half, half]))
-    return float(low), float(high)
 
 
 def roc(scores: Scores, points: int = 51) -> pd.DataFrame:

@@ -4,7 +4,7 @@ Gradient-boosted trees over histograms (scikit-learn; Ke et al. 2017, LightGBM).
 same weight, whatever their number of windows.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,6 @@ from finloop.base.arrays import Mask
 from finloop.realism.auc import Scores
 from finloop.realism.settings import RealismSettings
 from finloop.realism.windows import CHANNELS, Windows, join_windows
-
-if TYPE_CHECKING:
-    from sklearn.ensemble import HistGradientBoostingClassifier
 
 
 class Answers(NamedTuple):
@@ -37,16 +34,9 @@ def score_held_out_windows(
     film, copy: windows of film and of animation; channels: indices of the CHANNELS to use. A block
     whose classifier would see only film or only animation gives NaN.
     """
-    import sklearn.ensemble  # noqa: F401  (only a library that is loaded can be limited)
+    # Not at the top: the import takes a second, and plots do not need it.
+    from sklearn.ensemble import HistGradientBoostingClassifier
 
-    # With so little data, threads are slower.
-    with threadpool_limits(limits=1):
-        return _answers(film, copy, p, channels)
-
-
-def _answers(
-    film: Windows, copy: Windows, p: RealismSettings, channels: tuple[int, ...]
-) -> Answers:
     both = join_windows([film, copy])
     animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
@@ -57,24 +47,29 @@ def _answers(
         learn, test = ~both.near[:, block], both.block == block
         if not (test.any() and 0 < animation[learn].sum() < learn.sum()):
             continue
-        binned = bin_values(x, learn, p.bins)
-        model = fit(binned[learn], animation[learn], p)
-        score[test] = model.decision_function(_flat(binned[test]))
-        for place, channel in enumerate(channels):
-            mixed = binned[test].copy()
-            mixed[..., place] = mixed[rng.permutation(len(mixed)), :, place]
-            shuffled[CHANNELS[channel]][test] = model.decision_function(_flat(mixed))
+        binned = _bin_values(x, learn, p.bins)
+        model = HistGradientBoostingClassifier(
+            max_iter=p.classifier_trees, max_leaf_nodes=p.leaves, min_samples_leaf=p.leaf_windows,
+            max_bins=p.bins, early_stopping=False, class_weight="balanced", random_state=p.seed,
+        )  # fmt: skip
+        with threadpool_limits(limits=1):  # with so little data, threads are slower
+            model.fit(_flat(binned[learn]), animation[learn])
+            score[test] = model.decision_function(_flat(binned[test]))
+            for place, channel in enumerate(channels):
+                mixed = binned[test].copy()
+                mixed[..., place] = mixed[rng.permutation(len(mixed)), :, place]
+                shuffled[CHANNELS[channel]][test] = model.decision_function(_flat(mixed))
     rest = animation, both.block, both.cluster
     return Answers(
         Scores(score, *rest), {name: Scores(values, *rest) for name, values in shuffled.items()}
     )
 
 
-def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.float32]:
+def _bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.float32]:
     """Return the bin number of each value of x (n, steps, channels), as float32 of the same shape.
 
-    learn (n,): the windows to learn from. Their quantiles separate the bins of each step and
-    channel. scikit-learn would do the same, but with weights, which took 22 of the stage's 48 s.
+    Quantiles of the windows to `learn` from separate the bins of each step and channel, as in
+    scikit-learn, but without weights, which took 22 of the stage's 48 s.
     """
     values = _flat(x)
     edges = np.quantile(values[learn], np.arange(1, bins) / bins, axis=0)
@@ -85,26 +80,6 @@ def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.flo
     return np.stack(columns, axis=1).astype(np.float32).reshape(x.shape)
 
 
-def fit(
-    x: NDArray[np.float32], animation: Mask, p: RealismSettings
-) -> "HistGradientBoostingClassifier":
-    """Fit a classifier of gradient-boosted trees to windows x (n, steps, channels) of bin numbers.
-
-    animation (n,): True for windows of animation, False for film.
-    """
-    # Not at the top: the import takes a second, and plots do not need it.
-    from sklearn.ensemble import HistGradientBoostingClassifier
-
-    return HistGradientBoostingClassifier(
-        max_iter=p.classifier_trees,
-        max_leaf_nodes=p.leaves,
-        min_samples_leaf=p.leaf_windows,
-        max_bins=p.bins,
-        early_stopping=False,
-        class_weight="balanced",
-        random_state=p.seed,
-    ).fit(_flat(x), animation)
-
-
 def _flat(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return windows (n, steps, channels) as (n, steps · channels)."""
     return x.reshape(len(x), -1)

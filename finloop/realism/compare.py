@@ -24,7 +24,7 @@ from finloop.realism.windows import (
     convert_to_frames,
     cut_windows,
     equal_blocks,
-)
+)  # fmt: skip
 
 Sides = dict[str, tuple[Windows, Windows]]
 """Pairs of sets of windows by name, the film's set first."""
@@ -51,15 +51,14 @@ class Sample:
 
     @property
     def cut(self) -> Cutting:
-        """The length, stride and step of the windows, in frames."""
+        """Return the length, stride and step of the windows, in frames."""
         p = self.p
         return convert_to_frames(p.window_deltas, p.stride, p.step, self.delta)
 
     def cut_windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
         """Cut film or animation into windows, each assigned to a block of the film's time.
 
-        swimming: n measured ticks; film: the blocks of the film's time; part (n,): True for the
-        ticks to use, None for all.
+        swimming: n measured ticks; film: the blocks; part (n,): the ticks to use, None for all.
         """
         p, gap = self.p, self.p.gap * self.delta / self.rate_hz
         plays = swimming.row >= 0
@@ -67,26 +66,17 @@ class Sample:
         own = equal_blocks(swimming.time_s, p.cross_validation_folds)
         chunk = max(1, round(p.cluster * self.delta))
         tick = np.round(swimming.time_s * self.rate_hz).astype(np.int64)
-        ticks = Ticks(
-            np.where(plays, film.block_numbers(time_s), own.block_numbers(swimming.time_s)),
-            np.where(plays[:, None], film.near(time_s, gap), own.near(swimming.time_s, gap)),
-            np.where(plays, swimming.row // chunk, -1 - tick // chunk),
-        )
-        table, every = (
-            swimming.table,
-            part if part is not None else np.ones(len(swimming.row), bool),
-        )
-        selection = Ticks(ticks.block[every], ticks.near[every], ticks.cluster[every])
-        result = cut_windows(table[every], selection, self.cut, self.rate_hz, self.largest)
-        return Windows(
-            result.x, np.flatnonzero(every)[result.first], result.block, result.near, result.cluster
-        )
+        block = np.where(plays, film.block_numbers(time_s), own.block_numbers(swimming.time_s))
+        near = np.where(plays[:, None], film.near(time_s, gap), own.near(swimming.time_s, gap))
+        cluster = np.where(plays, swimming.row // chunk, -1 - tick // chunk)
+        used = np.arange(len(plays)) if part is None else np.flatnonzero(part)
+        ticks = Ticks(block[used], near[used], cluster[used])
+        table = swimming.table.iloc[used]
+        result = cut_windows(table, ticks, self.cut, self.rate_hz, self.largest)
+        return replace(result, first=used[result.first])
 
     def blocks(self, times: int = 1) -> Blocks:
-        """Return the blocks of time, which hold equally many of the film's measured rows.
-
-        times: how often the sequence of blocks repeats over the film.
-        """
+        """Divide the film's time into blocks of equally many rows, in one or several sequences."""
         return equal_blocks(self.frame_s[self.film.row], self.p.cross_validation_folds, times)
 
     def windows_beside_film(self, animation: Swimming) -> tuple[Windows, Windows]:
@@ -101,11 +91,9 @@ class Sample:
         shows the same fish, as an animation does. From halves by tracks, a classifier would learn
         to distinguish the fish.
         """
-        blocks = self.blocks(2)
-        early = self.frame_s[self.film.row] < blocks.edges[self.p.cross_validation_folds]
-        return self.cut_windows(self.film, blocks, early), self.cut_windows(
-            self.film, blocks, ~early
-        )
+        film, blocks = self.film, self.blocks(2)
+        early = self.frame_s[film.row] < blocks.edges[self.p.cross_validation_folds]
+        return self.cut_windows(film, blocks, early), self.cut_windows(film, blocks, ~early)
 
     def comparison_windows(self, measured: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
         """Return the two sets of windows of every comparison, by name.
@@ -114,28 +102,25 @@ class Sample:
         filmed beside the film drawn again. measured: each mode's animation; features: feature table
         of the film.
         """
-        film, blocks = self.film, self.blocks()
+        film = self.film
         before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
+        filmed = self.cut_windows(replace(film, table=before), self.blocks())
         return {
             **{mode: self.windows_beside_film(animation) for mode, animation in measured.items()},
             HALVES: self.halves(),
-            AGAIN: (
-                self.cut_windows(replace(film, table=before), blocks),
-                self.cut_windows(film, blocks),
-            ),
+            AGAIN: (filmed, self.cut_windows(film, self.blocks())),
         }
 
 
-def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings) -> Sample:
+def film_sample(
+    film: Swimming, features: pd.DataFrame, rate_hz: float, p: RealismSettings
+) -> Sample:
     """Return the `Sample` of a film: what every comparison of an animation with this film needs.
 
-    film: the film drawn and measured again; features: columns of `FEATURES`, of the whole film;
-    rate_hz: frames per second.
+    film: drawn and measured again; features: columns of `FEATURES`, of the whole film.
     """
-    frame_s = features["frame"].to_numpy(float) / rate_hz
-    return Sample(
-        film, frame_s, float(film.table["motion_area"].max()), rate_hz, delta_of(features), p
-    )
+    frame_s, largest = features["frame"].to_numpy(float) / rate_hz, film.table["motion_area"].max()
+    return Sample(film, frame_s, float(largest), rate_hz, delta_of(features), p)
 
 
 @dataclass(frozen=True)
@@ -152,30 +137,28 @@ class Verdict:
     scores: Scores
 
 
-def verdict(sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True) -> Verdict:
+def classify_windows(
+    sides: tuple[Windows, Windows], p: RealismSettings, alone: bool = True
+) -> Verdict:
     """Train classifiers on two sets of windows and return how well they distinguish them.
 
     sides: the film's windows first; alone: whether to classify by each channel by itself, too.
     FinloopError if a block has too few windows of either set to test and to learn from.
     """
-    require_enough_windows(sides, p)
+    _require_enough_windows(sides, p)
     every = tuple(range(len(CHANNELS)))
     answer = score_held_out_windows(*sides, p, every)
     whole = auc(answer.scores)
     single = {
         CHANNELS[part]: auc(score_held_out_windows(*sides, p, (part,)).scores)
-        for part in every
-        if alone
+        for part in (every if alone else ())
     }
     importance = {name: whole.value - auc(part).value for name, part in answer.shuffled.items()}
     return Verdict(whole, single, importance, answer.scores)
 
 
-def require_enough_windows(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
-    """Raise FinloopError if the windows are too few to train and test a classifier in every block.
-
-    sides: windows of the film, and of what is compared with it.
-    """
+def _require_enough_windows(sides: tuple[Windows, Windows], p: RealismSettings) -> None:
+    """Raise FinloopError if windows are too few to train and test a classifier in every block."""
     film, beside = sides
     folds = p.cross_validation_folds
     tested, learnt = np.bincount(film.block, minlength=folds), (~film.near).sum(axis=0)
@@ -190,7 +173,7 @@ def require_enough_windows(sides: tuple[Windows, Windows], p: RealismSettings) -
         )
 
 
-def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
+def verdict_table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
     """Return the verdicts as a table, a row per comparison and channel; channel "all" comes first.
 
     Columns: compared, channel; auc, low, high: the area and its 95 % interval; lost: area lost when
@@ -204,10 +187,9 @@ def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
 
 
 def auc_metrics(verdicts: dict[str, Verdict]) -> dict[str, float]:
-    """Return the areas as flat metrics: `<name>_auc` with its interval, `<name>_<channel>_auc`.
+    """Return the areas as flat metrics: `<name>_auc`, `_auc_low`, `_auc_high`, `_<channel>_auc`.
 
-    verdicts: by the name of the comparison. The ends of the interval are `<name>_auc_low` and
-    `_high`.
+    verdicts: by the name of the comparison. Low and high are the ends of the 95 % interval.
     """
     flat: dict[str, float] = {}
     for name, result in verdicts.items():

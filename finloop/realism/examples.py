@@ -7,14 +7,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema
 from finloop.edit.schema import EDIT
 from finloop.realism.compare import Sample, Sides, Verdict
-from finloop.realism.instrument import Swimming
-from finloop.realism.lists import Work
+from finloop.realism.instrument import Swimming, Work
 from finloop.realism.windows import CHANNELS, Windows
 from finloop.render.gallery import Gallery, place_rows
 from finloop.render.marks import write
@@ -70,15 +68,13 @@ def most_false_windows(
     """
     spread = film.x.std(axis=(0, 1)) + 1e-9
     pairs: list[WindowPair] = []
-    starts: list[int] = []
-    for number in np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable"):
+    for number in np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable").tolist():
         if len(pairs) == count or np.isnan(score[number]):
             break
-        begin = int(animation.first[number])
-        if all(abs(begin - start) > length for start in starts):
+        taken = animation.first[[pair.animation for pair in pairs]]
+        if (np.abs(animation.first[number] - taken) > length).all():
             far = (((film.x - animation.x[number]) / spread) ** 2).sum(axis=(1, 2))
-            pairs.append(WindowPair(int(number), int(far.argmin()), float(score[number])))
-            starts.append(begin)
+            pairs.append(WindowPair(number, int(far.argmin()), float(score[number])))
     return pairs
 
 
@@ -94,6 +90,7 @@ class WindowPool:
     measured: Mapping[str, Swimming]
 
     def _window(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
+        """Return the rows of the edit list that a window shows, with the heading at its start."""
         measured = self.measured[name]
         rows = windows.first[number] + np.arange(self.sample.cut.length + 1)
         edit = self.works[name][int(measured.part[rows[0]])][0].iloc[measured.tick[rows]]
@@ -102,39 +99,37 @@ class WindowPool:
     def _mode_examples(
         self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict
     ) -> Iterator[Tables]:
-        film, animation = pair
-        cut = self.sample.cut
-        score = verdict.scores.score[len(film.x) :]
-        for example in most_false_windows(
-            film, animation, score, self.sample.p.examples, cut.length
-        ):
-            edit = [
-                self._window(mode, animation, example.animation).assign(side=ANIMATION),
-                self._window(FILM, film, example.film).assign(side=FILM),
-            ]
-            x = {ANIMATION: animation.x[example.animation], FILM: film.x[example.film]}
+        """Yield the examples of a mode: both windows as edit lists, and their channels."""
+        (film, animation), cut = pair, self.sample.cut
+        score, most = verdict.scores.score[len(film.x) :], self.sample.p.examples
+        time_s = (np.arange(cut.length // cut.step) + 0.5) * (cut.step / self.sample.rate_hz)
+        for example in most_false_windows(film, animation, score, most, cut.length):
+            edits, curves = [], []
+            for side, name, windows, number in (
+                (ANIMATION, mode, animation, example.animation), (FILM, FILM, film, example.film),
+            ):  # fmt: skip
+                edits.append(self._window(name, windows, number).assign(side=side))
+                channels = pd.DataFrame(windows.x[number].astype(float), columns=list(CHANNELS))
+                curves.append(channels.assign(side=side, time_s=time_s))
             yield (
-                pd.concat(edit, ignore_index=True).assign(compared=mode, score=example.score),
-                curves(x, cut.step / self.sample.rate_hz),
+                pd.concat(edits, ignore_index=True).assign(compared=mode, score=example.score),
+                pd.concat(curves, ignore_index=True),
             )
 
     def tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
         """Return the examples of all modes as two tables: EXAMPLES and their channels, CURVES.
 
-        sides, verdicts: windows and verdicts by the name of the comparison; only modes give
-        examples.
+        sides, verdicts: by the name of the comparison; only modes give examples.
         """
-        every = [
-            [table.assign(example=number) for table in example]
-            for number, example in enumerate(
-                example
-                for mode, verdict in verdicts.items() if mode in self.measured
-                for example in self._mode_examples(mode, sides[mode], verdict)
-            )
-        ]  # fmt: skip
-        both = zip(*every, strict=True) if every else ([pd.DataFrame()], [pd.DataFrame()])
-        whole = [pd.concat(parts, ignore_index=True) for parts in both]
-        return whole[0].reindex(columns=EXAMPLES.names), whole[1].reindex(columns=CURVES.names)
+        edits, curves = list[pd.DataFrame](), list[pd.DataFrame]()
+        for mode in filter(self.measured.__contains__, verdicts):
+            for edit, curve in self._mode_examples(mode, sides[mode], verdicts[mode]):
+                edits.append(edit.assign(example=len(edits)))
+                curves.append(curve.assign(example=len(curves)))
+        if not edits:
+            return pd.DataFrame(columns=EXAMPLES.names), pd.DataFrame(columns=CURVES.names)
+        windows, channels = (pd.concat(parts, ignore_index=True) for parts in (edits, curves))
+        return windows[EXAMPLES.names], channels[CURVES.names]
 
 
 class CameraView(NamedTuple):
@@ -149,7 +144,7 @@ class CameraView(NamedTuple):
     width_px: float
 
     def crop_frame(self, frame: Picture, size: int) -> Picture:
-        """Return this view of a frame (h, w) or (h, w, 3), as a picture (size, size, 3)."""
+        """Return what this view shows of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
         place = self.x_px, self.y_px
         turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size / self.width_px)
         turn[:, 2] += (size - 1) / 2 - np.array(place)
@@ -159,12 +154,8 @@ class CameraView(NamedTuple):
         return picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
 
 
-def views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
-    """Return a fixed camera for the animation and one for the film of an example, by side.
-
-    example: rows of `EXAMPLES`; length_px: body length as filmed. Both cameras show the same number
-    of body lengths.
-    """
+def _fixed_views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
+    """Return a fixed camera for each side of an example; both show as many body lengths."""
     sides = example.groupby("side")
     low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
     drawn = sides["scale"].median()  # / as filmed
@@ -180,26 +171,12 @@ def views(example: pd.DataFrame, length_px: float) -> dict[str, CameraView]:
     }  # fmt: skip
 
 
-def pictures(
-    edit: pd.DataFrame, gallery: Gallery, painter: Painter, view: CameraView, size: int
-) -> Iterator[Picture]:
-    """Yield a picture (size, size, 3) of every tick of an edit list, through one fixed camera.
-
-    edit: one side of an example.
-    """
-    numbered = edit.assign(tick=np.arange(len(edit)))
-    for fish in place_rows(numbered, gallery):
-        painter.show(fish)
-        yield view.crop_frame(painter.frame, size)
-
-
-def strip(
+def draw_strip(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, shape: tuple[int, int]
 ) -> Picture:
-    """Draw one side of an example as a row of pictures, with the camera on the fish.
+    """Draw one side of an example as a row of pictures (size, count × size, 3) around the fish.
 
-    edit: its ticks; length_px: body length as filmed; shape: number of pictures, and size of each
-    in px. Returns (size, count × size, 3).
+    edit: its ticks; length_px: body length as filmed; shape: count and size in px.
     """
     count, size = shape
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
@@ -212,38 +189,26 @@ def strip(
     return np.hstack(tiles)
 
 
-def side_by_side(
+def draw_example(
     example: pd.DataFrame, gallery: Gallery, tank: Picture, length_px: float, size: int
 ) -> Iterator[Picture]:
     """Yield the frames of an example's film: animation left, film right, titles above.
 
-    example: rows of `EXAMPLES`; tank: the empty tank; length_px: body length as filmed; size: px of
-    each side. A frame is (size + WORDS_PX, 2 size, 3).
+    example: rows of `EXAMPLES`; length_px: body length as filmed; size: px of each side. Frames
+    (size + WORDS_PX, 2 size, 3).
     """
-    painter, camera = Painter(tank), views(example, length_px)
-    films = [
-        list(pictures(example[example["side"] == side], gallery, painter, camera[side], size))
-        for side in SIDES
-    ]
-    first = example.iloc[0]
+    views, first = _fixed_views(example, length_px), example.iloc[0]
+
+    def film(side: str) -> Iterator[Picture]:
+        edit, painter = example[example["side"] == side], Painter(tank)
+        for fish in place_rows(edit.assign(tick=np.arange(len(edit))), gallery):
+            painter.show(fish)
+            yield views[side].crop_frame(painter.frame, size)
+
     words = f"{first['compared']} {first['example'] + 1}: animation", "the film window most like it"
-    for pair in zip(*films, strict=True):
+    for pair in zip(*map(film, SIDES), strict=True):
         frame = np.full((size + WORDS_PX, 2 * size, 3), 255, np.uint8)
         for number, (picture, text) in enumerate(zip(pair, words, strict=True)):
             frame[WORDS_PX:, number * size : (number + 1) * size] = picture
             write(frame, text, (number * size + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
         yield frame
-
-
-def curves(x: dict[str, NDArray[np.float32]], step_s: float) -> pd.DataFrame:
-    """Return the channels of both sides of an example as a table: CHANNELS, side, time_s.
-
-    x: side → channels (steps, 4); step_s: seconds per step.
-    """
-    parts = [
-        pd.DataFrame(channels.astype(float), columns=list(CHANNELS)).assign(
-            side=side, time_s=(np.arange(len(channels)) + 0.5) * step_s
-        )
-        for side, channels in x.items()
-    ]
-    return pd.concat(parts, ignore_index=True)

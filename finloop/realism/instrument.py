@@ -16,7 +16,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Picture
-from finloop.edit.schema import FRAME
+from finloop.base.stretches import sample_stretches
+from finloop.edit.schema import FRAME, filmed_edit_list
 from finloop.extract.background import Scene
 from finloop.extract.film import Detections, Detector, link_tracks, track_rows
 from finloop.extract.samples import Typical
@@ -26,9 +27,11 @@ from finloop.extract.table import SceneFacts
 from finloop.features.settings import FeaturesSettings as FeatureSettings
 from finloop.features.table import FEATURES, measure_features
 from finloop.render.gallery import Gallery, place_rows
-from finloop.render.painter import Box, Painter, Placed
+from finloop.render.painter import Painter, Placed
 
 _RIM = 16  # px around a fish, beside its own size on each side
+Work = tuple[pd.DataFrame, Sequence[int]]
+"""An edit list, and its ticks at which another fish begins."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Instrument:
     def adapt_to_animation(self, size: float) -> "Instrument":
         """Return the instrument for fish drawn `size` times as large as filmed, in still water.
 
-        Its lens reduces fish and tank so that the fish are as large as filmed.
+        It reduces fish and tank so that the fish are as large as filmed.
         """
         still = replace(self, features=replace(self.features, water_current_bl_s=0.0), size=size)
         if size == 1:
@@ -64,10 +67,7 @@ class Instrument:
         )
 
     def through_lens(self, edit: pd.DataFrame) -> pd.DataFrame:
-        """Return an edit list with places and scales divided by `size`, so that fish are as filmed.
-
-        edit: schema EDIT, px of the animation.
-        """
+        """Return an edit list, places and scales reduced so that fish are as large as filmed."""
         if self.size == 1:
             return edit
         places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
@@ -76,15 +76,10 @@ class Instrument:
 
     @property
     def typical(self) -> Typical:
-        """The film's typical fish; its fins are not measured."""
+        """Return the film's typical fish; its fins are not measured."""
         facts = self.facts
-        return Typical(
-            facts.typical_area_px,
-            facts.typical_length_px,
-            facts.typical_contrast_grey,
-            fins="none",
-            thin=facts.thin,
-        )
+        size = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
+        return Typical(*size, fins="none", thin=facts.thin)
 
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
         """Yield the detections of extraction in each frame, which shows the tank with one fish.
@@ -93,7 +88,9 @@ class Instrument:
         """
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
-            box = _around(painter.show(animal), self.tank.shape)
+            own = painter.show(animal)
+            rim = _RIM + max(own.bottom - own.top, own.right - own.left, 0)
+            box = own.grow(rim).within(self.tank.shape)  # mostly tank, so the median is the tank's
             scene = Scene(
                 np.ascontiguousarray(self.tank[box.slices]), facts.polarity,  # type: ignore[arg-type]
                 facts.noise_grey, facts.threshold_grey,
@@ -101,13 +98,12 @@ class Instrument:
             arena = np.ascontiguousarray(self.arena[box.slices])
             detector = Detector(arena, self.typical, self.extract)
             drawn = np.ascontiguousarray(painter.frame[box.slices])
-            yield _in_tank(detector.detect(drawn, scene), box)
+            yield _shift_detections(detector.detect(drawn, scene), box.left, box.top)
 
     def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
         """Return the feature table (FEATURES) of drawn fish, one per tick; `frame` is the tick.
 
-        cuts: ticks at which another fish begins. The table is empty where extraction follows no
-        fish.
+        cuts: ticks at which another fish begins. Where extraction follows no fish it is empty.
         """
         pieces = link_tracks(self.detections(fish), self.typical, self.extract, cuts)
         fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]
@@ -117,40 +113,23 @@ class Instrument:
         return measure_features(table, self.rate_hz, self.features)[0]
 
 
-def _around(fish: Box, shape: tuple[int, ...]) -> Box:
-    """Return a region with so much tank around the fish that its median is the tank's."""
-    rim = _RIM + max(fish.bottom - fish.top, fish.right - fish.left, 0)
-    wide = Box(fish.top - rim, fish.left - rim, fish.bottom + rim, fish.right + rim)
-    return wide.within(shape)
+def _shift_detections(found: Detections, x: int, y: int) -> Detections:
+    """Return detections in a part of the tank as those in the tank; x, y: its upper left pixel."""
 
+    def shift_fish(fish: SegmentedFish) -> SegmentedFish:
+        by = np.array([x, y])
+        return replace(
+            fish, x_px=fish.x_px + x, y_px=fish.y_px + y, x0=fish.x0 + x, y0=fish.y0 + y,
+            backbone=fish.backbone._replace(points_px=fish.backbone.points_px + by),
+            outline_px=fish.outline_px + by,
+        )  # fmt: skip
 
-def _in_tank(part: Detections, box: Box) -> Detections:
-    x, y = box.left, box.top
-    spots = [
-        replace(
-            spot,
-            x_px=spot.x_px + x,
-            y_px=spot.y_px + y,
-            box=(spot.box[0] + x, spot.box[1] + y, spot.box[2] + x, spot.box[3] + y),
-        )
-        for spot in part.spots
-    ]
-    return Detections(
-        part.verdicts, spots, [fish and _moved_fish(fish, x, y) for fish in part.fish]
-    )
-
-
-def _moved_fish(fish: SegmentedFish, x: int, y: int) -> SegmentedFish:
-    by = np.array([x, y])
-    return replace(
-        fish,
-        x_px=fish.x_px + x,
-        y_px=fish.y_px + y,
-        x0=fish.x0 + x,
-        y0=fish.y0 + y,
-        backbone=fish.backbone._replace(points_px=fish.backbone.points_px + by),
-        outline_px=fish.outline_px + by,
-    )
+    spots = []
+    for spot in found.spots:
+        left, top, right, bottom = spot.box
+        box = left + x, top + y, right + x, bottom + y
+        spots.append(replace(spot, x_px=spot.x_px + x, y_px=spot.y_px + y, box=box))
+    return Detections(found.verdicts, spots, [fish and shift_fish(fish) for fish in found.fish])
 
 
 @dataclass(frozen=True)
@@ -169,13 +148,10 @@ class Swimming:
     time_s: Floats
 
 
-def swimming(
+def join_measurements(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate: float
 ) -> Swimming:
-    """Join edit lists and the feature tables measured from them into one `Swimming`.
-
-    edits, tables: in the same order; rate: ticks per second.
-    """
+    """Join edit lists and the feature tables measured from them; rate: ticks per second."""
     parts, before, tracks_before = [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)
@@ -192,14 +168,31 @@ def swimming(
     return Swimming(whole[FEATURES.names], part, tick, row, whole["clock"].to_numpy(float))
 
 
+def film_lists(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
+    """Return random stretches of the film as edit lists of about `longest` ticks, with their cuts.
+
+    tracks: track_id, x_px, y_px of every row; most: rows in all lists together.
+    """
+    places = tracks[["x_px", "y_px"]].to_numpy()
+    works: list[Work] = []
+    pieces: list[Ints] = []
+    parts = sample_stretches(tracks["track_id"].to_numpy(), longest, most, seed)
+    for part in parts:
+        pieces.append(np.arange(part.start, part.stop))
+        if sum(map(len, pieces)) >= longest or part is parts[-1]:
+            rows, cuts = np.concatenate(pieces), np.cumsum([len(piece) for piece in pieces])[:-1]
+            works.append((filmed_edit_list(rows, places[rows]), cuts.tolist()))
+            pieces = []
+    return works
+
+
 def measure_list(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
     work: tuple[Instrument, pd.DataFrame, Sequence[int]],
 ) -> pd.DataFrame:
     """Draw one edit list and return the feature table that extraction measures in it.
 
-    It runs in a process of its own. open_pictures: opens the cut-outs; work: instrument, edit list,
-    and ticks at which another fish begins.
+    For a process of its own. open_pictures: opens the cut-outs; work: instrument, and a `Work`.
     """
     instrument, edit, cuts = work
     with open_pictures() as gallery:

@@ -12,7 +12,7 @@ as one kind and tested as the other. Otherwise a perfect copy of the film would 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -65,10 +65,7 @@ class Blocks(NamedTuple):
         return self.number[np.clip(place, 0, len(self.number) - 1)]
 
     def near(self, time_s: Floats, gap_s: float) -> Mask:
-        """Return whether each time is in a block or less than `gap_s` from it, as (n, blocks).
-
-        time_s (n,): s.
-        """
+        """Return whether each time (n,) is in a block or within a gap of it, as (n, blocks)."""
         near = np.zeros((len(time_s), int(self.number.max()) + 1), bool)
         for number, low, high in zip(self.number, self.edges, self.edges[1:], strict=False):
             near[:, number] |= (time_s > low - gap_s) & (time_s < high + gap_s)
@@ -76,10 +73,9 @@ class Blocks(NamedTuple):
 
 
 def equal_blocks(time_s: Floats, blocks: int, times: int = 1) -> Blocks:
-    """Divide time into `blocks` blocks that contain equally many of the given times (n,) in s.
+    """Divide time into blocks that contain equally many of the given times (n,) in s.
 
-    times: how often the sequence of blocks repeats; each repetition is a further stretch of a
-    block.
+    times: how often the sequence of blocks repeats, each time with a further stretch of a block.
     """
     edges = np.quantile(time_s, np.linspace(0, 1, times * blocks + 1))
     edges[[0, -1]] = -np.inf, np.inf
@@ -104,10 +100,9 @@ def convert_to_frames(window: float, stride: float, step: float, delta: int) -> 
 
 
 def track_channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
-    """Return the CHANNELS (ticks − 1, 4) of one track, from each tick to the next.
+    """Return the CHANNELS (ticks − 1, 4) of one track of a feature table, from tick to tick.
 
-    They are forward and sideways speed in BL/s, turning speed in °/s, and motion area relative to
-    `largest`. track: rows of a feature table; largest: motion area of the film's most bent fish.
+    largest: motion area of the film's most bent fish.
     """
     length = float(track["body_length_px"].median())
     travel = np.diff(through_water(track), axis=0) * (rate_hz / length)
@@ -136,10 +131,11 @@ def cut_windows(
 ) -> Windows:
     """Cut a table of swimming into windows of channels; no window crosses from track to track.
 
-    table: columns of `FEATURES`, track by track; ticks: of the same rows; cut: in frames; rate_hz:
-    frames per second; largest: motion area of the film's most bent fish.
+    table: columns of `FEATURES`, track by track; ticks: of the same rows; largest: motion area of
+    the film's most bent fish.
     """
-    x, first = [], []
+    blocks = ticks.near.shape[1]
+    x, first = [np.zeros((0, cut.length // cut.step, len(CHANNELS)))], [np.zeros(0, np.intp)]
     start = 0
     for _, track in table.groupby("track_id", sort=False):
         moves = track_channels(track, rate_hz, largest)
@@ -149,15 +145,9 @@ def cut_windows(
             x.append(inside.reshape(len(begins), -1, cut.step, len(CHANNELS)).mean(axis=2))
             first.append(start + begins)
         start += len(track)
-    if not x:
-        return Windows(
-            np.zeros((0, cut.length // cut.step, len(CHANNELS)), np.float32),
-            np.zeros(0, np.intp), np.zeros(0, np.intp),
-            np.zeros((0, ticks.near.shape[1]), bool), np.zeros(0, np.intp),
-        )  # fmt: skip
     begin = np.concatenate(first)
     rows = begin[:, None] + np.arange(cut.length + 1)
-    counts = (ticks.block[rows][..., None] == np.arange(ticks.near.shape[1])).sum(axis=1)
+    counts = (ticks.block[rows][..., None] == np.arange(blocks)).sum(axis=1)
     return Windows(
         np.concatenate(x).astype(np.float32), begin, counts.argmax(axis=1),
         ticks.near[rows].any(axis=1), ticks.cluster[rows[:, cut.length // 2]],
@@ -166,5 +156,5 @@ def cut_windows(
 
 def join_windows(parts: Sequence[Windows]) -> Windows:
     """Join several sets of windows into one, in the given order."""
-    names = [field.name for field in fields(Windows)]
-    return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    return Windows(*(np.concatenate(column) for column in columns))

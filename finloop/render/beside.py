@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Picture
-from finloop.edit.filmed import as_filmed
 from finloop.edit.measures import picture_kinds
+from finloop.edit.schema import filmed_edit_list
 from finloop.render.gallery import Gallery, place_rows
 from finloop.render.marks import COLOURS, rgb, write
 from finloop.render.painter import Painter
@@ -24,13 +24,10 @@ def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
     track (n,): its number at each row of the film; places (n, 2): x, y px.
     """
     _, first, count = np.unique(track, return_index=True, return_counts=True)
-    rows: list[Ints] = []
-    for one in np.argsort(-count, kind="stable"):
-        rows.append(np.arange(first[one], first[one] + count[one]))
-        if sum(map(len, rows)) >= ticks:
-            break
-    every = np.concatenate(rows)[:ticks]
-    return as_filmed(every, places[every])
+    longest = np.argsort(-count, kind="stable")
+    tracks = [np.arange(first[one], first[one] + count[one]) for one in longest]
+    rows = np.concatenate(tracks)[:ticks]
+    return filmed_edit_list(rows, places[rows])
 
 
 def draw_beside(
@@ -38,8 +35,8 @@ def draw_beside(
 ) -> Iterator[Picture]:
     """Yield edit lists of one fish side by side, a picture per tick, each list titled below.
 
-    A picture is (size + WORDS_PX, size · lists, 3) uint8. edits: by title, as many ticks each; tank
-    (h, w) or (h, w, 3): the floor; length_px: of the fish; size: px of a panel.
+    edits: by title, as many ticks each; tank: the floor; length_px: of the fish; size: px of a
+    panel. Pictures (size + WORDS_PX, size · lists, 3) uint8.
     """
     half_px = _AROUND * length_px
     films = [_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]
@@ -57,22 +54,17 @@ def draw_beside(
 def _panels(
     edit: pd.DataFrame, gallery: Gallery, tank: Picture, half_px: float, size: int
 ) -> Iterator[tuple[Picture, str]]:
-    """Yield the square around the fish, px across, and what is shown, at every tick."""
+    """Yield a square picture around the fish and the name of what it shows, at every tick."""
     painter, names = Painter(tank, colour=True), picture_kinds(edit)
     for fish, name in zip(place_rows(edit, gallery), names, strict=True):
         painter.show(fish)
-        zoom = (size - 1) / (2 * half_px)
         middle = (size - 1) / 2
-        turn = np.array([
+        zoom = middle / half_px
+        to_panel = np.array([
             [zoom, 0, middle - zoom * fish.x_px], [0, zoom, middle - zoom * fish.y_px],
         ])  # fmt: skip
-        yield (
-            cv2.warpAffine(
-                painter.frame,
-                turn,
-                (size, size),
-                flags=cv2.INTER_AREA,
-                borderMode=cv2.BORDER_REPLICATE,
-            ),
-            str(name),
-        )
+        panel = cv2.warpAffine(
+            painter.frame, to_panel, (size, size), flags=cv2.INTER_AREA,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        yield panel, str(name)

@@ -1,7 +1,7 @@
 """The pictures that an edit list names, and what its rows draw."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -13,8 +13,8 @@ from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutouts
 from finloop.base.errors import FinloopError
 from finloop.distance.reel import sprite_row
-from finloop.edit.bodies import Bodies, Body
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.bodies import Bodies
+from finloop.edit.schema import FRAME, SPRITE, RowPicture, row_partner, row_picture
 from finloop.features.table import orientations_of
 from finloop.puppet import PlacedBackbone
 from finloop.render.painter import Bent, Picture, Placed, Turned, picture
@@ -52,6 +52,7 @@ class Gallery:
         self.picture = lru_cache(keep)(self._picture)
 
     def _picture(self, kind: str, source: int, orientation: int, mirrored: bool) -> Picture:
+        """Return a stored cut-out as a picture to draw, perhaps with left and right exchanged."""
         shelf = self.shelves[kind]
         cutout = shelf.store[sprite_row(source, orientation, shelf.orientations)]
         x_px, y_px = shelf.centres_px[source]
@@ -70,66 +71,49 @@ class Gallery:
     ) -> Turned:  # fmt: skip
         """Return a frame, or a sprite in an orientation, as it is drawn: turned and scaled.
 
-        kind: FRAME or SPRITE; source: row of the film, or number of the sprite; orientation: 1 … n,
-        used of a sprite only; rotation_deg: anticlockwise.
+        The arguments are the fields of `RowPicture`.
         """
         if kind != FRAME:
-            one = self.picture(kind, source, int(orientation), False)
-        elif mirrored:
+            return Turned(self.picture(kind, source, int(orientation), False), rotation_deg, scale)
+        if mirrored:
             assert self.bodies is not None
-            one = self.frame(source, mirrored=True)
             rotation_deg += 2 * self.bodies.heading_deg[source] - 180
-        else:
-            one = self.frame(source)
-        return Turned(one, rotation_deg, scale)
+        return Turned(self.frame(source, mirrored), rotation_deg, scale)
 
     def place(self, row: Any) -> Placed:
-        """Return the fish and its partner that a row of an edit list draws, and where.
-
-        row: has the names of the list's columns.
-        """
-        own = row.kind, row.source, row.orientation, row.rotation_deg
-        partner = None
-        if row.weight > 0:
-            partner = (
-                row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
-            )  # fmt: skip
+        """Return the fish and its partner that a row of an edit list, a named tuple, draws."""
+        names = [row_picture(row), row_partner(row)] if row.weight > 0 else [row_picture(row)]
         if row.pose is None:
-            fish: Turned | Bent = self.rotate_picture(*own, row.scale, row.mirrored)
-            other: Turned | Bent | None = partner and self.rotate_picture(
-                *partner, row.partner_scale, row.partner_mirrored
-            )
+            drawn: list[Turned] | list[Bent] = [self.rotate_picture(*name) for name in names]
         else:
-            assert self.bodies is not None
-            body = self.bodies.edit_row_body(*own, row.mirrored)
-            pose = self.bodies.poses.pose_from_codes(int(body.row), row.pose)
-            heading, size = math.radians(body.heading_deg), float(pose.size_px) * row.scale
-            fish = self._bend_body(body, pose.posture, heading, size)
-            other = partner and self._bend_body(
-                self.bodies.edit_row_body(*partner, row.partner_mirrored),
-                pose.posture,
-                heading,
-                size,
-            )
-        return Placed(row.x_px, row.y_px, fish, other, row.weight)
+            drawn = self._bend_bodies(names, row.pose)
+        partner = drawn[1] if row.weight > 0 else None
+        return Placed(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
-    def _bend_body(self, body: Body, posture: Floats, heading_rad: float, size_px: float) -> Bent:
+    def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[Bent]:
+        """Return pictures bent into one pose, with the heading and the size of the first."""
         assert self.bodies is not None
-        row = int(body.row)
-        own, film = self.bodies.poses.pose[row], self.frame(row)
-        source = PlacedBackbone(
-            film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture
-        )
-        return Bent(film, source, posture, heading_rad, size_px, bool(body.mirrored))
+        poses, shown = self.bodies.poses, [self.bodies.edit_row_body(name) for name in names]
+        target = poses.pose_from_codes(int(shown[0].row), codes)
+        heading = math.radians(shown[0].heading_deg)
+        size_px, drawn = float(target.size_px) * names[0].scale, []
+        for body in shown:
+            own, film = poses.pose[int(body.row)], self.frame(int(body.row))
+            source = PlacedBackbone(
+                film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture
+            )
+            mirrored = bool(body.mirrored)
+            drawn.append(Bent(film, source, target.posture, heading, size_px, mirrored))
+        return drawn
 
 
 def shelves(
     stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
 ) -> dict[str, Shelf]:
-    """Return a shelf by kind, FRAME or SPRITE: a store with the mass centres of its pictures.
+    """Return the cut-outs of each kind, FRAME and SPRITE, with their mass centres.
 
-    stores: by kind; tracks: x_px, y_px of every cut-out; table: the same and orientations of every
-    sprite, None without sprites. FinloopError if a table belongs to another store.
+    tracks: x_px, y_px of every cut-out; table: the same and orientations of every sprite, None
+    without sprites. FinloopError if a table belongs to another store.
     """
     made = {FRAME: Shelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:
@@ -145,7 +129,7 @@ def shelves(
 
 
 def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
-    """Yield, row by row, the fish that an edit list (schema EDIT) draws, and where.
+    """Yield what each row of an edit list (schema EDIT) draws, and where.
 
     FinloopError at once, listing all that cannot be drawn.
     """
@@ -153,8 +137,8 @@ def place_rows(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
     return map(gallery.place, edit[_COLUMNS].itertuples(index=False))
 
 
-def frames(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
-    """Yield, tick by tick, all fish that an edit list (schema EDIT) draws, the lowest first.
+def place_ticks(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
+    """Yield all fish that an edit list (schema EDIT) draws at each tick, the lowest first.
 
     FinloopError at once, listing all that cannot be drawn.
     """
@@ -204,16 +188,18 @@ def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
         refuse(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
     codes = 0 if bodies is None else bodies.poses.codes.shape[1]
-    bad = [pose is not None and not _possible(pose, codes) for pose in edit["pose"]]
-    refuse(np.array(bad), "pose", f"{codes} codes of shapes" if codes else "none: there are none")
+    fits = [
+        pose is None or (codes > 0 and np.shape(pose) == (codes,) and np.isfinite(pose).all())
+        for pose in edit["pose"]
+    ]
+    refuse(
+        ~np.array(fits, bool),
+        "pose",
+        f"{codes} codes of shapes" if codes else "none: there are none",
+    )
     if problems:
         raise FinloopError(
             "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
             "pictures that exist, at places and of sizes that can be drawn",
             do,
         )
-
-
-def _possible(pose: Floats, codes: int) -> bool:
-    """Return whether a pose has this number of finite codes."""
-    return codes > 0 and np.shape(pose) == (codes,) and bool(np.isfinite(pose).all())

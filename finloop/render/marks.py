@@ -40,9 +40,9 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """Return the category (ticks,) of each tick of an edit list, and each category's "#RRGGBB".
+    """Return what each tick of an edit list shows (ticks,), and the colour "#RRGGBB" of each.
 
-    The category is what a tick shows; where all show the same, its state.
+    Where all ticks show the same, it is their state.
     """
     names = picture_kinds(edit)
     names = names if names.nunique() > 1 else edit["state"]
@@ -52,10 +52,7 @@ def tick_categories(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
 
 
 def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Return the stretches to each goal in turn: its name ("" = wandering), first tick, end.
-
-    The end is the tick after the last one.
-    """
+    """Return the stretches of ticks to each goal in turn: name ("" = wandering), first, end."""
     goal = edit["goal"].to_numpy()
     edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
@@ -63,8 +60,8 @@ def goal_stretches(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
 
 def goal_ticks(edit: pd.DataFrame) -> NDArray[np.bool_]:
     """Return the mask (ticks,) of ticks that lead to a goal; all True where there is no goal."""
-    found = (edit["goal"] != "").to_numpy()
-    return found if found.any() else ~found
+    aimed = (edit["goal"] != "").to_numpy()
+    return aimed if aimed.any() else ~aimed
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -115,14 +112,14 @@ class MarkPainter:
             for own, goal in zip(colour, goal_ticks(edit), strict=True)
         ]
         places = edit[["x_px", "y_px"]].to_numpy(float)
-        self._courses = [
+        self._tracks = [
             MarkedTrack(
                 places[rows], [pens[row] for row in rows],
                 {first: name for name, first, _ in goal_stretches(edit.iloc[rows])},
             )
             for rows in edit.groupby("fish").indices.values()
         ]  # fmt: skip
-        fish, ticks = len(self._courses), len(self._courses[0].places)
+        fish, ticks = len(self._tracks), len(self._tracks[0].places)
         self._colour = colour if fish == 1 else []  # colours of the square beside the caption
         self._times = [f"{time:.1f} s" for time in edit["time_s"][:ticks]]
         self._words = [f"{fish} fish"] * ticks if fish > 1 else [
@@ -136,31 +133,31 @@ class MarkPainter:
         self._plate = _free_corner(places, plate, (height, width), gap)
         self._current: list[str | None] = [None] * fish
         for name in self._goals:
-            self._goal(name, _WAITING)
+            self._draw_goal(name, _WAITING)
 
     def show(self, tick: int, *fish: Placed) -> None:
         """Draw the fish and all marks of a tick; ticks must come in order, since paths grow."""
-        self._below(tick)
+        self._draw_floor(tick)
         self._painter.show(*fish)
-        self._above(tick)
+        self._draw_caption(tick)
 
-    def _below(self, tick: int) -> None:
+    def _draw_floor(self, tick: int) -> None:
         """Bring the floor up to a tick: goals in their colours, the paths until then."""
-        for fish, course in enumerate(self._courses):
-            if tick in course.goals:
+        for fish, track in enumerate(self._tracks):
+            if tick in track.goals:
                 if self._current[fish] in self._goals:
-                    self._goal(str(self._current[fish]), _WAITING, reached=True)
-                self._current[fish] = name = course.goals[tick]
+                    self._draw_goal(str(self._current[fish]), _WAITING, reached=True)
+                self._current[fish] = name = track.goals[tick]
                 if name in self._goals:
-                    self._goal(name, _CURRENT)
+                    self._draw_goal(name, _CURRENT)
             if tick:
-                start, stop = course.places[tick - 1], course.places[tick]
-                colour, width = course.pens[tick]
+                start, stop = track.places[tick - 1], track.places[tick]
+                colour, width = track.pens[tick]
                 ends = _subpixel_point(start), _subpixel_point(stop)
                 cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
                 self._touch(np.stack([start, stop]), self._line + 2)
 
-    def _above(self, tick: int) -> None:
+    def _draw_caption(self, tick: int) -> None:
         box = self._plate
         plate = self._painter.canvas[box.slices]
         np.right_shift(plate, 1, out=plate)  # half as bright: letters are legible on any tank
@@ -175,7 +172,7 @@ class MarkPainter:
             write(canvas, text, (box.left + left, base), white, size)
         self._painter.touch(box)
 
-    def _goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
+    def _draw_goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
         """Draw a goal on the floor: a ring with its name beside it, on a dark edge."""
         goal, line = self._goals[name], self._line
         radius = max(0.7 * self._size, goal.radius_px)
@@ -193,14 +190,12 @@ class MarkPainter:
         beside = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)]
         for tone, moves in ((_EDGE, beside), (colour, [(0, 0)])):
             for x, y in moves:
-                place = left + x, base + y
-                write(floor, name, place, tone, self._size, _BOLD)
+                write(floor, name, (left + x, base + y), tone, self._size, _BOLD)
         reach = max(2.0 * self._size, radius + line + 2)
         self._touch(np.array([at, [left, base], [left + length, base]], float), reach)
 
     def _width(self, text: str) -> int:
-        size = cv2.getTextSize((10_000, 100), text, (0, 0), _FONT, self._size, _BOLD)
-        return int(size[2])
+        return int(cv2.getTextSize((10_000, 100), text, (0, 0), _FONT, self._size, _BOLD)[2])
 
     def _touch(self, points: NDArray[np.float64], reach: float) -> None:
         """Tell the painter that the floor around these points (n, 2) is new."""
@@ -227,13 +222,11 @@ def _free_corner(
     places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
 ) -> Box:
     """Return the corner of the picture where a plate (width, height) hides the fish least often."""
-    (width, height), found = size, []
+    (width, height), reach = size, np.array(size) / 2 + 2 * size[1]
+    fewest, best = np.inf, Box(0, 0, 0, 0)
     for top in (gap, shape[0] - gap - height):
         for left in (gap, shape[1] - gap - width):
-            box = Box(top, left, top + height, left + width)
-            near = (
-                np.abs(places - [left + width / 2, top + height / 2])
-                < np.array(size) / 2 + 2 * height
-            )
-            found.append((int(near.all(axis=1).sum()), box))
-    return min(found, key=lambda one: one[0])[1].within(shape)
+            near = np.abs(places - [left + width / 2, top + height / 2]) < reach
+            if (hidden := near.all(axis=1).sum()) < fewest:
+                fewest, best = hidden, Box(top, left, top + height, left + width)
+    return best.within(shape)

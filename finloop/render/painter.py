@@ -33,8 +33,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
+from finloop.base.kernel import kernel, leaf_kernel
+from finloop.base.sampling import keys_weights
 from finloop.puppet import PlacedBackbone, PosedPicture, blend
-from finloop.render.lay import lay, lay_pixels
 
 Image = NDArray[np.uint8]
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
@@ -95,12 +96,49 @@ class Picture(NamedTuple):
     y_px: float
 
 
+class Layer(NamedTuple):
+    """A picture, see `Picture`, and where it is drawn.
+
+    Its pixel (u, v) is seen at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
+    """
+
+    pixels: Image
+    near: Image
+    m: tuple[float, float, float, float, float, float]
+
+
 class Turned(NamedTuple):
     """A picture to draw, turned anticlockwise and scaled about its mass centre."""
 
     picture: Picture
     rotation_deg: float = 0.0
     scale: float = 1.0
+
+    def box_at(self, x_px: float, y_px: float) -> Box:
+        """Return where it can leave a trace: its turned corners, and 2 px for the kernel."""
+        cos, sin = (part * self.scale for part in self._axes())
+        (height, width), reach = self.picture.pixels.shape[:2], _PAD - 2
+        us = [edge - self.picture.x_px for edge in (reach, width - 1 - reach)]
+        vs = [edge - self.picture.y_px for edge in (reach, height - 1 - reach)]
+        xs = [x_px + cos * u + sin * v for u in us for v in vs]
+        ys = [y_px - sin * u + cos * v for u in us for v in vs]
+        return Box(
+            math.ceil(min(ys)), math.ceil(min(xs)), math.floor(max(ys)) + 1, math.floor(max(xs)) + 1
+        )
+
+    def layer_at(self, x_px: float, y_px: float) -> Layer:
+        """Return the picture with its mass centre at (x_px, y_px) of the canvas."""
+        cos, sin = (part / self.scale for part in self._axes())
+        pixels, near, u, v = self.picture
+        return Layer(
+            pixels, near,
+            (cos, -sin, u - cos * x_px + sin * y_px, sin, cos, v - sin * x_px - cos * y_px),
+        )  # fmt: skip
+
+    def _axes(self) -> tuple[float, float]:
+        """Return cosine and sine of the turn; exactly 1 and 0 for whole turns."""
+        angle = math.radians(math.remainder(self.rotation_deg, 360.0))
+        return math.cos(angle), math.sin(angle)
 
 
 class Bent(NamedTuple):
@@ -121,6 +159,10 @@ class Bent(NamedTuple):
         """Return the picture in its new posture, its mass centre at (x_px, y_px) of the canvas."""
         target = PlacedBackbone(x_px, y_px, self.heading_rad, self.size_px, self.posture)
         return PosedPicture(self.picture.pixels, self.source, target, self.mirrored)
+
+    def box_at(self, x_px: float, y_px: float) -> Box:
+        """Return where it can leave a trace."""
+        return Box(*self.lay_at(x_px, y_px).box)
 
 
 def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
@@ -143,6 +185,13 @@ class Placed(NamedTuple):
     fish: Turned | Bent
     partner: Turned | Bent | None
     weight: float
+
+    @property
+    def box(self) -> Box:
+        """Return the box of the canvas, px, in which the fish and its partner can leave a trace."""
+        fades = self.partner is not None and self.weight
+        shown = (self.fish, self.partner if fades else None)
+        return Box.around(fish.box_at(self.x_px, self.y_px) for fish in shown if fish is not None)
 
 
 class Shadow(NamedTuple):
@@ -198,8 +247,9 @@ class Painter:
         return Box.around([box for box in boxes if not box.empty] or boxes)
 
     def _shade(self, upper: Placed, lower: Sequence[Placed]) -> None:
-        own, (share, blur_px) = extent(upper), self._shadow
-        lower = [one for one in lower if not extent(one).common(own).empty]
+        """Draw the shadow of a fish on those below it, see this module's text."""
+        own, (share, blur_px) = upper.box, self._shadow
+        lower = [one for one in lower if not one.box.common(own).empty]
         box = own.grow(math.ceil(3 * blur_px)).within(self.canvas.shape)
         if not lower or box.empty:
             return
@@ -216,10 +266,7 @@ class Painter:
         self.canvas[box.slices] = np.rint(self.canvas[box.slices] * light).astype(np.uint8)
 
     def _silhouette(self, one: Placed, box: Box) -> NDArray[np.float32]:
-        """Return the share of each pixel of a box (h, w) that a fish covers.
-
-        It is painted over black and over white.
-        """
+        """Return the share of each pixel of a box (h, w) that a fish covers."""
         shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
         black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
         moved = one._replace(x_px=one.x_px - box.left, y_px=one.y_px - box.top)
@@ -246,74 +293,138 @@ class Painter:
         if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
         if isinstance(fish, Bent) and isinstance(other, Bent):
-            box = self._draw_bent(
-                fish.lay_at(x_px, y_px), other.lay_at(x_px, y_px) if share else None, share
-            )
+            posed = [one.lay_at(x_px, y_px) for one in ((fish, other) if share else (fish,))]
+            box = Box.around(Box(*one.box) for one in posed).within(self.canvas.shape)
+            if not box.empty:
+                drawn = [one.in_box(box) for one in posed]
+                lay_pixels(self.canvas[box.slices], blend(*drawn, share) if share else drawn[0])
         elif isinstance(fish, Turned) and isinstance(other, Turned):
             parts = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
-            box = Box.around(_extent(x_px, y_px, one) for one in parts).within(self.canvas.shape)
+            box = Box.around(one.box_at(x_px, y_px) for one in parts).within(self.canvas.shape)
             if not box.empty:
-                lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
+                layers = fish.layer_at(x_px, y_px), other.layer_at(x_px, y_px)
+                lay(self.canvas, box, *layers, share)
         else:
             raise ValueError("a fish and its partner are either both drawn in a pose, or neither")
         self.touch(box)
         return box
 
-    def _draw_bent(self, fish: PosedPicture, other: PosedPicture | None, share: float) -> Box:
-        boxes = [Box(*one.box) for one in (fish, other) if one is not None]
-        box = Box.around(boxes).within(self.canvas.shape)
-        if not box.empty:
-            drawn = fish.in_box(box)
-            if other is not None:
-                drawn = blend(drawn, other.in_box(box), share)
-            lay_pixels(self.canvas[box.slices], drawn)
-        return box
+
+@leaf_kernel
+def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
+    """Return red, green, blue (grey: thrice), alpha at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
+    channels = pixels.shape[2]
+    column, row = math.floor(u), math.floor(v)
+    red = green = blue = alpha = np.float32(0)
+    if near[row, column]:
+        across, down = keys_weights(u - column), keys_weights(v - row)
+        for j in range(4):
+            r = g = b = a = np.float32(0)
+            line = pixels[row - 1 + j]
+            if channels == 4:
+                for i in range(4):
+                    weight = across[i]
+                    r += weight * line[column - 1 + i, 0]
+                    g += weight * line[column - 1 + i, 1]
+                    b += weight * line[column - 1 + i, 2]
+                    a += weight * line[column - 1 + i, 3]
+            else:
+                for i in range(4):
+                    r += across[i] * line[column - 1 + i, 0]
+                    a += across[i] * line[column - 1 + i, 1]
+            red += down[j] * r
+            green += down[j] * g
+            blue += down[j] * b
+            alpha += down[j] * a
+        if channels == 2:
+            green = blue = red
+        # Where alpha overshoots, the colour follows: a fish of the tank's colour stays invisible.
+        alpha, share = (
+            max(alpha, np.float32(0)),
+            min(np.float32(255) / max(alpha, np.float32(1)), np.float32(1)),
+        )
+        alpha *= share
+        red = min(max(red * share, np.float32(0)), alpha)
+        green = min(max(green * share, np.float32(0)), alpha)
+        blue = min(max(blue * share, np.float32(0)), alpha)
+    return red, green, blue, alpha
 
 
-def extent(one: Placed) -> Box:
-    """Return the box of the canvas, px, in which a fish and its partner can leave a trace."""
-    pictures = [one.fish] if one.partner is None or not one.weight else [one.fish, one.partner]
-    return Box.around(
-        Box(*fish.lay_at(one.x_px, one.y_px).box) if isinstance(fish, Bent)
-        else _extent(one.x_px, one.y_px, fish)
-        for fish in pictures
-    )  # fmt: skip
+@leaf_kernel
+def _span(m, y, shape, ends):  # type: ignore[no-untyped-def]
+    """Return the half-open range of x, within `ends`, where the kernel can read for row y."""
+    start, stop = ends
+    for slope, offset, most in (
+        (m[0], m[1] * y + m[2], shape[1] - 2), (m[3], m[4] * y + m[5], shape[0] - 2),
+    ):  # fmt: skip
+        if abs(slope) < 1e-9:
+            if not 1 <= offset < most:
+                return 0, 0
+            continue
+        low, high = (1 - offset) / slope, (most - offset) / slope
+        if slope < 0:
+            low, high = high, low
+        start, stop = max(start, math.ceil(low - 1e-6)), min(stop, math.floor(high + 1e-6) + 1)
+    return start, stop
 
 
-def _axes(fish: Turned) -> tuple[float, float]:
-    """Return cosine and sine of the turn; exactly 1 and 0 for whole turns."""
-    angle = math.radians(math.remainder(fish.rotation_deg, 360.0))
-    return math.cos(angle), math.sin(angle)
+@leaf_kernel
+def _locate_pixel(m, x, y, shape):  # type: ignore[no-untyped-def]
+    """Return where (x, y) lies in a picture, (u, v), and whether the kernel can read around it."""
+    u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
+    return u, v, 1 <= u < shape[1] - 2 and 1 <= v < shape[0] - 2
 
 
-class Layer(NamedTuple):
-    """A picture, see `Picture`, and where it is drawn.
+@kernel
+def lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
+    """Lay (1 − share) fish + share partner, both a `Layer`, over the canvas, in place.
 
-    Its pixel (u, v) is seen at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
+    canvas: (H, W, 1 or 3) uint8; box: top, left, bottom, right of what is drawn; share: 0 … 1.
     """
+    top, left, bottom, right = box
+    # Unpacked here: within the loop every access to a tuple would count its references.
+    pixels, near, m = fish
+    other, other_near, n = partner
+    shape, other_shape = near.shape, other_near.shape
+    keep, share = np.float32(1 - share), np.float32(share)
+    for y in range(top, bottom):
+        start, stop = _span(m, y, shape, (left, right)) if keep > 0 else (right, left)
+        if share > 0:
+            first, last = _span(n, y, other_shape, (left, right))
+            if first < last:
+                start, stop = min(start, first), max(stop, last)
+        for x in range(start, stop):
+            red = green = blue = alpha = np.float32(0)
+            u, v, seen = _locate_pixel(m, x, y, shape)
+            if keep > 0 and seen:
+                r, g, b, a = _sample(pixels, near, u, v)
+                red, green, blue, alpha = keep * r, keep * g, keep * b, keep * a
+            if share > 0:
+                u, v, seen = _locate_pixel(n, x, y, other_shape)
+                if seen:
+                    r, g, b, a = _sample(other, other_near, u, v)
+                    red += share * r
+                    green += share * g
+                    blue += share * b
+                    alpha += share * a
+            if alpha > 0:
+                through = 1 - alpha / np.float32(255)
+                pixel = canvas[y, x]
+                pixel[0] = np.uint8(red + through * pixel[0] + np.float32(0.5))
+                if canvas.shape[2] == 3:
+                    pixel[1] = np.uint8(green + through * pixel[1] + np.float32(0.5))
+                    pixel[2] = np.uint8(blue + through * pixel[2] + np.float32(0.5))
 
-    pixels: Image
-    near: Image
-    m: tuple[float, float, float, float, float, float]
 
-
-def _layer(x_px: float, y_px: float, fish: Turned) -> Layer:
-    cos, sin = (part / fish.scale for part in _axes(fish))
-    pixels, near, u, v = fish.picture
-    return Layer(
-        pixels, near,
-        (cos, -sin, u - cos * x_px + sin * y_px, sin, cos, v - sin * x_px - cos * y_px),
-    )  # fmt: skip
-
-
-def _extent(x_px: float, y_px: float, fish: Turned) -> Box:
-    """Return where a picture can leave a trace: its turned corners, and 2 px for the kernel."""
-    cos, sin = (part * fish.scale for part in _axes(fish))
-    (height, width), reach = fish.picture.pixels.shape[:2], _PAD - 2
-    us = [edge - fish.picture.x_px for edge in (reach, width - 1 - reach)]
-    vs = [edge - fish.picture.y_px for edge in (reach, height - 1 - reach)]
-    xs = [x_px + cos * u + sin * v for u in us for v in vs]
-    ys = [y_px - sin * u + cos * v for u in us for v in vs]
-    return Box(
-        math.ceil(min(ys)), math.ceil(min(xs)), math.floor(max(ys)) + 1, math.floor(max(xs)) + 1
-    )
+@kernel
+def lay_pixels(canvas, drawn):  # type: ignore[no-untyped-def]
+    """Lay a premultiplied picture (h, w, 2 or 4), 0 … 1, over a canvas (h, w, 1 or 3) uint8."""
+    height, width, channels = drawn.shape
+    for y in range(height):
+        for x in range(width):
+            alpha = drawn[y, x, channels - 1]
+            if alpha > 0:
+                through = np.float32(1) - alpha
+                for c in range(canvas.shape[2]):
+                    level = np.float32(255) * drawn[y, x, min(c, channels - 2)]
+                    canvas[y, x, c] = np.uint8(level + through * canvas[y, x, c] + np.float32(0.5))

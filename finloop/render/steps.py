@@ -35,23 +35,19 @@ class FrameChangeMeter:
         filled = [one for one in (before, box) if not one.empty]
         if not filled:
             return 0.0
-        both = Box.around(filled)
-        was = self._painter.floor[both.slices].copy()
-        if not before.empty:
-            was[before.top - both.top :, before.left - both.left :][
-                : patch.shape[0], : patch.shape[1]
-            ] = patch
-        change = canvas[both.slices].astype(np.float32) - was
+        both, was = Box.around(filled).slices, self._painter.floor.copy()
+        was[before.slices] = patch
+        change = canvas[both].astype(np.float32) - was[both]
         return math.sqrt(float(np.vdot(change, change)) / canvas.shape[2])
 
 
 def film_steps(
     painter: Painter, gallery: Gallery, tracks: pd.DataFrame, most: int = 400
 ) -> NDArray[np.float64]:
-    """Return how much the film itself changes from frame to frame (n,), grey levels: fish only.
+    """Return how much the fish alone change from frame to frame of the film (n,), grey levels.
 
-    tracks: track_id, frame and mass centre, a row per frame; most: how many pairs of consecutive
-    frames at most, spread over the film.
+    tracks: track_id, frame and mass centre, a row per frame; most: pairs of consecutive frames at
+    most, spread over the film.
     """
     track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
     first = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))

@@ -13,14 +13,13 @@ from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from finloop.report.page import render_template
-from finloop.report.tables import Table, number
+from finloop.report.tables import Table, format_number
 
 
 class ReportMetric(NamedTuple):
     """A metric by which experiments are compared: its key, its name on the page, its direction.
 
-    key: `<stage>.<number>`, a number of reports/<stage>/; words: the name on the page; more: True
-    where a greater value is better.
+    key: `<stage>.<number>`, a number of reports/<stage>/; more: whether a greater value is better.
     """
 
     key: str
@@ -42,11 +41,12 @@ _LAYOUT: dict[str, Any] = {
     "font": {"family": "system-ui, sans-serif", "size": 13, "color": _INK},
     "margin": {"l": 80, "r": 60, "t": 60, "b": 60},
 }
+_AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor": "#9aa8af"}
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result of `comparison`: two tables with one row per experiment, and the best experiments.
+    """Experiments compared: two tables with one row per experiment, and which of them are best.
 
     parameters: only those that differ; measures: their numbers; objectives: those OBJECTIVES that
     some experiment has; best (rows,): True on the Pareto front.
@@ -70,7 +70,7 @@ def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(complete & ~beats.any(axis=1))
 
 
-def comparison(
+def compare_experiments(
     parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
 ) -> Comparison:
     """Compare experiments: their differing parameters, their measures, and the Pareto front.
@@ -85,21 +85,18 @@ def comparison(
     columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
     values = numbers.reindex(columns=list(columns)).astype(float)
     sign = np.array([-1.0 if objective.more else 1.0 for objective in objectives])
-    best = pareto(values[keys].to_numpy() * sign)
-    if not objectives:
-        best = np.zeros(len(values), bool)
-    rows = parameters[differ].sort_values(
-        differ, kind="stable", key=lambda column: rank_values(column)[0]
-    )
+    best = pareto(values[keys].to_numpy() * sign) & bool(objectives)
+
+    def ranks(column: "pd.Series[Any]") -> "pd.Series[int]":
+        return _rank_values(column)[0]
+
+    rows = parameters[differ].sort_values(differ, kind="stable", key=ranks)
     order = parameters.index.get_indexer(rows.index)
     return Comparison(rows, values.iloc[order], objectives, best[order])
 
 
-def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
-    """Return the rank of each value of a column, and the text of each rank.
-
-    Ranks begin at 0: first numbers by size, then words by alphabet; equal values share a rank.
-    """
+def _rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
+    """Return the rank of each value from 0, numbers before words, and the text of each rank."""
     keys = [
         (1, 0.0, str(value)) if _is_word(value) else (0, float(value), f"{value:g}")
         for value in column
@@ -109,11 +106,11 @@ def rank_values(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
 
 
 def _is_word(value: object) -> bool:
-    """Whether a value has no place on an axis of numbers: text, a truth value or NaN."""
+    """Return whether a value has no place on an axis of numbers: text, a truth value or NaN."""
     return not isinstance(value, Real) or isinstance(value, bool) or value != value
 
 
-def metric_label(key: str) -> str:
+def _metric_label(key: str) -> str:
     """Return the page's name of a metric or parameter, for its key `<stage>.<name>`."""
     names = {objective.key: objective.words for objective in OBJECTIVES}
     return names.get(key, key.partition(".")[2].replace("_", " "))
@@ -128,32 +125,27 @@ def draw_parallel_axes(table: Comparison) -> go.Figure:
     whole = measures.notna().all(axis=1)
     axes = []
     for name, column in [*table.parameters[whole].items(), *measures[whole].items()]:
-        axis: dict[str, Any] = {"label": metric_label(str(name))}
+        axis: dict[str, Any] = {"label": _metric_label(str(name))}
         if any(map(_is_word, column)):  # a tick for each value
-            column, texts = rank_values(column)
+            column, texts = _rank_values(column)
             axis |= {"tickvals": list(range(len(texts))), "ticktext": texts}
         low, high = float(column.min()), float(column.max())
         if low == high:  # an axis of no length is not drawn
             axis["range"] = [low - 0.5, high + 0.5]
         axes.append(axis | {"values": column.astype(float).tolist()})
     best = table.best[whole.to_numpy()].astype(int).tolist()
-    line = {"color": best, "colorscale": [[0, _OTHER], [1, _BEST]],
-            "cmin": 0, "cmax": 1}  # fmt: skip
+    line = {"color": best, "colorscale": [[0, _OTHER], [1, _BEST]], "cmin": 0, "cmax": 1}
     figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
-    return figure.update_layout(
-        **_LAYOUT | {"height": 430, "margin": {"l": 80, "r": 80, "t": 110, "b": 40}}
-    )
+    margin = {"l": 80, "r": 80, "t": 110, "b": 40}
+    return figure.update_layout(**_LAYOUT | {"height": 430, "margin": margin})
 
 
 def draw_parameter_effects(table: Comparison) -> go.Figure | None:
-    """Draw each measure against the one parameter that differs, in a panel each.
-
-    Returns None if several parameters differ, or none.
-    """
+    """Draw each measure against the one parameter that differs; None if not one alone differs."""
     if len(table.parameters.columns) != 1:
         return None
     (parameter,) = table.parameters.columns
-    place, texts = rank_values(table.parameters[parameter])
+    place, texts = _rank_values(table.parameters[parameter])
     measures = table.measures.dropna(axis=1, how="all")
     rows = -(-len(measures.columns) // _PANELS)
     titles = [str(name).replace(".", ": ").replace("_", " ") for name in measures]
@@ -165,13 +157,13 @@ def draw_parameter_effects(table: Comparison) -> go.Figure | None:
             hovertemplate="%{y}<extra></extra>",
         )  # fmt: skip
     figure.update_xaxes(tickvals=list(range(len(texts))), ticktext=texts, **_AXIS)
-    figure.update_xaxes(title=metric_label(str(parameter)), row=rows)
+    figure.update_xaxes(title=_metric_label(str(parameter)), row=rows)
     figure.update_yaxes(**_AXIS)
     figure.update_annotations(font_size=12)
     return figure.update_layout(**_LAYOUT, height=80 + 230 * rows)
 
 
-def scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
+def _draw_scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
     """Draw objective `y` against objective `x`, a point per experiment; the best are marked."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
@@ -188,30 +180,21 @@ def scatter(table: Comparison, x: ReportMetric, y: ReportMetric) -> go.Figure:
             "<extra></extra>",
             marker={"size": 12, "color": colour, "symbol": symbol, "opacity": 0.85},
         )  # fmt: skip
-    figure.update_xaxes(title=f"{x.words} ({_side(x, 'left', 'right')} is better)", **_AXIS)
-    figure.update_yaxes(title=f"{y.words} ({_side(y, 'low', 'high')} is better)", **_AXIS)
+    side, height = "right" if x.more else "left", "high" if y.more else "low"
+    figure.update_xaxes(title=f"{x.words} ({side} is better)", **_AXIS)
+    figure.update_yaxes(title=f"{y.words} ({height} is better)", **_AXIS)
     legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
     return figure.update_layout(**_LAYOUT, height=430, legend=legend)
 
 
-_AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor": "#9aa8af"}
-
-
-def _side(objective: ReportMetric, less: str, more: str) -> str:
-    return more if objective.more else less
-
-
-def as_table(table: Comparison) -> Table:
-    """Return the comparison as a table of texts: a row per experiment, the best marked.
-
-    Numbers have about four digits.
-    """
-    columns = ["experiment", *table.parameters, *map(metric_label, table.measures), "best"]
+def _comparison_table(table: Comparison) -> Table:
+    """Return the comparison as a table of texts: a row per experiment, the best marked."""
+    columns = ["experiment", *table.parameters, *map(_metric_label, table.measures), "best"]
     rows = [
         [
             str(name),
             *map(str, table.parameters.loc[name]),
-            *(number(value, 4) for value in table.measures.loc[name]),
+            *(format_number(value, 4) for value in table.measures.loc[name]),
             "best" if best else "",
         ]
         for name, best in zip(table.parameters.index, table.best, strict=True)
@@ -219,26 +202,20 @@ def as_table(table: Comparison) -> Table:
     return Table("Experiments; the best are on the Pareto front", columns, rows)
 
 
-def html(table: Comparison, title: str, why: str) -> str:
+def comparison_page(table: Comparison, title: str, why: str) -> str:
     """Return the comparison page as one HTML text, with its charts and the program that draws them.
 
     title: heading of the page; why: the text below it.
     """
-    charts = [
-        ("Parameters and measures, one line per complete experiment", draw_parallel_axes(table))
-    ]
-    if each := draw_parameter_effects(table):
-        charts.insert(0, ("Effect of the parameter, one panel per measure", each))
-    charts += [
-        (f"{y.words.capitalize()} against {x.words}", scatter(table, x, y))
-        for x in table.objectives[:1]
-        for y in table.objectives[1:]
-    ]
-    values = {
-        "title": title,
-        "why": why,
-        "table": as_table(table),
-        "charts": [(name, figure.to_json()) for name, figure in charts],
-        "plotly": get_plotlyjs(),
+    charts = {
+        "Effect of the parameter, one panel per measure": draw_parameter_effects(table),
+        "Parameters and measures, one line per complete experiment": draw_parallel_axes(table),
     }
+    for x in table.objectives[:1]:
+        for y in table.objectives[1:]:
+            charts[f"{y.words.capitalize()} against {x.words}"] = _draw_scatter(table, x, y)
+    values = {
+        "title": title, "why": why, "table": _comparison_table(table), "plotly": get_plotlyjs(),
+        "charts": [(name, figure.to_json()) for name, figure in charts.items() if figure],
+    }  # fmt: skip
     return render_template("compare.html.j2", values)

@@ -23,7 +23,7 @@ class Figure(NamedTuple):
 
     @property
     def id(self) -> str:
-        """The anchor of the picture within the page."""
+        """Return the anchor of the picture within the page."""
         return self.path.removesuffix(".png").replace("/", "-").replace("_", "-")
 
 

@@ -23,6 +23,7 @@ class Headline(NamedTuple):
 
 
 def _modes(ending: str, meaning: str, good: str) -> list[Headline]:
+    """Return a headline number `<mode>_<ending>` for each mode."""
     return [
         Headline(f"{mode}_{ending}", f"{facts.title}: {meaning}", good)
         for mode, facts in MODES.items()

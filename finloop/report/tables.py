@@ -75,13 +75,13 @@ class Table(NamedTuple):
     rows: Sequence[Sequence[str]]
 
 
-def number(value: Any, digits: int = 3) -> str:
-    """Return a number as a short text of about `digits` digits, with commas between thousands.
+def format_number(value: Any, digits: int = 3) -> str:
+    """Return a number as a short text of a few digits, with commas between thousands.
 
     A whole number keeps all digits. NaN and None give ""; a text is returned as it is.
     """
-    if value is None or isinstance(value, str):
-        return value or ""
+    if isinstance(value, str):
+        return value
     if pd.isna(value):
         return ""
     if float(value).is_integer() and abs(value) < 1e15:
@@ -92,10 +92,10 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{value:,.{decimals}f}"
 
 
-def measures(table: pd.DataFrame) -> Table:
+def measures_table(table: pd.DataFrame) -> Table:
     """Return the table "Animation beside film": a row per measure, a column per mode and film.
 
-    table: `reports/animate/measures.csv`, columns measure, the modes and film.
+    table: `reports/animate/measures.csv`.
     """
     table = table.set_index("measure")
     for key in ("speed", "turn_rate"):  # the difference of the film's halves is the yardstick
@@ -103,43 +103,38 @@ def measures(table: pd.DataFrame) -> Table:
         if halves in table.index and distance in table.index:
             table.loc[distance, "film"] = table.loc[halves, "film"]
     modes = [name for name in MODES if name in table]
-    rows = [
-        [
-            f"{measure.words} ({measure.unit})" if measure.unit else measure.words,
-            *(number(table.at[measure.key, mode]) for mode in modes),
-            measure.good,
-        ]
-        for measure in MEASURES
-        if measure.key in table.index
-    ]
-    return Table(
-        "Animation beside film", ["measure", *(MODES[mode] for mode in modes), "target"], rows
-    )
+    rows = []
+    for key, words, unit, good in MEASURES:
+        if key in table.index:
+            values = [format_number(table.at[key, mode]) for mode in modes]
+            rows.append([f"{words} ({unit})" if unit else words, *values, good])
+    columns = ["measure", *(MODES[mode] for mode in modes), "target"]
+    return Table("Animation beside film", columns, rows)
 
 
 def data_frame_table(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Convert a data frame to a table of texts; numbers have about `digits` digits."""
-    rows = [[number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
+    """Convert a data frame to a table of texts; numbers have about so many digits."""
+    rows = [[format_number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 
 
 def headline_table(numbers: Mapping[str, float], word: str) -> Table:
     """Return a stage's headline numbers as a table: name, value, meaning, good direction.
 
-    numbers: name → value of that stage; word: the stage. Headlines without a value are left out.
+    numbers: those of the stage `word`, by name. Headlines without a value are left out.
     """
     rows = [
-        [item.name.replace("_", " "), number(numbers[item.name], 4), item.meaning, item.good]
+        [item.name.replace("_", " "), format_number(numbers[item.name], 4), item.meaning, item.good]
         for item in HEADLINES[word]
         if item.name in numbers
     ]
     return Table(word, ["number", "value", "meaning", "good"], rows)
 
 
-def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
+def mode_headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
     """Return the few numbers that the report shows first for a mode, as pairs (value, text).
 
-    numbers: those of the stages `animate` and `realism`, `<mode>_<name>` → value.
+    numbers: those of the stages `animate` and `realism`, by `<mode>_<name>`.
     """
     choice = (
         ("goals_reached_pct", " %", "of its goals reached"),
@@ -149,7 +144,7 @@ def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
         ("auc", "", "distinguishable from film (classifier AUC): 0.5 is not at all"),
     )
     return [
-        (number(numbers[f"{mode}_{key}"]) + unit, words)
+        (format_number(numbers[f"{mode}_{key}"]) + unit, words)
         for key, unit, words in choice
         if f"{mode}_{key}" in numbers
     ]

@@ -122,7 +122,9 @@ def retarget_track(
     if track.rows is not None and not p.allow_own_frames:
         rows = rows.without(track.rows)
     pictures = film.pictures
-    how = joins(others.joins, others.join, pictures.bodies, delta_of(reel.features), pictures.helps)
+    how = joins(
+        others.joins, others.join, pictures.bodies, delta_of(reel.features), pictures.bending_helps
+    )
     sources, way = _choose_rows(way, rows, how, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
     edit = edit_list(sources, way.pose, way.codes, drawn_scale, how, film.rate_hz)

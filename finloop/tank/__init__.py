@@ -7,6 +7,6 @@ camera (`camera`), the drawing (`scene`), and the same as a glTF file (`gltf`).
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "camera": ["Room", "Views", "views"], "fish": ["FishSurface"], "gltf": ["tank_glb"],
-    "scene": ["TankScene"], "swim": ["film_bodies", "poses"],
+    "camera": ["Room", "Views", "camera_views"], "fish": ["FishSurface"], "gltf": ["tank_glb"],
+    "scene": ["TankScene"], "swim": ["film_bodies", "tank_poses"],
 })  # fmt: skip

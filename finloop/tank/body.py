@@ -54,7 +54,7 @@ class Loft:
 
 @lru_cache
 def loft(points: int) -> Loft:
-    """Return the surface grid for backbones of `points` points, equally spaced, head first."""
+    """Return the surface grid for backbones of some points, equally spaced, head first."""
     half = np.radians(_HALF_DEG)
     return make_loft(_rings(), np.concatenate([half[::-1], -half[1:]]), points)
 
@@ -99,14 +99,18 @@ def surface(
     typical: (p,) half widths in body lengths, see `typical_width`.
     length_px: the animal's body length, for its height.
     """
-    count, p = half_width.shape
-    grid = loft(p)
-    high, fin = _heights(grid, float(typical.max()), length_px)
-    points = np.empty((count, RINGS, AROUND, 3))
-    points[..., :2] = top_view_points(
-        grid, backbone, limit_half_width(half_width, backbone, typical)
-    )
-    points[..., 2] = high * np.cos(grid.angle) + fin
+    grid = loft(half_width.shape[1])
+
+    def along_body(shape: dict[float, float]) -> Floats:
+        return scipy.interpolate.PchipInterpolator(list(shape), list(shape.values()))(grid.s)
+
+    most = length_px * np.clip(_HIGHER * float(typical.max()), _LEAST, _MOST)
+    top, bottom = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
+    fins = most * (top * along_body(_DORSAL) - bottom * along_body(_ANAL))
+    width = limit_half_width(half_width, backbone, typical)
+    points = np.empty((len(half_width), RINGS, AROUND, 3))
+    points[..., :2] = top_view_points(grid, backbone, width)
+    points[..., 2] = most * along_body(_HEIGHT) * np.cos(grid.angle) + fins
     return points, normals(points)
 
 
@@ -128,26 +132,11 @@ def top_view_points(grid: Loft, backbone: Floats, width: Floats) -> Floats:
     line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (grid.place, grid.along))
     ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
     left = ahead[..., ::-1] * (1, -1)  # the backbone runs to the tail: its right is the fish's left
-    across = _round_ends(width, grid.s) * grid.closes * np.sin(grid.angle)
+    points = np.linspace(0, 1, width.shape[1])  # squares are interpolated, so that ends are round
+    square = scipy.interpolate.PchipInterpolator(points, width**2, axis=1)(grid.s.ravel())
+    rounded = np.sqrt(np.maximum(square, 0)).reshape(-1, *grid.s.shape)
+    across = rounded * grid.closes * np.sin(grid.angle)
     return line + across[..., None] * left
-
-
-def _round_ends(width: Floats, s: Floats) -> Floats:
-    """Return half widths (n, RINGS, AROUND), interpolated as squares, so that ends are round."""
-    along = np.linspace(0, 1, width.shape[1])
-    squares = scipy.interpolate.PchipInterpolator(along, width**2, axis=1)(s.ravel())
-    return np.sqrt(np.maximum(squares, 0)).reshape(-1, *s.shape)
-
-
-def _heights(grid: Loft, widest: float, length_px: float) -> tuple[Floats, Floats]:
-    """Return half heights of rings and of the fins above and below, (RINGS, AROUND) px."""
-    most = length_px * np.clip(_HIGHER * widest, _LEAST, _MOST)
-
-    def curve(shape: dict[float, float]) -> Floats:
-        return scipy.interpolate.PchipInterpolator(list(shape), list(shape.values()))(grid.s)
-
-    top, bottom = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
-    return most * curve(_HEIGHT), most * (top * curve(_DORSAL) - bottom * curve(_ANAL))
 
 
 def normals(points: Floats) -> Floats:

@@ -51,11 +51,10 @@ class Room(NamedTuple):
         return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
 
 
-def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
+def camera_views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
     """Return the place and the aim of a camera, one of CAMERAS, at every tick of a fish.
 
-    head (ticks, 3): px, where the fish is; heading (ticks,): rad, without jumps of 2π; rate_hz:
-    ticks per second.
+    head (ticks, 3): px; heading (ticks,): rad, without jumps of 2π; rate_hz: ticks per second.
     """
     ticks = len(head)
     if camera == TOP:
@@ -77,15 +76,10 @@ def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float
 def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
     """Return a view from outside, as near as possible with the whole tank in the picture."""
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
-    ahead = -np.stack(
-        [
-            np.cos(azimuth) * np.cos(elevation),
-            np.sin(azimuth) * np.cos(elevation),
-            np.full(len(azimuth), np.sin(elevation)),
-        ],
-        -1,
-    )
-    right = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(len(azimuth))], -1)
+    east, north, zero = np.cos(azimuth), np.sin(azimuth), np.zeros(len(azimuth))
+    level, up = np.cos(elevation), zero + np.sin(elevation)
+    ahead = -np.stack([east * level, north * level, up], -1)
+    right = np.stack([-north, east, zero], -1)
     tall = np.tan(np.radians(VIEW_DEG / 2)) * _FILLS
     sides = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), -1).reshape(-1, 3)
     corners = sides * (room.width, room.height, room.depth)
@@ -120,9 +114,9 @@ def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
 
 
 def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """Return a cycle of scenes, each passing smoothly into the next."""
+    """Return a view that passes smoothly from one of the scenes to the next, again and again."""
     time = np.arange(len(head)) / rate_hz
-    scenes = {name: views(name, room, head, heading, rate_hz) for name, _ in _SCENES}
+    scenes = [camera_views(name, room, head, heading, rate_hz) for name, _ in _SCENES]
     ends = np.cumsum([length for _, length in _SCENES])
     moment = time % ends[-1]
     number = np.searchsorted(ends, moment, side="right")
@@ -130,12 +124,9 @@ def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
     share = np.clip(into / _BLEND_S, 0, 1)
     share = np.where(time < ends[0], 1.0, share * share * (3 - 2 * share))[:, None]
 
-    def mix_scenes(every: list[Floats]) -> Floats:
-        stack, ticks = np.stack(every), np.arange(len(head))
-        now, before = stack[number, ticks], stack[number - 1, ticks]
-        return before + share * (now - before)
+    def mix_scenes(each: list[Floats]) -> Floats:
+        stack, ticks = np.stack(each), np.arange(len(head))
+        here, before = stack[number, ticks], stack[number - 1, ticks]
+        return before + share * (here - before)
 
-    return Views(
-        mix_scenes([scenes[name].place for name, _ in _SCENES]),
-        mix_scenes([scenes[name].aim for name, _ in _SCENES]),
-    )
+    return Views(mix_scenes([s.place for s in scenes]), mix_scenes([s.aim for s in scenes]))

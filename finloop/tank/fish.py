@@ -33,22 +33,19 @@ class FishSurface:
     def __len__(self) -> int:
         return len(self.poses)
 
-    def shape(self, batch: int) -> tuple[Floats, Floats]:
-        """Return points (px about the mass centre) and normals, (k, rings, around, 3), of k ticks.
-
-        batch: number of the batch, from 0; each has 16 ticks, the last one the rest.
-        """
+    def _batch(self, batch: int) -> tuple[Floats, Floats]:
+        """Return points, px about the mass centre, and normals (k, rings, around, 3) of k ticks."""
         ticks, poses = slice(batch * _BATCH, (batch + 1) * _BATCH), self.poses
         return surface(poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px)
 
     @cached_property
-    def _recent_shape(self) -> Callable[[int], tuple[Floats, Floats]]:
-        return lru_cache(1)(self.shape)
+    def _recent_batch(self) -> Callable[[int], tuple[Floats, Floats]]:
+        return lru_cache(1)(self._batch)
 
     def shape_at(self, tick: int) -> tuple[Floats, Floats, Picture]:
         """Return one tick's points (px of the tank), normals, both (rings, around, 3), and skin."""
         batch, k = divmod(tick, _BATCH)
-        points, normals = self._recent_shape(batch)
+        points, normals = self._recent_batch(batch)
         return points[k] + self.place[tick], normals[k], self.skin(tick)
 
     def skin(self, tick: int) -> Picture:
@@ -59,11 +56,9 @@ class FishSurface:
 
     def points(self) -> NDArray[np.float32]:
         """Return the surface at every tick, (ticks, rings · around, 3) px about the mass centre."""
-        parts = [
-            self.shape(batch)[0].astype(np.float32) for batch in range(-(-len(self) // _BATCH))
-        ]
-        surfaces = np.concatenate(parts)
-        return surfaces.reshape(len(surfaces), -1, 3)
+        batches = range(-(-len(self) // _BATCH))
+        surfaces = [self._batch(batch)[0].astype(np.float32) for batch in batches]
+        return np.concatenate(surfaces).reshape(len(self), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
         """Return the median skin of at most `most` ticks, (around, lengthwise, 3) uint8."""

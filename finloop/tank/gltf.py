@@ -5,6 +5,7 @@ shapes: their mean and `MODES` principal components stand for all ticks. An anim
 weight of each, and the place and heading of the fish.
 """
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 from finloop.tank.body import AROUND, RINGS, normals, texture_places, triangles
 from finloop.tank.camera import Room
-from finloop.tank.glb import Glb
 from finloop.tank.light import SUN, WATER
 
 Floats = NDArray[np.floating]
@@ -25,6 +25,76 @@ _SIDE = AROUND // 4  # the column of a grid that is the fish's side
 _LIFT = 0.01  # of the shadow above the floor, in body lengths
 _LINES, _FACES = 1, 4
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
+_FLOAT, _SHORT = 5126, 5123
+_SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
+_LINEAR, _CLAMP = 9729, 33071
+
+
+class Glb:
+    """A growing glTF 2.0 document in one binary file (.glb), with the parts that the tank needs.
+
+    Each array becomes an accessor of its own, in a buffer view of its own, aligned to four bytes.
+    Every `add_…` returns the index of the new item.
+    """
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._document: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "finloop"},
+            "extensionsUsed": ["KHR_materials_unlit"],
+        }
+
+    def add(self, kind: str, item: dict[str, Any]) -> int:
+        """Add an item to the document's list `kind` ("nodes", "meshes" …); return its index."""
+        items = self._document.setdefault(kind, [])
+        items.append(item)
+        return len(items) - 1
+
+    def add_array(self, array: NDArray, *, indices: bool = False, vertices: bool = False) -> int:
+        """Add an accessor of an array (n,) or (n, 2 … 4); return its index.
+
+        Point numbers (`indices`) are written as uint16, all else, such as `vertices`, as float32.
+        """
+        array = np.ascontiguousarray(array, np.uint16 if indices else np.float32)
+        if not np.isfinite(array).all():
+            raise ValueError("NaN and infinity cannot be written")
+        width = 1 if array.ndim == 1 else array.shape[1]
+        target = {"target": _ELEMENT_BUFFER if indices else _ARRAY_BUFFER}
+        accessor = {
+            "bufferView": self._view(array.tobytes(), target if indices or vertices else {}),
+            "componentType": _SHORT if indices else _FLOAT,
+            "count": len(array),
+            "type": _SHAPES[width],
+        }
+        if not indices:  # positions and times must have their bounds
+            flat = array.reshape(len(array), width)
+            accessor |= {"min": flat.min(0).tolist(), "max": flat.max(0).tolist()}
+        return self.add("accessors", accessor)
+
+    def add_texture(self, coded: bytes, mime: str) -> int:
+        """Add a smooth texture from the bytes of a PNG or JPEG file; return its index."""
+        sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
+        image = self.add("images", {"bufferView": self._view(coded, {}), "mimeType": mime})
+        return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
+
+    def _view(self, data: bytes, more: dict[str, int]) -> int:
+        """Add bytes as a buffer view, aligned to four bytes; return its index."""
+        self._data += b"\0" * (-len(self._data) % 4)
+        view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)} | more
+        self._data += data
+        return self.add("bufferViews", view)
+
+    def encode(self, root: int) -> bytes:
+        """Return the bytes of the .glb file, whose scene is the node `root`."""
+        self._document["scene"] = self.add("scenes", {"nodes": [root]})
+        data = bytes(self._data) + b"\0" * (-len(self._data) % 4)
+        document = self._document | {"buffers": [{"byteLength": len(data)}]}
+        text = json.dumps(document, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = [(b"JSON", text), (b"BIN\0", data)]
+        body = b"".join(len(d).to_bytes(4, "little") + name + d for name, d in chunks)
+        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
 
 
 class Shapes(NamedTuple):
@@ -40,11 +110,10 @@ class Shapes(NamedTuple):
     error_px: float
 
 
-def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
+def principal_shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
     """Return the mean and the principal components of a fish's shapes, each turned to head right.
 
-    points (ticks, v, 3): px, relative to the mass centre, y up; heading (ticks,): rad; modes: the
-    largest number of components.
+    points (ticks, v, 3): px about the mass centre, y up; heading (ticks,): rad; modes: at most.
     """
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
     ahead = points.copy()
@@ -86,14 +155,14 @@ def tank_glb(
 ) -> bytes:
     """Return the bytes of a .glb: a fish is one unit long, y is up, the origin the tank's middle.
 
-    background: (H, W) or (H, W, 3) uint8, the floor; skin: (a, l, 3) uint8, worn by every fish;
-    rate_hz: ticks per second.
+    background: the floor; skin: (a, l, 3) uint8, of every fish; rate_hz: ticks per second.
     """
-    glb = Glb("finloop")
-    glb.use("KHR_materials_unlit")
+    glb = Glb()
     material, dark = _skin(glb, skin), _plain(glb, "shadow", (0.02, 0.06, 0.08, 0.38))
-    shadows = [_shadow(glb, motion.shape, dark, number) for number, motion in enumerate(swimmers)]
-    fish = [_fish(glb, motion.shape, material, number) for number, motion in enumerate(swimmers)]
+    numbers = ["", *(f" {number}" for number in range(1, len(swimmers)))]
+    named = list(zip(swimmers, numbers, strict=True))
+    shadows = [_shadow(glb, motion.shape, dark, f"shadow{number}") for motion, number in named]
+    fish = [_fish(glb, motion.shape, material, f"fish{number}") for motion, number in named]
     time = glb.add_array(np.arange(len(swimmers[0].heading)) / rate_hz)
     channels: list[dict] = []
     samplers: list[dict] = []
@@ -109,8 +178,7 @@ def tank_glb(
         "name": "tank", "children": inside, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
         "scale": [1 / room.length] * 3, "translation": gltf_place(-room.middle / room.length),
     })  # fmt: skip
-    glb.show([root])
-    return glb.encode()
+    return glb.encode(root)
 
 
 def gltf_place(place: Floats) -> list[float]:
@@ -129,7 +197,7 @@ def _skin(glb: Glb, skin: NDArray[np.uint8]) -> int:
     })  # fmt: skip
 
 
-def _fish(glb: Glb, shape: Shapes, material: int, number: int) -> int:
+def _fish(glb: Glb, shape: Shapes, material: int, name: str) -> int:
     grid = (1, RINGS, AROUND, 3)
     straight = normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
@@ -148,14 +216,11 @@ def _fish(glb: Glb, shape: Shapes, material: int, number: int) -> int:
         "indices": glb.add_array(triangles().ravel(), indices=True),
         "material": material,
     }
-    return _morph_node(glb, _name_of("fish", number), primitive, targets)
-
-
-def _name_of(what: str, number: int) -> str:
-    return f"{what} {number}" if number else what
+    return _morph_node(glb, name, primitive, targets)
 
 
 def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
+    """Add a node with a mesh that can be mixed from shapes (targets); return its index."""
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
         primitive["targets"] = targets
@@ -163,7 +228,7 @@ def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> in
     return glb.add("nodes", {"name": name, "mesh": glb.add("meshes", mesh)})
 
 
-def _shadow(glb: Glb, shape: Shapes, material: int, number: int) -> int:
+def _shadow(glb: Glb, shape: Shapes, material: int, name: str) -> int:
     """Add what the body covers of the floor, one layer: a strip between its two sides."""
 
     def strip(points: Floats) -> Floats:
@@ -178,7 +243,7 @@ def _shadow(glb: Glb, shape: Shapes, material: int, number: int) -> int:
         "material": material,
     }
     targets = [{"POSITION": glb.add_array(strip(mode), vertices=True)} for mode in shape.modes]
-    return _morph_node(glb, _name_of("shadow", number), primitive, targets)
+    return _morph_node(glb, name, primitive, targets)
 
 
 def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None = None) -> int:
@@ -196,7 +261,7 @@ def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None =
 def _tracks(
     glb: Glb, motion: AnimatedFish, nodes: Mapping[int, Floats]
 ) -> Iterator[tuple[int, str, int]]:
-    """Yield node, property and its values for nodes that follow these places."""
+    """Yield node, property and its values over time, for nodes that move along these places."""
     zero, half = np.zeros_like(motion.heading), motion.heading / 2
     tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}
     if motion.shape.weights.shape[1]:

@@ -144,9 +144,8 @@ class WaterSurface:
         half = view + SUN.astype(np.float32)
         half /= np.linalg.norm(half, axis=-1, keepdims=True)
         glint = np.clip((half * normal).sum(-1), 0, 1) ** 160
-        sky = np.array([176, 212, 228], np.float32) + 22 * (12 * (along_x - along_y))[
-            ..., None
-        ].clip(-1, 1)
+        tilt = (12 * (along_x - along_y))[..., None].clip(-1, 1)
+        sky = np.array([176, 212, 228], np.float32) + 22 * tilt
         colour = sky + glint[..., None] * (255 - sky)
         alpha = np.clip(0.05 + 0.75 * mirror + 0.75 * glint, 0, 0.95)
         rgba = np.concatenate([colour.clip(0, 255), 255 * alpha[..., None]], -1)

@@ -5,6 +5,9 @@ is computed at the corners of its mesh, light and shadow on a picture of the flo
 fish are lit pixel by pixel.
 """
 
+import ctypes
+import os
+import sys
 from collections.abc import Sequence
 from itertools import chain
 from typing import Any, cast
@@ -16,6 +19,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
+from finloop.base.errors import FinloopError
 from finloop.tank.body import AROUND as AROUND_BODY
 from finloop.tank.body import RINGS, texture_places, triangles
 from finloop.tank.camera import VIEW_DEG, Room, Views
@@ -32,13 +36,40 @@ _GLASS, _EDGE = "#d5f0f5", "#e6fbff"
 _GLASS_ALPHA, _EDGE_ALPHA = 0.07, 0.75
 _COLOURS = "colours"
 _RIM = 1.08  # the glass stands out of the water
+_LIBRARIES = {  # by name: the window of VTK that needs it
+    "libEGL.so.1": "vtkEGLRenderWindow",
+    "libOSMesa.so.8": "vtkOSOpenGLRenderWindow",
+    "libOSMesa.so": "vtkOSOpenGLRenderWindow",
+}
+
+
+def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
+    """Make VTK draw off-screen, with the first of these libraries that is installed.
+
+    Call it before the first window. On systems other than Linux VTK brings what it needs.
+    FinloopError if none is installed.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    for library, window in libraries.items():
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            continue
+        os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = window  # else it asks for a screen first
+        return
+    raise FinloopError(
+        f"none of {', '.join(libraries)} is installed, so that nothing can be drawn in 3-D",
+        "a library that draws without a screen",
+        "install one (Debian, Ubuntu: apt-get install libegl1), then: dvc repro tank",
+    )
 
 
 class TankScene:
     """An off-screen window that draws picture after picture; `close` it, or use a `with` block.
 
     background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px;
-    fish: how many. Call `tank.display.choose_window` before.
+    fish: how many. Call `choose_window` before.
     """
 
     def __init__(
@@ -105,11 +136,9 @@ class TankScene:
         camera.clipping_range = 0.2 * self._room.length, 25 * self._room.width
 
     def _add_light(self) -> None:
-        sun = pv.Light(position=tuple(SUN), light_type="scene light", intensity=0.95)
-        sun.positional = False
-        fill = pv.Light(position=(0.3, -0.6, -0.5), light_type="scene light", intensity=0.38)
-        fill.positional = False
-        for light in (sun, fill):
+        for place, intensity in ((tuple(SUN), 0.95), ((0.3, -0.6, -0.5), 0.38)):
+            light = pv.Light(position=place, light_type="scene light", intensity=intensity)
+            light.positional = False
             self._plotter.add_light(light)
 
     def _add_sky(self) -> None:

@@ -27,10 +27,8 @@ _PUPIL, _IRIS = 22.0, 206.0
 class Skins:
     """The skins of a fish: `skin(row)` returns one, (AROUND, LENGTHWISE, 3) float32, 0 … 255.
 
-    The most recent `keep` are held in memory.
-    film, typical: bodies, and the half widths of `tank.body.typical_width`.
-    centres_px: (n, 2) the mass centres, px of the film, y down.
-    cutout: returns the cut-out of a row.
+    typical: half widths from `tank.body.typical_width`; centres_px (n, 2): mass centres, px of the
+    film, y down; cutout: returns that of a row; keep: skins in memory.
     """
 
     def __init__(
@@ -51,6 +49,7 @@ class Skins:
         self.skin = lru_cache(keep)(self._skin)
 
     def _skin(self, row: int) -> NDArray[np.float32]:
+        """Return the pixels of a row's cut-out wrapped around the body, with belly and eyes."""
         cutout, line = self._cutout(row), self._film.backbone[row : row + 1]
         width = limit_half_width(self._film.half_width[row : row + 1], line, self._typical)
         place = top_view_points(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
@@ -96,9 +95,8 @@ def _eyes(along: NDArray[np.float64], around: NDArray[np.float64]) -> list[tuple
     """
     place, turn, radius = _EYE
     round_px = 0.3  # a way of π around the head, in body lengths
-    far = np.hypot(
-        along - place, ((np.abs(around) / np.pi - turn) * round_px)[:, None]
-    ) / radius  # fmt: skip
+    across = ((np.abs(around) / np.pi - turn) * round_px)[:, None]
+    far = np.hypot(along - place, across) / radius
 
     def disc(edge: float) -> NDArray[np.float32]:
         return np.clip((edge - far) / 0.4 + 0.5, 0, 1).astype(np.float32)

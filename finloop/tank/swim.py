@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.edit.bodies import Bodies
-from finloop.edit.schema import FRAME, SPRITE
+from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.head import tail_first
 from finloop.features.table import direction_deg, orientations_of
 
@@ -91,21 +91,18 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> FilmBodies:
     return FilmBodies(local * (1, -1), half_width, features["heading_deg"].to_numpy(float))
 
 
-def poses(
+def tank_poses(
     edit: pd.DataFrame, film: FilmBodies, sprites: pd.DataFrame, bodies: Bodies | None = None
 ) -> TankPoses:
     """Return backbone, half widths, heading and skins of a fish at every tick of its edit list.
 
-    edit: schema EDIT, of one fish; sprites: schema SPRITES, may be empty if the list has none;
-    bodies: None if it has no poses.
+    edit: schema EDIT, of one fish; sprites: schema SPRITES, or empty; bodies: None without poses.
     """
-    first = _cast(edit, "", "source", film, sprites)
+    first = _find_bodies(edit, "", "source", film, sprites)
+    other = _find_bodies(edit, "partner_", "partner", film, sprites)
     weight = edit["weight"].to_numpy(float)
-    fades = weight > 0
-    second = BodyPlacement(*(np.where(fades, b, a) for a, b in zip(
-        first, _cast(edit, "partner_", "partner", film, sprites), strict=True,
-    )))  # fmt: skip
-    (line, width), (partner, partner_width) = (_bodies(film, cast) for cast in (first, second))
+    second = BodyPlacement(*(np.where(weight > 0, b, a) for a, b in zip(first, other, strict=True)))
+    (line, width), (partner, partner_width) = (_place_bodies(film, b) for b in (first, second))
     share = weight[:, None]
     line = line + share[..., None] * (partner - line)
     if bodies is not None:
@@ -116,10 +113,8 @@ def poses(
         line,
         width + share * (partner_width - width),
         np.unwrap(np.radians(edit["heading_deg"].to_numpy(float))),
-        first,
-        second,
-        weight,
-    )
+        first, second, weight,
+    )  # fmt: skip
 
 
 def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
@@ -128,9 +123,7 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     The film's backbone is changed by the difference between the backbones of that pose and of the
     row's own posture, at the same arc length.
     """
-    body = bodies.edit_row_body(
-        row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored
-    )
+    body = bodies.edit_row_body(row_picture(row))
     number, side = int(body.row), -1 if body.mirrored else 1
     own = bodies.poses.pose[number].move_to(0, 0, 0, bodies.poses.pose.size_px[number])
     new = bodies.poses.pose_from_codes(number, row.pose).move_to(0, 0, 0, own.size_px)
@@ -139,19 +132,19 @@ def _posed_backbone(row: Any, film: FilmBodies, bodies: Bodies) -> Floats:
     angle = np.radians(film.heading_deg[number])
     back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     line = film.backbone[number] @ back.T * (1, side)  # headed right
-    arcs = [
+    from_arc, to_arc = (
         np.append(0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))) for points in (before, line)
-    ]
-    offsets = [np.interp(arcs[1], arcs[0], change) for change in (after - before).T]
+    )
+    offsets = [np.interp(to_arc, from_arc, change) for change in (after - before).T]
     turn = np.radians(float(body.heading_deg))
     ahead = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     return row.scale * (line + np.stack(offsets, -1)) @ ahead.T
 
 
-def _cast(
+def _find_bodies(
     edit: pd.DataFrame, prefix: str, number: str, film: FilmBodies, sprites: pd.DataFrame
 ) -> BodyPlacement:
-    """Return every tick's picture as a body of the film; where there is none, any."""
+    """Return the filmed body behind the picture of every tick; any where there is no picture."""
     source = edit[number].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
     scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
@@ -168,19 +161,20 @@ def _cast(
     return BodyPlacement(row.astype(np.intp), turn, scale, mirrored, axis)
 
 
-def _bodies(film: FilmBodies, cast: BodyPlacement) -> tuple[Floats, Floats]:
+def _place_bodies(film: FilmBodies, drawn: BodyPlacement) -> tuple[Floats, Floats]:
     """Return backbones (ticks, p, 2) and half widths (ticks, p), mirrored, turned and scaled."""
-    line = film.backbone[cast.row]
-    twice = 2 * np.radians(cast.axis_deg)
+    line = film.backbone[drawn.row]
+    twice = 2 * np.radians(drawn.axis_deg)
     mirror = _matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
-    line = np.where(cast.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
-    angle = np.radians(cast.turn_deg)
+    line = np.where(drawn.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
+    angle = np.radians(drawn.turn_deg)
     turn = _matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
-    scale = cast.scale[:, None]
-    return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[cast.row]
+    scale = drawn.scale[:, None]
+    return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[drawn.row]
 
 
 def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Return the matrices ((a, b), (c, d)) of n numbers each, as (n, 2, 2)."""
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 

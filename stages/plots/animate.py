@@ -12,8 +12,8 @@ from finloop.io.numbers import load_numbers
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plan.path_measures import PATH_ROWS
-from finloop.plots.animate import kinematics
-from finloop.plots.path import path
+from finloop.plots.animate import draw_kinematics
+from finloop.plots.path import draw_path
 from finloop.project import Project
 
 DATA, REPORT = Path("data/animate"), Path("reports/animate")
@@ -24,14 +24,14 @@ def main() -> None:
     """Draw reports/animate/kinematics.png, and path/path.png, path/path-2.png … for paths."""
     table = load_table(DATA / "beside/kinematics.parquet", KINEMATICS)
     numbers = load_numbers(REPORT)
-    save_figure(REPORT / "kinematics.png", kinematics(table, numbers))
+    save_figure(REPORT / "kinematics.png", draw_kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
         if (PATH).exists():
             paths, left = load_table(PATH, PATH_ROWS), pd.read_csv(REPORT / "left.csv")
             background = Project().background
             for fish, way in paths.groupby("fish"):
                 name = "path.png" if fish == paths["fish"].min() else f"path-{fish + 1}.png"
-                save_figure(folder / name, path(way, left[left["fish"] == fish], background))
+                save_figure(folder / name, draw_path(way, left[left["fish"] == fish], background))
 
 
 if __name__ == "__main__":

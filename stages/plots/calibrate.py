@@ -6,7 +6,7 @@ from pathlib import Path
 
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
-from finloop.plots.calibrate import distributions
+from finloop.plots.calibrate import draw_school_measures
 from finloop.social.measures import SHOAL, halves
 
 FOLDER = Path("data/calibrate")
@@ -20,7 +20,7 @@ def main() -> None:
     for name, words in NAMES.items():
         if (path := FOLDER / f"{name}.parquet").exists():
             shoals[words] = load_table(path, SHOAL)
-    save_figure(Path("reports/calibrate/distributions.png"), distributions(shoals))
+    save_figure(Path("reports/calibrate/distributions.png"), draw_school_measures(shoals))
 
 
 if __name__ == "__main__":

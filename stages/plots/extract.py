@@ -26,10 +26,9 @@ from finloop.io.video import (
     load_mask,
     read_spread,
 )
-from finloop.plots.branches import choose_fish, figure3_4
+from finloop.plots.branches import ThinnedFish, choose_fish, figure3_4, thin_fish
 from finloop.plots.extract import detections_picture
 from finloop.plots.parts import one_below_another
-from finloop.plots.thinned_fish import ThinnedFish, thin_fish
 from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")

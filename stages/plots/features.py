@@ -22,9 +22,9 @@ def main() -> None:
     """
     with Project() as project:
         table, background = project.features, project.background
-        tracks, rows = project.tracks(COLUMNS), draw.most_doubtful(table, FISH)
+        tracks, rows = project.tracks(COLUMNS), draw.choose_doubtful(table, FISH)
         fish = draw.specimens(table, tracks, rows, project.cutouts, background)
-        save_picture(REPORT / "contact_sheet.png", draw.contact_sheet(fish))
+        save_picture(REPORT / "contact_sheet.png", draw.draw_specimens(fish))
         fig5 = message(
             "Fig. 5: this film has no clear turn, one that begins with straight swimming."
         )
@@ -34,8 +34,8 @@ def main() -> None:
         for name, figure in (
             ("fig5", fig5),
             ("fig7", draw.figure7(table)),
-            ("trajectories", draw.trajectories(table, background)),
-            ("rose", draw.rose(table)),
+            ("trajectories", draw.draw_trajectories(table, background)),
+            ("rose", draw.draw_rose(table)),
         ):
             save_figure(REPORT / f"{name}.png", figure)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from finloop.gateways.find import GATEWAYS, IN, OUT
 from finloop.io.picture import save_picture
 from finloop.io.table import load_table
-from finloop.plots.gateways import contact_sheet, pairs, spread
+from finloop.plots.gateways import draw_gateways, gateway_pictures, spread_by_distance
 from finloop.project import Project
 
 PAIRS = 12  # of each direction
@@ -20,9 +20,9 @@ def main() -> None:
         nearest = load_table(project.data / "gateways/nearest.parquet", GATEWAYS)
         for direction in (IN, OUT):
             table = ways if direction in set(ways["direction"]) else nearest
-            some = spread(table[table["direction"] == direction], PAIRS)
-            sheet[direction] = list(pairs(some, reel, project.map_facts))
-    save_picture(Path("reports/gateways/contact_sheet.png"), contact_sheet(sheet))
+            some = spread_by_distance(table[table["direction"] == direction], PAIRS)
+            sheet[direction] = list(gateway_pictures(some, reel, project.map_facts))
+    save_picture(Path("reports/gateways/contact_sheet.png"), draw_gateways(sheet))
 
 
 if __name__ == "__main__":

@@ -5,14 +5,14 @@ from stages.run import run  # isort: skip  (before numpy)
 from pathlib import Path
 
 from finloop.io.picture import save_figure
-from finloop.plots.identity import timeline
+from finloop.plots.identity import draw_timeline
 from finloop.project import Project
 
 
 def main() -> None:
     """Draw reports/identity/timeline.png."""
     project = Project()
-    figure = timeline(project.identities, project.features, project.rate_hz)
+    figure = draw_timeline(project.identities, project.features, project.rate_hz)
     save_figure(Path("reports/identity/timeline.png"), figure)
 
 

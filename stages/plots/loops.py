@@ -15,7 +15,7 @@ from finloop.loops.search import as_map, find_candidates, least_frames
 from finloop.loops.settings import LoopsSettings
 from finloop.plots import loops as draw
 from finloop.plots.improper_loop import figure13, most_improper
-from finloop.plots.loop_groups import over_time
+from finloop.plots.loop_groups import figure12
 from finloop.plots.loop_routes import figure10, find_three_ways
 from finloop.plots.parts import message
 from finloop.project import Project
@@ -49,8 +49,8 @@ def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure
     facts, rate_hz = project.map_facts, project.rate_hz
     track = features["track_id"].to_numpy()
     graph = loop_graph(loops, track)
-    yield "over_time", over_time(loops, graph, features, rate_hz)
-    yield "over_tank", draw.over_tank(loops, graph, features, project.background)
+    yield "over_time", figure12(loops, graph, features, rate_hz)
+    yield "over_tank", draw.draw_over_tank(loops, graph, features, project.background)
     three = find_three_ways(loops, track)
     if three is None:
         why = "Fig. 10: no track has four loops between whose ends there are three ways as in the "
@@ -58,13 +58,13 @@ def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure
     else:
         yield "fig10", figure10(three, reel, facts.pose, facts.step_median)
     ends = table_ends(graph.ends, track)
-    yield "fig11", draw.table_picture(position_table(ends, features), ends, features)
+    yield "fig11", draw.figure11(position_table(ends, features), ends, features)
     gap = least_frames(delta_of(features), p)
     best, worst = (
-        list(draw.examples(some.iloc[draw.separate_loops(some, gap, BEST)], reel, facts))
+        list(draw.loop_examples(some.iloc[draw.separate_loops(some, gap, BEST)], reel, facts))
         for some in (loops, loops[::-1])
     )
-    yield "best_and_worst", draw.best_and_worst(best, worst)
+    yield "best_and_worst", draw.figure8(best, worst)
 
 
 def draw_improper(project: Project, p: LoopsSettings) -> Figure:

@@ -5,14 +5,14 @@ from stages.run import run  # isort: skip  (before numpy)
 from pathlib import Path
 
 from finloop.io.picture import save_picture
-from finloop.plots.pose import sheet
+from finloop.plots.pose import draw_shapes
 from finloop.project import Project
 
 
 def main() -> None:
     """Draw reports/pose/shapes.png."""
     with Project() as project:
-        picture = sheet(project.poses, project.cutouts)
+        picture = draw_shapes(project.poses, project.cutouts)
     save_picture(Path("reports/pose/shapes.png"), picture)
 
 

@@ -8,9 +8,9 @@ import pandas as pd
 
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
-from finloop.plots.realism import areas, sheet
+from finloop.plots.realism import draw_areas, draw_false_windows
 from finloop.project import Project
-from finloop.realism.examples import CURVES, EXAMPLES, SIDES, strip
+from finloop.realism.examples import CURVES, EXAMPLES, SIDES, draw_strip
 from finloop.render.painter import Painter
 
 OUT, REPORT = Path("data/realism"), Path("reports/realism")
@@ -20,7 +20,7 @@ STRIP = 10, 130  # pictures, px
 def main() -> None:
     """Draw auc.png and contact_sheet.png in reports/realism/."""
     auc, roc = (pd.read_csv(REPORT / name) for name in ("auc.csv", "roc.csv"))
-    save_figure(REPORT / "auc.png", areas(auc, roc))
+    save_figure(REPORT / "auc.png", draw_areas(auc, roc))
 
     table = load_table(OUT / "examples.parquet", EXAMPLES)
     titles, strips = [], []
@@ -30,13 +30,15 @@ def main() -> None:
         for number, example in table.groupby("example"):
             strips.append(
                 {
-                    side: strip(example[example["side"] == side], gallery, painter, length, STRIP)
+                    side: draw_strip(
+                        example[example["side"] == side], gallery, painter, length, STRIP
+                    )
                     for side in SIDES
                 }
             )
             titles.append(f"{number + 1}: {example['compared'].iloc[0]}")
     curves = load_table(OUT / "curves.parquet", CURVES)
-    save_figure(REPORT / "contact_sheet.png", sheet(curves, titles, strips))
+    save_figure(REPORT / "contact_sheet.png", draw_false_windows(curves, titles, strips))
 
 
 if __name__ == "__main__":

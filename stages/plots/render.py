@@ -7,7 +7,7 @@ from pathlib import Path
 from finloop.edit.modes import MODES
 from finloop.io.picture import save_figure, save_picture
 from finloop.plots.parts import message
-from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
+from finloop.plots.render import cut_tiles, draw_tiles, draw_trajectory, sheet_ticks
 from finloop.project import Project
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
@@ -28,13 +28,13 @@ def main() -> None:
         for name, ticks in sheet_ticks(edit, drawn.tracks).items():
             some = edit.iloc[ticks].assign(tick=range(len(ticks)))
             rows = place_rows(some, gallery) if ticks else ()
-            sheet = contact_sheet(tiles(edit, ticks, rows, Painter(background), half_px))
+            sheet = draw_tiles(cut_tiles(edit, ticks, rows, Painter(background), half_px))
             save_picture(REPORT / f"{name}.png", sheet)
         for mode, facts in MODES.items():
             figure = message(f"{facts.title}: the film shows too little for this mode.")
             if (project.data / f"animate/{mode}/goals.json").exists():
                 edit = project.edit(mode, "render")
-                figure = trajectory(edit, project.goals(mode), background)
+                figure = draw_trajectory(edit, project.goals(mode), background)
                 figure.suptitle(f"{facts.title} ({facts.source})")
             save_figure(REPORT / f"{mode}.png", figure)
 

@@ -8,7 +8,7 @@ from finloop.edit.modes import RETARGET
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_picture
 from finloop.io.table import load_table
-from finloop.plots.retarget import moments, sheet
+from finloop.plots.retarget import choose_ticks, draw_backbones
 from finloop.project import Project
 from finloop.render.gallery import place_rows
 from finloop.render.painter import Painter
@@ -24,13 +24,13 @@ def main() -> None:
     with whole_folder(REPORT / "pictures") as folder:
         if asked.empty:
             return
-        ticks = moments(asked)
+        ticks = choose_ticks(asked)
         with Project() as project:
             drawn = project.edit_with_sources(RETARGET, "plots-modes")
             some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
             rows, painter = place_rows(some, project.gallery(drawn)), Painter(project.background)
             size = round(_SPAN * drawn.scene.typical_length_px)
-            picture = sheet(asked, ticks, rows, painter, size)
+            picture = draw_backbones(asked, ticks, rows, painter, size)
         save_picture(folder / "backbones.png", picture)
 
 

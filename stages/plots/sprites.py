@@ -7,7 +7,7 @@ from pathlib import Path
 from finloop.distance.reel import sprite_row
 from finloop.features.table import orientations_of
 from finloop.io.picture import save_picture
-from finloop.plots.sprites import contact_sheet
+from finloop.plots.sprites import draw_sprites
 from finloop.project import Project
 
 
@@ -16,7 +16,7 @@ def main() -> None:
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
         count = orientations_of(sprites)
-        sheet = contact_sheet(sprites, lambda s, o: store[sprite_row(s, o, count)])
+        sheet = draw_sprites(sprites, lambda s, o: store[sprite_row(s, o, count)])
     save_picture(Path("reports/sprites/contact_sheet.png"), sheet)
 
 
