@@ -76,3 +76,8 @@ def notes_itself_and_waits(pipe):
     """Leave the number of this process beside a pipe, and wait for somebody to write."""
     pipe.with_suffix(".pid").write_text(str(os.getpid()))
     return pipe.read_text()
+
+
+def waits(pipe):
+    """Until somebody opens the pipe to write."""
+    return pipe.read_text()

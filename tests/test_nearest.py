@@ -57,6 +57,9 @@ def test_the_parts_of_a_film_are_stretches_spread_over_it(n, parts):
 
 def test_where_more_are_asked_for_than_there_are_the_rest_is_none(vectors):
     assert (Nearest.from_vectors(vectors[:5]).search(vectors[:1], 9)[0] >= 0).sum() == 5
+    nothing = Nearest.from_vectors(vectors[:0])
+    (chosen,) = nothing.choose(vectors[:2], 8, lambda some, near: ((near,), some < 0))
+    assert chosen.shape == (2, 0)
 
 
 @pytest.mark.parametrize("most", [None, 100])
@@ -96,10 +99,3 @@ def test_no_more_is_asked_for_than_the_cells_have(vectors):
     index.choose(vectors[:50], 8, never)
     most = max(index.index.invlists.list_size(k) for k in range(index.index.nlist))
     assert counts[:2] == [8, 32] and counts[-1] <= 4 * most < len(vectors)
-
-
-def test_nothing_is_chosen_of_no_vectors(vectors):
-    made = Nearest.from_vectors(vectors[:0]).choose(
-        vectors[:2], 8, lambda some, near: ((near,), some < 0)
-    )
-    assert made[0].shape == (2, 0)

@@ -71,16 +71,11 @@ def test_the_order_of_the_spots_does_not_matter():
     assert len(set(names.values())) == len(names) == 4
 
 
-def test_a_fish_that_vanishes_and_returns_gets_a_new_number():
-    path = swim(0, 0, 4, 0, 9)
-    film = [[one] for one in path[:4]] + [[]] + [[one] for one in path[5:]]
-    assert link(film) == [[0]] * 4 + [[]] + [[1]] * 4
-
-
-def test_a_silhouette_that_is_not_isolated_is_in_no_track():
-    path = swim(0, 0, 4, 0, 9)
-    path[4] = spot(16, 0, isolated=False)
-    assert link([[one] for one in path]) == [[0]] * 4 + [[None]] + [[1]] * 4
+@pytest.mark.parametrize("spots", [[], [spot(16, 0, isolated=False)]])
+def test_a_fish_that_vanishes_or_is_not_isolated_returns_with_a_new_number(spots):
+    film = together(swim(0, 0, 4, 0, 9))
+    film[4] = spots
+    assert link(film) == [[0]] * 4 + [[None] * len(spots)] + [[1]] * 4
 
 
 def test_a_silhouette_that_is_not_isolated_holds_its_place():
