@@ -28,20 +28,18 @@ REPORT = Path("reports/gateways")
 WORDS = {IN: "into", OUT: "out of"}
 
 
-def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> None:
-    """Report on stderr each direction without a gateway, and what would give one.
-
-    ways: gateways; every: nearest pairs, both columns of `GATEWAYS`; step: median natural step;
-    least: Δ of film that must follow the frame.
-    """
+def _report_missing(
+    found: pd.DataFrame, nearest: pd.DataFrame, step: float, least_deltas: float
+) -> None:
+    """Report on stderr each direction without a gateway, and which threshold would give one."""
     for direction, word in WORDS.items():
-        if (ways["direction"] == direction).any():
+        if (found["direction"] == direction).any():
             continue
-        near = every.loc[every["direction"] == direction, "distance"]
-        if near.empty:
-            why = f"no track lasts {least:g} Δ and one frame more"
+        distances = nearest.loc[nearest["direction"] == direction, "distance"]
+        if distances.empty:
+            why = f"no track lasts {least_deltas:g} Δ and one frame more"
         else:
-            most = np.ceil(10 * near.min() / step + 1e-6) / 10
+            most = np.ceil(10 * distances.min() / step + 1e-6) / 10
             why = f"gateways.distance_threshold={most:.1f} would give some"
         print(f"gateways: no gateway {word} the film; {why}", file=sys.stderr)
 
@@ -55,13 +53,13 @@ def main() -> None:
         rows = map_rows(features, project.steps)
         with progress("gateways", len(rows)) as advance:
             near = nearness(project.reel, rows, facts.size, facts.pose, advance)
-        ways = gateways(near, sprites, features, step, settings)
-        every = gateways_without_threshold(near, sprites, features, settings)
-    say(ways, every, step, settings.least)
+        found = gateways(near, sprites, features, step, settings)
+        nearest = gateways_without_threshold(near, sprites, features, settings)
+    _report_missing(found, nearest, step, settings.least)
     with whole_folder(Path("data/gateways")) as folder:
-        save_table(folder / "gateways.parquet", ways, GATEWAYS)
-        save_table(folder / "nearest.parquet", every, GATEWAYS)
-    save_metrics(REPORT / "metrics.json", numbers(ways, every, near, features, rate_hz, step))
+        save_table(folder / "gateways.parquet", found, GATEWAYS)
+        save_table(folder / "nearest.parquet", nearest, GATEWAYS)
+    save_metrics(REPORT / "metrics.json", numbers(found, nearest, near, features, rate_hz, step))
 
 
 if __name__ == "__main__":

@@ -3,21 +3,22 @@
 It is a program that reads the stages' results, not a stage.
 """
 
-from stages.run import run  # isort: skip  (before numpy)
+from stages.run import open_in_browser, run  # isort: skip  (before numpy)
 
 import argparse
 import asyncio
-import json
 import re
 import secrets
 import socket
 import sys
-import webbrowser
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+from starlette.applications import Starlette
 
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX
@@ -28,6 +29,7 @@ from finloop.plan.load_paths import line_of
 from finloop.project import Project
 from finloop.stimulus.apps import calibration_app, replay_app, session_app
 from finloop.stimulus.course import whole_motion
+from finloop.stimulus.display import DisplayCalibration
 from finloop.stimulus.inputs import guard_input, open_osc, open_udp
 from finloop.stimulus.listing import listing
 from finloop.stimulus.log import SESSION, Log
@@ -48,16 +50,10 @@ from finloop.stimulus.show import (
 from finloop.stimulus.summary import summary
 from finloop.stimulus.tracker import calibration
 from finloop.stimulus.trigger import Outlet
-from stages.play import has_screen
 from stages.stimulus_scene import FilmedScene, display_file, known_display, looks_of, open_scene
 
 PORT, OUT = 8760, Path("sessions")
-
-
-def main() -> None:
-    """Run the requested command."""
-    asked = _parser().parse_args()
-    asked.does(asked)
+Fail = Callable[[BaseException | None], None]  # ends a server, with an error or without
 
 
 # --- commands
@@ -65,94 +61,87 @@ def main() -> None:
 
 def show(asked: argparse.Namespace) -> None:
     """Show a protocol to animals, until Ctrl-C."""
-    plan = load_protocol(asked.protocol)
-    print(listing(plan, trials(plan)))
+    plan = list_trials(asked)
     known = known_display(asked.display, plan.display.calibrated)
-    with bind_socket(asked.port, asked.listen) as listens, open_scene(plan) as made:
-        ways = _track_messages(asked, made, plan)
-        with _session(asked, plan, made, RealClock(), display=_plain(known)) as session:
-            store = display_file(asked.display)
-            room = SessionHub(session, asked.display, store)
-            session.attach(room.send, Outlet(room.tell).send)
+    with bind_socket(asked.port, asked.listen) as listens, open_scene(plan) as film:
+        recorded = _recorded_messages(asked, film, plan)
+        with _open_session(asked, plan, film, RealClock(), display=_to_dict(known)) as session:
+            hub = SessionHub(session, asked.display, display_file(asked.display))
+            session.attach(hub.send, Outlet(hub.tell).send)
             door = _door(asked, listens)
             session.link = _address(asked, listens, door, "show")
-            hear = guard_input(session.hear, lambda error: server.fail(error))
-            inputs = _inputs(asked, door, hear, ways)
-            served = session_app(
-                door, room, lambda: inputs(session), lambda error: server.fail(error)
-            )
-            server = AppServer(served, listens, _make_announcer(asked, listens, door))
-            _serve(server)
+
+            def make_app(fail: Fail) -> Starlette:
+                hear = guard_input(session.hear, fail)
+                tasks = partial(_input_tasks, asked, door, hear, recorded, session)
+                return session_app(door, hub, tasks, fail)
+
+            _serve(asked, listens, door, make_app)
 
 
 def dry(asked: argparse.Namespace) -> None:
     """Run a protocol without a display, as fast as possible."""
-    plan = load_protocol(asked.protocol)
-    print(listing(plan, trials(plan)))
-    with open_scene(plan) as made:
-        clock = DryClock(repeat_messages(_track_messages(asked, made, plan)))
-        with _session(asked, plan, made, clock, dry=True) as session:
+    plan = list_trials(asked)
+    with open_scene(plan) as film:
+        clock = DryClock(repeat_messages(_recorded_messages(asked, film, plan)))
+        with _open_session(asked, plan, film, clock, dry=True) as session:
             clock.hear, session.patient = session.hear, False
             session.start()
             asyncio.run(session.run())
 
 
-def list_trials(asked: argparse.Namespace) -> None:
+def list_trials(asked: argparse.Namespace) -> Protocol:
     """Print the trials of a protocol."""
     plan = load_protocol(asked.protocol)
     print(listing(plan, trials(plan)))
+    return plan
 
 
 def replay(asked: argparse.Namespace) -> None:
     """Show a session again, or check that this is possible."""
     record = open_record(asked.session)
     plan = protocol_of(record.header["protocol"], Path(record.header["folder"]))
-    with open_scene(plan) as made:
-        if others := made.others(record.header):
+    with open_scene(plan) as film:
+        if others := film.find_differences(record.header):
             raise FinloopError(
                 f"{asked.session} was made from another {', '.join(others)}",
                 "the stages' results and parameters (animate, matching) of that session",
                 "run the pipeline on that film with the parameters in the session's file",
             )
         if asked.check:
-            check = plan_again(record, made.scene, plan)
+            check = plan_again(record, film.scene, plan)
             print(f"replay: {check.ticks} ticks planned again, {check.different} differ")
             if check.different:
                 sys.exit(1)
-        if asked.check and not asked.draw:
-            return
-        feed = made.feed(
+            if not asked.draw:
+                return
+        feed = film.feed(
             record.header["looks"], plan.fish, display=record.header["display"], mode="replay",
             digest=True, name="replay", keys=[],
         )  # fmt: skip
-        _replay(asked, Replay(feed, frames_of(record), asked.quick))
+        shown = Replay(feed, frames_of(record), asked.quick)
+        with bind_socket(asked.port) as listens:
+            door = Door(listens.getsockname()[1])
 
+            def make_app(fail: Fail) -> Starlette:
+                return replay_app(door, shown, partial(fail, None), fail)
 
-def _replay(asked: argparse.Namespace, room: Replay) -> None:
-    with bind_socket(asked.port) as listens:
-        door = Door(listens.getsockname()[1])
-
-        def end() -> None:
-            server.should_exit = True
-
-        served = replay_app(door, room, end, lambda error: server.fail(error))
-        server = AppServer(served, listens, _make_announcer(asked, listens, door))
-        _serve(server)
+            _serve(asked, listens, door, make_app)
     print(
-        f"replay: {room.shown} frames drawn, pixels of {room.compared} compared, "
-        f"{len(room.different)} differ"
+        f"replay: {shown.shown} frames drawn, pixels of {shown.compared} compared, "
+        f"{len(shown.different)} differ"
     )
-    if room.different:
+    if shown.different:
         sys.exit(1)
 
 
 def page(asked: argparse.Namespace) -> None:
     """Make a page that plays a protocol without a server, if its motions are known in advance."""
     plan = load_protocol(asked.protocol)
-    with open_scene(plan) as made:
-        motion = whole_motion(made.scene, plan, trials(plan))
+    with open_scene(plan) as film:
+        motion = whole_motion(film.scene, plan, trials(plan))
         text = alone_page(
-            plan.name, made.scene.rate_hz, made.tank.floor, made.pictures.load_pictures(motion),
+            plan.name, film.scene.rate_hz, film.tank.floor, film.pictures.load_pictures(motion),
             motion, looks_of(plan), loops=False,
         )  # fmt: skip
     save_bytes(asked.out, text.encode())
@@ -166,46 +155,39 @@ def recover(asked: argparse.Namespace) -> None:
 
 def calibrate(asked: argparse.Namespace) -> None:
     """Calibrate a display, until the calibration is stored."""
-    known = known_display(asked.display, False)
-    with bind_socket(asked.port, asked.listen) as listens, open_scene() as made:
-        feed = made.feed(
-            [], 0, display=_plain(known), mode="calibrate", digest=False, name=asked.display,
+    known, path = known_display(asked.display, False), display_file(asked.display)
+    with bind_socket(asked.port, asked.listen) as listens, open_scene() as film:
+        feed = film.feed(
+            [], 0, display=_to_dict(known), mode="calibrate", digest=False, name=asked.display,
             keys=[],
         )  # fmt: skip
-        path = display_file(asked.display)
-        room = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
+        hub = CalibrationHub(feed, path, lambda: print(f"calibrate: stored in {path}"))
         door = _door(asked, listens)
-        served = calibration_app(door, room, lambda error: server.fail(error))
-        server = AppServer(served, listens, _make_announcer(asked, listens, door))
-        _serve(server)
+        _serve(asked, listens, door, partial(calibration_app, door, hub))
 
 
 # --- parts
 
 
 @contextmanager
-def _session(
-    asked: argparse.Namespace, plan: Protocol, made: FilmedScene, clock: Any, **facts: Any
+def _open_session(
+    asked: argparse.Namespace, plan: Protocol, film: FilmedScene, clock: Any, **facts: Any
 ) -> Iterator[Session]:
+    """Yield a session that logs to a journal; after the block make the session's file of that."""
     order = trials(plan)
     stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
     name = re.sub(r"[^\w-]+", "-", plan.name).strip("-") or "session"
     path = asked.out / f"{stamp}_{name}.parquet"
     journal = path.with_suffix(".journal")
-    looks = looks_of(plan)
-    feed = made.feed(
-        looks, plan.fish, display=facts.get("display"), mode="session",
+    feed = film.feed(
+        looks_of(plan), plan.fish, display=facts.get("display"), mode="session",
         digest=getattr(asked, "digest", False), name=getattr(asked, "display", "none"),
         keys=plan.keys,
     )  # fmt: skip
-    log = Log(
-        journal,
-        made.header(
-            plan, order, **({"display": None, "folder": str(asked.protocol.parent)} | facts)
-        ),
-    )
+    facts = {"display": None, "folder": str(asked.protocol.parent)} | facts
+    log = Log(journal, film.header(plan, order, **facts))
     try:
-        session = Session(made.scene, plan, order, feed, log, clock)
+        session = Session(film.scene, plan, order, feed, log, clock)
         session.name = str(path)
         yield session
     finally:
@@ -220,9 +202,10 @@ def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
     print(f"stimulus: the session is in {path}, its description in {path.with_suffix('.md')}")
 
 
-def _track_messages(
-    asked: argparse.Namespace, made: FilmedScene, plan: Protocol
+def _recorded_messages(
+    asked: argparse.Namespace, film: FilmedScene, plan: Protocol
 ) -> list[tuple[float, str]]:
+    """Return the messages, with their times, that a tracker would send of the track --animal."""
     if asked.animal is None:
         return []
     if plan.animals is None:
@@ -231,41 +214,38 @@ def _track_messages(
             "a protocol with `animals`",
             "add animals: {unit: px} to it, or leave --animal out",
         )
-    scene, spoiled = made.scene, ConnectionFaults(asked.loss, asked.jitter, asked.gap)
+    scene, faults = film.scene, ConnectionFaults(asked.loss, asked.jitter, asked.gap)
     line = line_of(asked.animal, PX, Project().features)
     tracker = calibration(plan.animals, scene.mm_per_px)
-    return list(messages(line, None, scene.tank, spoiled, tracker, mm_per_px=scene.mm_per_px))
+    return list(messages(line, None, scene.tank, faults, tracker, mm_per_px=scene.mm_per_px))
 
 
-def _inputs(
+def _input_tasks(
     asked: argparse.Namespace, door: Door, hear: Callable[[Any, str], None],
-    ways: list[tuple[float, str]],
-) -> Callable[[Session], list[Coroutine[Any, Any, None]]]:  # fmt: skip
+    recorded: list[tuple[float, str]], session: Session,
+) -> list[Coroutine[Any, Any, None]]:  # fmt: skip
+    """Return the tasks that receive trackers' messages: by UDP, by OSC, and recorded ones."""
 
     async def listen(opens: Any, port: int) -> None:
-        transport = await opens(
-            bind_socket(port, asked.listen, socket.SOCK_DGRAM), hear, door.token
-        )
+        listens = bind_socket(port, asked.listen, socket.SOCK_DGRAM)
+        transport = await opens(listens, hear, door.token)
         try:
             await asyncio.Event().wait()
         finally:
             transport.close()
 
-    async def play(session: Session) -> None:
-        for due, text in repeat_messages(ways):
+    async def play_recorded() -> None:
+        for due, text in repeat_messages(recorded):
             await session.clock.until(due)
             hear(text, "recorded")
 
-    def tasks(session: Session) -> list[Coroutine[Any, Any, None]]:
-        made = [listen(open_udp, asked.udp)] if asked.udp else []
-        made += [listen(open_osc, asked.osc)] if asked.osc else []
-        return made + ([play(session)] if ways else [])
-
-    return tasks
+    tasks = [listen(open_udp, asked.udp)] if asked.udp else []
+    tasks += [listen(open_osc, asked.osc)] if asked.osc else []
+    return tasks + ([play_recorded()] if recorded else [])
 
 
-def _plain(display: Any) -> dict[str, Any] | None:
-    return None if display is None else json.loads(display.model_dump_json())
+def _to_dict(display: DisplayCalibration | None) -> dict[str, Any] | None:
+    return None if display is None else display.model_dump(mode="json")
 
 
 def _door(asked: argparse.Namespace, listens: socket.socket) -> Door:
@@ -279,19 +259,19 @@ def _address(asked: Any, listens: socket.socket, door: Door, page: str = "") -> 
     return f"http://{host}:{port}/{page}" + (f"?token={door.token}" if door.token else "")
 
 
-def _make_announcer(
-    asked: argparse.Namespace, listens: socket.socket, door: Door
-) -> Callable[[], None]:
+def _serve(
+    asked: argparse.Namespace, listens: socket.socket, door: Door,
+    make_app: Callable[[Fail], Starlette],
+) -> None:  # fmt: skip
+    """Serve an application until Ctrl-C, or until it calls what `make_app` is given."""
+
     def announce() -> None:
         url = _address(asked, listens, door)
         print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
-        if asked.open and has_screen():
-            webbrowser.open(url)
+        if asked.open:
+            open_in_browser(url)
 
-    return announce
-
-
-def _serve(server: AppServer) -> None:
+    server = AppServer(make_app(lambda error: server.fail(error)), listens, announce)
     try:
         server.serve_on()
     except KeyboardInterrupt:
@@ -304,13 +284,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(required=True, metavar="command")
 
-    def command(does: Callable[[argparse.Namespace], None], *what: str) -> Any:
-        name = does.__name__.partition("_")[0]
-        one = commands.add_parser(name, help=(does.__doc__ or "").rstrip("."))
-        one.set_defaults(does=does)
-        for each in what:
-            one.add_argument(each, type=Path)
-        return one
+    def command(does: Callable[[argparse.Namespace], Any], *paths: str) -> Any:
+        name, help_text = does.__name__.partition("_")[0], (does.__doc__ or "").rstrip(".")
+        added = commands.add_parser(name, help=help_text)
+        added.set_defaults(does=does)
+        for path in paths:
+            added.add_argument(path, type=Path)
+        return added
 
     command(list_trials, "protocol")
     shows, dries = command(show, "protocol"), command(dry, "protocol")
@@ -346,6 +326,12 @@ def _up_to(most: float) -> Callable[[str], float]:
         return float(text)
 
     return number
+
+
+def main() -> None:
+    """Run the requested command."""
+    asked = _parser().parse_args()
+    asked.does(asked)
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ class FilmedScene:
             "animate": _parameters(*_PLANNED_BY), **facts,
         }  # fmt: skip
 
-    def others(self, header: dict[str, Any]) -> list[str]:
+    def find_differences(self, header: dict[str, Any]) -> list[str]:
         """Return what differs from a session with this header: "film", or `group.key`."""
         film = ["film"] if self.film != header["film"] else []
         then = header["animate"]

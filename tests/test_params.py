@@ -27,7 +27,7 @@ from stages.compose import compare, compose_params
 from stages.experiment import FOLDER
 from stages.parameters import page, terminal_table
 from stages.settings import LOCAL, STAMP, all_problems, load, stamp
-from stages.stamps import film_stamp, path_stamp, tracks_stamp
+from stages.stamps import file_stamp
 
 ROOT = Path(__file__).parents[1]
 TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
@@ -423,6 +423,18 @@ def test_the_stamp_sees_names_and_contents_but_no_line_ends_and_no_experiments(t
 
 
 # --- stamps of films and tracks
+
+
+def film_stamp(clip):
+    return file_stamp("film_stamp", {"clip": clip})
+
+
+def tracks_stamp(clip, extract):
+    return file_stamp("tracks_stamp", {"clip": clip, "extract": extract})
+
+
+def path_stamp(matching):
+    return file_stamp("path_stamp", {"matching": matching})
 
 
 def test_a_film_or_tracks_that_have_changed_have_another_stamp(elsewhere):

@@ -110,7 +110,7 @@ def test_a_stage_depends_on_the_parts_of_a_project_that_it_uses(tmp_path):
     def rooms(number: int, text: str) -> set[str]:
         path = tmp_path / f"{number}.py"  # another one each time, for what is found is kept
         path.write_text(use + text)
-        found = code.imported_files(str(path)) - {*code.PARTS, code.LAZY}
+        found = code.imported_files(str(path)) - {code.PROJECT, code.LAZY}
         return {file.split("/")[1] for file in found}
 
     assert rooms(0, "") == rooms(1, "project.rate_hz, project.other, p.size") == set()
@@ -153,10 +153,10 @@ def names_of_projects(tree: ast.AST) -> set[str]:
 
 
 def test_a_project_imports_only_files_at_its_top_and_rooms_inside_its_members():
-    at_top = {file for part in code.PARTS for file in code.imported_files(part)}
-    assert {file.split("/")[1] for file in at_top - {*code.PARTS, code.LAZY}} == {"base", "io"}
-    trees = [ast.parse((ROOT / part).read_text()) for part in code.PARTS]
-    top = [node for tree in trees for node in tree.body if not isinstance(node, ast.If)]
+    at_top = code.imported_files(code.PROJECT)
+    assert {file.split("/")[1] for file in at_top - {code.LAZY}} == {"base", "io"}
+    tree = ast.parse((ROOT / code.PROJECT).read_text())
+    top = [node for node in tree.body if not isinstance(node, ast.If)]
     everywhere = {one for node in top for one in code.files_of_imports([*ast.walk(node)])}
     members = code.project_members().values()
     inside = {one for member in members for one in code.files_of_imports([*ast.walk(member)])}

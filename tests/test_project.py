@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 from tiny_run import stage_run
 
-import finloop.run_files
+import finloop.project
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import RETARGET
 from finloop.edit.schema import EDIT
@@ -42,7 +42,7 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         return counts
 
     for name in ("load_table", "load_facts", "load_record", "load_mask", "open_cutouts"):
-        monkeypatch.setattr(finloop.run_files, name, count_loads(getattr(finloop.run_files, name)))
+        monkeypatch.setattr(finloop.project, name, count_loads(getattr(finloop.project, name)))
     for _ in range(2):
         drawn = project.edit_with_sources("network", "render", sprites=True, bodies=True)
         project.gallery(drawn).frame(0)
@@ -89,7 +89,7 @@ def test_a_closed_project_has_closed_its_stores_and_opens_them_anew(folder, monk
             yield store
             there[path.name] -= 1
 
-    monkeypatch.setattr(finloop.run_files, "open_cutouts", count_open)
+    monkeypatch.setattr(finloop.project, "open_cutouts", count_open)
     with Project(folder) as project:
         assert len(project.reel.store) and there == {"cutouts.arrow": 1, "sprites.arrow": 1}
         first = project.features
