@@ -52,15 +52,10 @@ def put(folder: Path, work) -> str:
     return str(folder / "work")
 
 
-def test_unpickling_a_call_makes_it(home, tmp_path):
-    call = Call(run_piece, home, put(tmp_path, square), pickle.dumps(7))
-    assert pickle.loads(pickle.loads(pickle.dumps(call))) == 49
-
-
-def test_a_piece_is_worked_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
-    work = put(tmp_path, Path.resolve)
+def test_unpickling_a_call_makes_it_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
     monkeypatch.chdir("/")
-    assert pickle.loads(run_piece(home, work, pickle.dumps(Path("here")))) == tmp_path / "here"
+    call = Call(run_piece, home, put(tmp_path, Path.resolve), pickle.dumps(Path("here")))
+    assert pickle.loads(pickle.loads(pickle.dumps(call))) == tmp_path / "here"
 
 
 @pytest.mark.parametrize("fact", ["code", "python", "numpy", "PATH"])

@@ -25,12 +25,6 @@ def project(folder):
         yield project
 
 
-def test_a_project_loads_nothing_before_it_is_used(tmp_path):
-    project = Project(tmp_path)
-    with pytest.raises(FinloopError, match=r"facts\.json"):
-        _ = project.rate_hz
-
-
 def test_a_file_is_loaded_once(project, monkeypatch):
     loaded = Counter()
 
@@ -110,7 +104,10 @@ def test_another_process_has_one_project_for_all_that_it_is_sent(project):
     assert pickle.loads(pickle.dumps(Project(project.root))) is not there  # of a later run
 
 
-def test_without_the_model_of_a_short_film_there_is_no_forecast(tmp_path):
+def test_a_project_loads_nothing_before_it_is_used_and_no_forecast_of_a_short_film(tmp_path):
     (tmp_path / "data/forecast").mkdir(parents=True)
     (tmp_path / "data/forecast/reason.json").write_text("{}")
-    assert not Project(tmp_path).has_forecast and Project(tmp_path).forecast is None
+    project = Project(tmp_path)
+    assert not project.has_forecast and project.forecast is None
+    with pytest.raises(FinloopError, match=r"facts\.json"):
+        _ = project.rate_hz
