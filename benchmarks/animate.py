@@ -22,7 +22,7 @@ from finloop.animate.protocols import AnyPlayer
 from finloop.animate.shoal import play
 from finloop.edit.schema import Goal
 from finloop.project import Project
-from stages.all_modes import open_modes
+from stages.play import open_modes
 
 TICKS, COPIES = 20_000, 500
 MODES = "modes-"  # these stages do not run here: `open_modes` replaces them

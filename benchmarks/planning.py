@@ -16,8 +16,7 @@ import numpy as np
 from finloop.animate.places import random_goals
 from finloop.animate.shoal import play
 from finloop.project import Project
-from stages.all_modes import open_modes
-from stages.play import open_view
+from stages.play import open_modes, open_view
 
 TICKS, WARM_UP, GOALS = 10_000, 1_000, 20
 

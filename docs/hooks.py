@@ -39,6 +39,11 @@ def anchor(heading: str, separator: str = "-") -> str:
     return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", separator)
 
 
+def anchors(page: str) -> set[str]:
+    """Return the anchors of all headings of a page."""
+    return {anchor(heading) for heading in re.findall(r"^#+ (.+)$", page, re.MULTILINE)}
+
+
 def complete_nav(nav: list[Any], pages: list[str], title: Callable[[str], str]) -> list[Any]:
     """Return the menu with every page: EQUATIONS below equations.md, others below the guides."""
     listed = set(nav_pages(nav))

@@ -1,70 +1,330 @@
 """One view of a run: the outputs of its stages, loaded when used.
 
-Each property imports the package that it needs inside itself, here and in finloop/run_files.py. So
-a stage depends only on the packages of the properties that it uses; tests/test_pipeline.py reads
-that from these two files.
+Each member of `Project` imports the package that it needs inside itself. So a stage depends only on
+the packages of the members that it uses; `stages.code` reads that from this file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from contextlib import ExitStack
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from uuid import uuid4
 
 import numpy as np
 import pandas as pd
 
+from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.errors import FinloopError
-from finloop.io.record import load_json, load_records, remake_hint
-from finloop.io.table import load_table
-from finloop.run_files import RunFiles
+from finloop.io.cutouts import CutoutStore, open_cutouts
+from finloop.io.mapped import open_array
+from finloop.io.parameters import parameters, read_parameters
+from finloop.io.picture import load_picture
+from finloop.io.record import load_json, load_record, load_records, remake_hint
+from finloop.io.table import load_lists, load_table
+from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, load_mask
 
-if TYPE_CHECKING:  # what properties return; they import it themselves
+if TYPE_CHECKING:  # what members return; they import it themselves
+    from finloop.bpn.model import MotionModel
+    from finloop.distance.map import MapFacts
+    from finloop.distance.reel import Reel
     from finloop.edit.bodies import Bodies
     from finloop.edit.schema import Goal
     from finloop.extract.table import SceneFacts
+    from finloop.forecast.film import FilmStates
+    from finloop.forecast.sampling import Sampler
+    from finloop.pose.film import FilmPoses
     from finloop.render.gallery import Gallery
+    from finloop.social.rule import Shoaling
 
 PLACES = ("track_id", "frame", "x_px", "y_px")
 
 
 class EditSources(NamedTuple):
-    """An edit list and the film's tables that drawing it needs.
+    """An edit list, the film's facts, and the film's tables that drawing the list needs."""
 
-    Attributes
-    ----------
-    edit
-        Columns of `EDIT`, a row per tick and fish.
-    scene
-        Facts about the tank and its fish, from the stage `extract`.
-    tracks
-        The table of tracks, or some columns of it: n rows, one per fish and frame.
-    sprites
-        Columns of `SPRITES`; None where the list draws none.
-    bodies
-        The film's postures; None where no fish is mirrored or in another pose.
-    """
-
-    edit: pd.DataFrame
+    edit: pd.DataFrame  # columns of `EDIT`, a row per tick and fish
     scene: SceneFacts
-    tracks: pd.DataFrame
-    sprites: pd.DataFrame | None
-    bodies: Bodies | None
+    tracks: pd.DataFrame  # n rows, one per fish and frame
+    sprites: pd.DataFrame | None  # columns of `SPRITES`; None where the list draws none
+    bodies: Bodies | None  # postures; None where no fish is mirrored or in another pose
 
 
-class Project(RunFiles):
+class Project:
     """The outputs of a run's stages; each file is loaded once, at its first use.
 
-    As a context manager it closes the stores that it has opened. Pickled, it is only its root; all
-    copies that one process unpickles are the same project.
-
-    Every property and method raises FinloopError if a file is missing, damaged, or of another film.
-
-    Parameters
-    ----------
-    root
-        The working copy, with params.yaml and data/.
+    root: the working copy, with params.yaml and data/. n is the number of rows: one per fish and
+    frame of the film. As a context manager it closes the stores that it has opened. Pickled, it is
+    only its root; all copies that one process unpickles are the same project. Every member raises
+    FinloopError if a file is missing, damaged, or of another film.
     """
+
+    def __init__(self, root: str | Path = ".") -> None:
+        self.root = Path(root)
+        self.data = self.root / "data"
+        self._run = uuid4().hex  # a worker may outlive it
+        self._stores = ExitStack()
+        self._kept: dict[tuple[Any, ...], Any] = {}  # results of methods, by name and arguments
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickle, (self.root, self._run)
+
+    def close(self) -> None:
+        """Close the open stores of cut-outs, and forget all that was loaded."""
+        self.forget(*[name for name in vars(self) if hasattr(type(self), name)])
+        self._kept.clear()
+        self._stores.close()
+
+    def forget(self, *names: str) -> None:
+        """Drop what the named properties have loaded, to free memory; their next use loads it."""
+        for name in names:
+            vars(self).pop(name, None)
+
+    def settings(self, word: str) -> Any:
+        """Return the parameters of a stage word, from params.yaml, as its settings dataclass."""
+        return parameters(word, read_parameters(self.root / "params.yaml"))
+
+    # --- clip
+
+    @cached_property
+    def facts(self) -> VideoFacts:
+        """Return the facts of the clip: size, number of frames, rate and others."""
+        return load_facts(self.data / "clip" / FACTS_NAME)
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the clip's frames per second."""
+        return self.facts.frame_rate_hz
+
+    @cached_property
+    def arena(self) -> Mask:
+        """Return the mask of the arena (h, w), bool: True where animals can be."""
+        return load_mask(self.data / "clip" / ARENA_NAME, self.facts.width_px, self.facts.height_px)
+
+    # --- extract
+
+    @cached_property
+    def background(self) -> Picture:
+        """Return the picture of the empty tank: (h, w) grey or (h, w, 3) RGB, uint8."""
+        return load_picture(self.data / "extract/background.png")
+
+    @cached_property
+    def scene(self) -> SceneFacts:
+        """Return the facts about the tank and its fish that the stage `extract` measured."""
+        from finloop.extract.table import SceneFacts
+
+        return load_record(self.data / "extract/scene.json", SceneFacts, "extract")
+
+    def tracks(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return the table of tracks (n rows): the named columns of `tracks_schema`, or all."""
+        from finloop.extract.table import tracks_schema
+
+        key = "tracks", *(columns or ())
+        if key not in self._kept:
+            schema = tracks_schema(self.scene.points)
+            self._kept[key] = load_table(self.data / "extract/tracks.parquet", schema, columns)
+        return self._kept[key]
+
+    @cached_property
+    def external_tracks(self) -> pd.DataFrame | None:
+        """Return another program's tracks (n rows), columns of `GIVEN`; None if there are none."""
+        from finloop.extract.table import GIVEN, GIVEN_NAME
+
+        path = self.data / "extract" / GIVEN_NAME
+        return load_table(path, GIVEN) if path.exists() else None
+
+    @cached_property
+    def cutouts(self) -> CutoutStore:
+        """Return the store of the film's n cut-outs; number k is row k of the table of tracks."""
+        return self._stores.enter_context(open_cutouts(self.data / "extract/cutouts.arrow"))
+
+    # --- features, identity, pose
+
+    @cached_property
+    def features(self) -> pd.DataFrame:
+        """Return the feature table (n rows), columns of `FEATURES`: heading, displacement, …."""
+        from finloop.features.table import FEATURES
+
+        return load_table(self.data / "features/features.parquet", FEATURES)
+
+    @cached_property
+    def identities(self) -> pd.DataFrame:
+        """Return the table that says which animal each track shows, columns of `IDENTITIES`."""
+        from finloop.identity.film import IDENTITIES
+
+        return load_table(self.data / "identity/identities.parquet", IDENTITIES)
+
+    @cached_property
+    def poses(self) -> FilmPoses:
+        """Return the film's pose codes (n, c), and the postures that they stand for."""
+        from finloop.pose.film import POSES, restore_poses
+
+        folder, features = self.data / "pose", self.features
+        (codes,) = load_lists(folder / "poses.parquet", POSES, "codes")
+        postures = open_array(folder / "postures.npy", (len(features), None), "float64")
+        return load_json(
+            folder / "shapes.json",
+            lambda facts: restore_poses(features, codes, facts, postures),
+            *remake_hint("pose"),
+        )
+
+    @cached_property
+    def outlines(self) -> Floats:
+        """Return the silhouettes' outlines of the n rows, (n, k, 2): k points x, y in px."""
+        shape = len(self.features), None, 2
+        return open_array(self.data / "pose/outlines.npy", shape, "float32")
+
+    # --- sprites, and the film's pictures
+
+    @cached_property
+    def sprites(self) -> pd.DataFrame:
+        """Return the table of sprites, columns of `SPRITES`, a row per sprite."""
+        from finloop.sprites.orient import SPRITES
+
+        return load_table(self.data / "sprites/sprites.parquet", SPRITES)
+
+    @cached_property
+    def sprite_cutouts(self) -> CutoutStore:
+        """Return the store of the sprites' cut-outs, each in all orientations."""
+        return self._stores.enter_context(open_cutouts(self.data / "sprites/sprites.arrow"))
+
+    @cached_property
+    def film_reel(self) -> Reel:
+        """Return the film as a reel: the feature table with the n cut-outs, without sprites."""
+        from finloop.distance.reel import Reel
+
+        return Reel(self.features, self.cutouts)
+
+    @cached_property
+    def reel(self) -> Reel:
+        """Return the film as a reel: the feature table with the n cut-outs, and the sprites."""
+        from finloop.distance.reel import Reel
+
+        return Reel(self.features, self.cutouts, self.sprites, self.sprite_cutouts)
+
+    # --- distance, loops, jumps, gateways
+
+    @cached_property
+    def map_facts(self) -> MapFacts:
+        """Return how the distance map was made: pose, picture size, thresholds, natural step."""
+        from finloop.distance.map import MapFacts
+
+        return load_record(self.data / "distance/facts.json", MapFacts, "distance")
+
+    @cached_property
+    def steps(self) -> pd.DataFrame:
+        """Return the distance from mapped rows to later frames of the track, columns of `STEPS`."""
+        from finloop.distance.map import STEPS
+
+        return load_table(self.data / "distance/steps.parquet", STEPS)
+
+    @cached_property
+    def pairs(self) -> pd.DataFrame:
+        """Return the distance map: pairs of similar rows, their distances; columns of `PAIRS`."""
+        from finloop.distance.map import PAIRS
+
+        return load_table(self.data / "distance/pairs.parquet", PAIRS)
+
+    @cached_property
+    def loops(self) -> pd.DataFrame:
+        """Return the video loops, columns of `LOOPS`; an empty table if the film shows none."""
+        from finloop.loops.search import LOOPS
+
+        return load_table(self.data / "loops/loops.parquet", LOOPS)
+
+    @cached_property
+    def jumps(self) -> pd.DataFrame:
+        """Return the jumps between rows that look and move alike, columns of `JUMPS`."""
+        from finloop.jumps.table import JUMPS
+
+        return load_table(self.data / "jumps/jumps.parquet", JUMPS)
+
+    @cached_property
+    def look(self) -> Floats:
+        """Return looks (light, skin) of the n rows, (n, k), or (2 n, k): mirror images follow."""
+        from finloop.jumps.table import LOOK
+
+        return load_lists(self.data / "jumps/look.parquet", LOOK, "look")[0]
+
+    @cached_property
+    def gateways(self) -> pd.DataFrame:
+        """Return the gateways from film to sprites and back, columns of `GATEWAYS`."""
+        from finloop.gateways.find import GATEWAYS
+
+        return load_table(self.data / "gateways/gateways.parquet", GATEWAYS)
+
+    # --- models
+
+    @cached_property
+    def model(self) -> MotionModel:
+        """Return the trained back-propagation network of the stage `bpn`, with its scaling."""
+        from finloop.bpn.model import motion_model
+
+        return load_record(self.data / "bpn/model.json", motion_model, "bpn")
+
+    @cached_property
+    def states(self) -> FilmStates:
+        """Return the forecast's states of the rows, and of mirror images if `look` has them.
+
+        FinloopError if the film shows too little.
+        """
+        from finloop.forecast.film import film_states, posture_mirror
+
+        poses, p = self.poses, self.settings("forecast")
+        mirror = posture_mirror(poses, self.look)
+        return film_states(self.features, poses.codes, mirror, self.rate_hz, p)
+
+    @property
+    def has_forecast(self) -> bool:
+        """Return whether the film showed enough for the stage `forecast` to train its model."""
+        return not (self.data / "forecast/reason.json").exists()
+
+    @cached_property
+    def forecast(self) -> Sampler | None:
+        """Return the sampler of next poses and motions, with the model of the stage `forecast`.
+
+        None if the film showed too little for it.
+        """
+        from finloop.forecast.model import forecast_model
+        from finloop.forecast.sampling import build_sampler
+
+        if not self.has_forecast:
+            return None
+        folder, film = self.data / "forecast", self.states
+        model = load_record(folder / "model.json", forecast_model, "forecast")
+        rows, numbers = film.states.shape
+        start = open_array(folder / "start.npy", (rows + 1,), "int64")
+        graph = start, open_array(folder / "neighbours.npy", (int(start[-1]),), "int32")
+        mean = open_array(folder / "mean.npy", (rows, numbers), "float64")
+        return build_sampler(film, model, graph, self.settings("forecast"), mean)
+
+    @cached_property
+    def rule(self) -> Shoaling:
+        """Return the rule by which fish act on each other: the zones and steps of `calibrate`."""
+        from finloop.social.rule import SOCIAL_STEPS, Shoaling, SocialSteps
+        from finloop.social.zones import Zones
+
+        folder = self.data / "calibrate"
+        table = load_table(folder / "steps.parquet", SOCIAL_STEPS)
+        return load_json(
+            folder / "zones.json",
+            lambda entry: Shoaling(
+                Zones(**entry["zones"]),
+                SocialSteps.from_table(table, entry["forward"], entry["onward"]),
+                entry["horizon_frames"], entry["alike"],
+            ),
+            *remake_hint("calibrate"),
+        )  # fmt: skip
+
+    # --- animations
 
     def edit(self, mode: str, stage: str) -> pd.DataFrame:
         """Return the edit list of a mode, columns of `EDIT`, a row per tick and fish.
@@ -119,18 +379,8 @@ class Project(RunFiles):
     ) -> EditSources:  # fmt: skip
         """Return the edit list of a mode with the film's facts and tables that drawing it needs.
 
-        Parameters
-        ----------
-        mode
-            The mode of the edit list.
-        stage
-            The stage whose parameter `mode` messages name.
-        columns
-            Columns of the table of tracks to load.
-        sprites
-            Load the table of sprites even if the list draws none.
-        bodies
-            Load the postures even if the list needs none.
+        stage: messages name its parameter `mode`; columns: of the table of tracks; sprites, bodies:
+        load the sprites or the postures even if the list needs none.
         """
         from finloop.edit.bodies import Bodies
         from finloop.edit.schema import SPRITE
@@ -179,3 +429,9 @@ class Project(RunFiles):
         if drawn.sprites is not None:
             stores[SPRITE] = self.sprite_cutouts
         return Gallery(shelves(stores, drawn.tracks, drawn.sprites), drawn.bodies)
+
+
+@lru_cache(1)
+def _unpickle(root: Path, run: str) -> Project:
+    """Return the project of another process, one for all that it sends here."""
+    return Project(root)

@@ -24,15 +24,21 @@ Every verb raises FinloopError with what came, what was wanted and what to do: i
 unknown or out of range, a file cannot be read, or the film does not show enough.
 """
 
+import atexit
+import tempfile
 import warnings
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
@@ -41,6 +47,8 @@ from finloop.bpn.back_propagation import train_network
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.calibrate.film import film_shoal
 from finloop.calibrate.rule import film_rule, shortage
+from finloop.clip.rewrite import make_clip
+from finloop.clip.write import open_source
 from finloop.distance.map import PAIRS, STEPS, FrameComparison, compare_frames, map_rows
 from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
@@ -48,17 +56,17 @@ from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract
 from finloop.features.table import FEATURES, delta_of, measure_features
-from finloop.footage import Film, Tracks, draw_carp, make_folder, open_film, open_store
 from finloop.forecast.film import film_states, posture_mirror, split_held_out
 from finloop.forecast.learning import train_predictor
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.sampling import Sampler, build_sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutWriter
+from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import apply_schema, load_table
+from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.signature import InMemory
 from finloop.jumps.table import JUMPS
@@ -84,6 +92,84 @@ __all__ = [
 ]  # fmt: skip
 
 
+_OPEN = ExitStack()  # stores and temporary folders, until the program ends
+atexit.register(_OPEN.close)
+
+
+@dataclass(frozen=True)
+class Film:
+    """A normalised clip, clip.mp4 in `folder`; iterating over it yields its frames.
+
+    facts: size, rate, … arena (h, w): True where animals can be.
+    """
+
+    folder: Path
+    facts: VideoFacts
+    arena: Mask
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the clip's frames per second."""
+        return self.facts.frame_rate_hz
+
+    def __iter__(self) -> Iterator[NDArray[np.uint8]]:
+        """Yield the frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
+        return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Where every fish of a film is in every frame, with its cut-out.
+
+    table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
+    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
+    given (n rows): columns of `GIVEN`, from another program's tracks of the same rows.
+    """
+
+    film: Film
+    table: pd.DataFrame
+    cutouts: CutoutStore
+    background: NDArray[np.uint8]
+    given: pd.DataFrame | None = None
+
+
+def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
+    """Read a film, a folder of pictures or a TIFF stack; write it as a clip and return the clip.
+
+    The clip lies in `folder`/clip, or in a temporary folder. `changes` override
+    `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
+    """
+    return _film(folder, source="file", path=str(path), **changes)
+
+
+def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
+    """Draw a synthetic film of carp; write it as a clip to `folder`/clip and return the clip.
+
+    `changes` override `finloop.clip.settings.Carp`.
+    """
+    return _film(folder, source="carp", **changes)
+
+
+def _film(folder: str | Path | None, **values: Any) -> Film:
+    p, home = settings("clip", **values), _make_folder(folder) / "clip"
+    source = open_source(p)
+    with whole_folder(home) as part:
+        clip = make_clip(p, source, part)
+    return Film(home, clip.facts, clip.arena)
+
+
+def _make_folder(folder: str | Path | None) -> Path:
+    """Return the folder; for None a new temporary one that lasts until the program ends."""
+    if folder is None:
+        folder = _OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-"))
+    return Path(folder)
+
+
+def _open_store(path: Path) -> CutoutStore:
+    """Open the store of cut-outs at `path`; it stays open until the program ends."""
+    return _OPEN.enter_context(open_cutouts(path))
+
+
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
     """Cut out the fish of every frame and follow each; return their tracks and cut-outs.
 
@@ -91,7 +177,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     fish, and a warning names it. `workers`: number of threads. `changes` override
     `finloop.extract.settings.ExtractSettings`.
     """
-    p, home = settings("extract", **changes), make_folder(folder) / "extract"
+    p, home = settings("extract", **changes), _make_folder(folder) / "extract"
     with whole_folder(home) as part:
         lost = extract(film.folder, p, part, Threads(workers)).lost
     if lost:
@@ -100,7 +186,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     background = load_picture(home / BACKGROUND_NAME)
     path = home / GIVEN_NAME
     given = load_table(path, GIVEN) if path.exists() else None
-    return Tracks(film, table, open_store(home / CUTOUTS_NAME), background, given)
+    return Tracks(film, table, _open_store(home / CUTOUTS_NAME), background, given)
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
@@ -139,11 +225,11 @@ def make_sprites(
     table = swimmer_table(features, tracks.table, p)
     look = partial(Reel(features, film).align_pictures, size=p.picture_px)
     sprites = sprite_table(table, choose_frames(table, look, delta_of(features), p), p)
-    home = make_folder(folder) / "sprites"
+    home = _make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
             writer.write(sprite)
-    return Reel(features, film, apply_schema(sprites, SPRITES), open_store(home / "sprites.arrow"))
+    return Reel(features, film, apply_schema(sprites, SPRITES), _open_store(home / "sprites.arrow"))
 
 
 def compare(reel: Reel, **changes: Any) -> FrameComparison:
@@ -267,7 +353,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
         raise FinloopError(
             f"mode {mode!r}", f"one of {', '.join(GROUPS_OF)}", "take one of these modes"
         )
-    p = group_settings(("animate", *GROUPS_OF[mode]), changes)
+    p = _group_settings(("animate", *GROUPS_OF[mode]), changes)
     outline_px = lists_to_points(tracks.table, "outline")
     animator: Animator
     if mode == "matching":
@@ -305,18 +391,14 @@ GROUPS_OF = {
 """The groups of parameters of a mode beside `animate`; the last is its own."""
 
 
-def group_settings(groups: tuple[str, ...], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings dataclass of each named group of parameters, by group name.
-
-    changes: values by parameter name; each applies to the last group that has its name.
-    FinloopError if no group has a name, or a value has a wrong type or is out of range.
-    """
+def _group_settings(groups: tuple[str, ...], changes: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of each group; a change applies to the last group that has its name."""
     names = {group: set(values_of(group, "default")) for group in groups}
-    own: dict[str, dict[str, Any]] = {group: {} for group in groups}
+    changes_of: dict[str, dict[str, Any]] = {group: {} for group in groups}
     for name, value in changes.items():
         having = [group for group in groups if name in names[group]]
-        own[having[-1] if having else groups[-1]][name] = value
-    return {group: settings(group, **own[group]) for group in groups}
+        changes_of[having[-1] if having else groups[-1]][name] = value
+    return {group: settings(group, **changes_of[group]) for group in groups}
 
 
 def write_video(

@@ -14,7 +14,9 @@ While `dvc exp run` or `make params` composes conf/, this registers
 There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins share.
 """
 
+from collections.abc import Iterable
 from dataclasses import fields, make_dataclass
+from functools import partial
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -25,17 +27,16 @@ from omegaconf import DictConfig, OmegaConf
 from finloop.base.settings import GROUPS, variants
 from finloop.io.parameters import refusal_error
 from stages.experiment import Experiment
-from stages.settings import STAMPS, all_problems, stamp
-from stages.stamps import film_stamp, path_stamp, retarget_stamp, tracks_stamp
+from stages.settings import FILES, STAMP, STAMPS, all_problems, stamp
+from stages.stamps import file_stamp
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 
 
 def schema(option: type) -> type:
-    """Return a parameter dataclass for OmegaConf: not frozen, without ranges.
+    """Return a parameter dataclass for OmegaConf: not frozen, without ranges and defaults.
 
-    Every field is mandatory, as the original has no defaults. Types that OmegaConf lacks are
-    simplified here; `finloop.base.settings` checks them in full.
+    Types that OmegaConf lacks are simplified; `finloop.base.settings` checks them in full.
     """
     hints = get_type_hints(option)  # drops Annotated
     return make_dataclass(
@@ -56,37 +57,26 @@ def _simplified(hint: Any) -> Any:
 
 def checked_stamp(*, _root_: DictConfig) -> str:
     """Return the stamp of conf/; raise FinloopError unless every parameter is right."""
-    # Node by node, because to resolve the root would resolve the stamp itself again.
-    values = {str(key): plain(_root_, str(key)) for key in _root_ if key not in STAMPS}
-    if problems := all_problems(values):
+    if problems := all_problems(_groups(_root_, {*map(str, _root_)} - {*STAMPS})):
         raise refusal_error(problems)
     return stamp(CONF)
 
 
-def plain(root: DictConfig, word: str) -> Any:
-    """Return the resolved parameters of a word; {} where the group is missing."""
-    node = root._get_node(word)
-    return OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node or {}
+def _stamp_files(name: str, *, _root_: DictConfig) -> str | None:
+    """Return the stamp of the files that a composed config names."""
+    return file_stamp(name, _groups(_root_, ("clip", "extract", "matching", "retarget")))
 
 
-def stamp_of_films(*, _root_: DictConfig) -> str | None:
-    """Return the stamp of the films of a composed config."""
-    return film_stamp(plain(_root_, "clip"))
-
-
-def stamp_of_tracks(*, _root_: DictConfig) -> str | None:
-    """Return the stamp of the tracks of a composed config."""
-    return tracks_stamp(plain(_root_, "clip"), plain(_root_, "extract"))
-
-
-def stamp_of_path(*, _root_: DictConfig) -> str | None:
-    """Return the stamp of the path to swim of a composed config."""
-    return path_stamp(plain(_root_, "matching"))
-
-
-def stamp_of_retarget(*, _root_: DictConfig) -> str | None:
-    """Return the stamp of the retargeted tracks of a composed config."""
-    return retarget_stamp(plain(_root_, "retarget"))
+def _groups(root: DictConfig, words: Iterable[str]) -> dict[str, Any]:
+    """Return groups of a composed config as plain values, by name; {} for a missing one."""
+    # Node by node, because to resolve the root would resolve the stamps themselves again.
+    nodes = {word: root._get_node(word) for word in words}
+    return {
+        word: OmegaConf.to_container(node, resolve=True)
+        if OmegaConf.is_config(node)
+        else node or {}
+        for word, node in nodes.items()
+    }
 
 
 for word in GROUPS:
@@ -94,6 +84,6 @@ for word in GROUPS:
         node = OmegaConf.structured(schema(option), flags={"struct": False})
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=node)
 ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))
-stamps = checked_stamp, stamp_of_films, stamp_of_tracks, stamp_of_path, stamp_of_retarget
-for name, resolver in zip(STAMPS, stamps, strict=True):
-    OmegaConf.register_new_resolver(name, resolver, replace=True)
+OmegaConf.register_new_resolver(STAMP, checked_stamp, replace=True)
+for name in FILES:
+    OmegaConf.register_new_resolver(name, partial(_stamp_files, name), replace=True)

@@ -2,6 +2,7 @@
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -25,48 +26,41 @@ ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("
 ENOUGH_REACHED_PCT = 90.0  # a mode that reaches fewer goals becomes a finding
 
 
-def played_modes() -> list[str]:
+def _played_modes() -> list[str]:
     """Return the modes that have an animation."""
     return [mode for mode in MODES if (ANIMATE / mode / "measures.json").exists()]
 
 
-def mode_numbers(mode: str) -> dict[str, float]:
-    """Return the measures of a mode's animation and of its random trials, name → number.
-
-    They come from data/animate/<mode>/measures.json and trials.json.
-    """
+def _load_mode_numbers(mode: str) -> dict[str, float]:
+    """Load the measures of a mode's animation and of its random trials, by name."""
     numbers: dict[str, float] = {}
     for name in ("measures", "trials"):
         numbers |= load_json(ANIMATE / mode / f"{name}.json", dict, *remake_hint(f"modes-{mode}"))
     return numbers
 
 
-def film_numbers(project: Project, motion: MotionStatistics, moved: tuple) -> dict[str, float]:
-    """Return the measures of the film that can be compared with those of the modes, name → number.
-
-    motion: statistics of the film's motion; moved: speeds and turn rates from
-    `measures.motion_of_film`.
-    """
+def _measure_film(
+    project: Project, motion: MotionStatistics, speeds_and_turn_rates: tuple
+) -> dict[str, float]:
+    """Measure the film as the modes are measured; return the numbers by name."""
     features, rate = project.features, project.rate_hz
-    steps = project.steps[["headed", "as_filmed"]].dropna()
-    numbers = measures.measure_film(features, moved, steps["as_filmed"].to_numpy(float), motion)
-    try:
+    steps = project.steps[["headed", "as_filmed"]].dropna()["as_filmed"].to_numpy(float)
+    numbers = measures.measure_film(features, speeds_and_turn_rates, steps, motion)
+    with suppress(FinloopError):  # the film shows no straight swimming
         phases = learn_phases(features, rate, motion.delta, project.settings("network"))
         numbers |= state_shares(features, phases)
-    except FinloopError:  # the film shows no straight swimming
-        pass
     if project.settings("matching").fish > 1:
         numbers |= encounters.measure_film_clearance(features)
-    return numbers | {"drawn_size": min(map(project.size, played_modes()), default=1.0)}
+    return numbers | {"drawn_size": min(map(project.size, _played_modes()), default=1.0)}
 
 
 def compare_schools(project: Project) -> pd.DataFrame:
-    """Return how the fish of mode `matching` differ from the film's, a row per measure.
+    """Compare the fish of mode `matching` with the film's; return a row per measure.
 
-    The rows are those of `compare_groups`. The first half of the film, to which zones are fitted,
-    is compared in the same way. The table is empty for a single fish.
+    The columns are those of `compare_groups`. The half of the film to which zones are fitted is
+    compared in the same way. The table is empty for a single fish.
     """
-    if project.settings("matching").fish == 1 or "matching" not in played_modes():
+    if project.settings("matching").fish == 1 or "matching" not in _played_modes():
         return compare_groups({}, {})
     film = load_table(Path("data/calibrate/film.parquet"), SHOAL)
     first, second = halves(film)
@@ -84,9 +78,9 @@ def compare_schools(project: Project) -> pd.DataFrame:
 
 
 def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
-    """Return the findings about the modes, columns mode and doubt (a sentence).
+    """Return what is doubtful about the modes, as a table of modes and sentences.
 
-    numbers: mode → measures, of the modes that have an animation.
+    numbers: mode → measures by name, of the modes that have an animation.
     """
     rows: list[tuple[str, str]] = []
     for mode, described in MODES.items():
@@ -99,45 +93,37 @@ def doubts(numbers: dict[str, dict[str, float]]) -> pd.DataFrame:
         if reached < ENOUGH_REACHED_PCT:
             rows.append((described.title, f"reaches only {reached:.0f} % of its random goals"))
         if not numbers[mode].get("trials_film_pct", 100.0) and mode == "hybrid":
-            rows.append(
-                (
-                    described.title,
-                    "never shows the film: too few gateways lead there and back; "
-                    "raise gateways.distance_threshold",
-                )
-            )
+            why = "never shows the film: too few gateways lead there and back; "
+            rows.append((described.title, why + "raise gateways.distance_threshold"))
     return pd.DataFrame(rows, columns=["mode", "doubt"])
 
 
 def main() -> None:
-    """Write data/animate/beside/kinematics.parquet and reports/animate/.
-
-    The reports are measures.csv, doubts.csv, left.csv, company.csv and the metrics.
-    """
+    """Write data/animate/beside/kinematics.parquet, and tables and metrics to reports/animate/."""
     with Project() as project:
         features = project.features
         motion = learn(features, project.rate_hz, delta_of(features))
-        moved = measures.motion_of_film(features, motion)
-        numbers = {mode: mode_numbers(mode) for mode in played_modes()}
-        film = film_numbers(project, motion, moved)
-        parts = [measures.kinematics({measures.FILM_MOTION: moved})]
-        parts += [
-            load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS) for mode in numbers
-        ]
+        film_motion = measures.motion_of_film(features, motion)
+        numbers = {mode: _load_mode_numbers(mode) for mode in _played_modes()}
+        film = _measure_film(project, motion, film_motion)
         save_csv(REPORT / "company.csv", compare_schools(project), decimals=3)
+    parts = [measures.kinematics({measures.FILM_MOTION: film_motion})]
+    for mode in numbers:
+        parts.append(load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS))
     with whole_folder(OUT) as folder:
-        save_table(
-            folder / "kinematics.parquet", pd.concat(parts, ignore_index=True), measures.KINEMATICS
-        )
+        together = pd.concat(parts, ignore_index=True)
+        save_table(folder / "kinematics.parquet", together, measures.KINEMATICS)
     left = ANIMATE / "matching/left.parquet"
     lost = load_table(left, path_measures.LEFT) if left.exists() else path_measures.LEFT.empty()
     save_csv(REPORT / "left.csv", lost, decimals=3)
     beside = pd.DataFrame({**numbers, "film": film}).rename_axis("measure").reset_index()
     save_csv(REPORT / "measures.csv", beside, decimals=3)
     save_csv(REPORT / "doubts.csv", doubts(numbers), decimals=3)
-    every = numbers | {"film": film}
-    metrics = {f"{mode}_{name}": value for mode in every for name, value in every[mode].items()}
-    save_metrics(REPORT / "metrics.json", metrics)
+    beside_film = numbers | {"film": film}
+    save_metrics(REPORT / "metrics.json", {
+        f"{mode}_{name}": value
+        for mode, measured in beside_film.items() for name, value in measured.items()
+    })  # fmt: skip
 
 
 if __name__ == "__main__":

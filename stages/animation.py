@@ -41,24 +41,14 @@ More = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
 
 
 def film_data(project: Project, reel: Reel) -> FilmData:
-    """Return the results of earlier stages that a mode of the fish paper needs.
-
-    reel: the film's pictures, with or without sprites.
-    """
+    """Return what a mode of the fish paper needs of the earlier stages; `reel`: its pictures."""
     return FilmData(
         project.rate_hz, project.arena, project.background, reel, project.outlines, project.poses,
         project.map_facts, project.steps,
     )  # fmt: skip
 
 
-def save_no_more(
-    folder: Path, animator: Animator, swims: list[Swim], edit: pd.DataFrame
-) -> dict[str, float]:
-    """Do nothing and return no numbers: the `save_more` of a mode without further files."""
-    return {}
-
-
-def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
+def animate(mode: str, open_mode: Open, save_more: More | None = None) -> None:
     """Write the edit list of a mode, data/animate/<mode>.parquet, and data/animate/<mode>/.
 
     The folder has goals, samples, motion and measures. Where the film shows too little for the
@@ -77,17 +67,16 @@ def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
             save_table(OUT / f"{mode}.parquet", EDIT.empty(), EDIT)
             return
         with whole_folder(OUT / mode) as folder:
-            say_where(mode, animator, p)
-            edit = save_animation(folder, mode, animator, project, save_more)
-            seconds = project.settings("realism").seconds
-            samples = sample_animations(animator, seconds, p)
+            _report_size_and_tank(mode, animator, p)
+            edit = _save_animation(folder, mode, animator, project, save_more)
+            samples = sample_animations(animator, project.settings("realism").seconds, p)
             save_table(folder / "samples.parquet", samples, EDIT)
-            numbers = measure_trials(open_mode, mode, p.trials, pool)
-            save_json(folder / "trials.json", finite_numbers(numbers))
+            numbers = _measure_trials(open_mode, mode, p.trials, pool)
+            save_json(folder / "trials.json", _finite_numbers(numbers))
         save_table(OUT / f"{mode}.parquet", edit, EDIT)
 
 
-def say_where(mode: str, animator: Animator, p: Any) -> None:
+def _report_size_and_tank(mode: str, animator: Animator, p: Any) -> None:
     """Report on stderr if fish are drawn smaller than filmed, and if the tank's edge is unknown."""
     size, tank = animator.pictures.reel.size, animator.player.world.tank
     if size < 1 and p.fish_scale == "auto":
@@ -105,13 +94,10 @@ def say_where(mode: str, animator: Animator, p: Any) -> None:
         )
 
 
-def save_animation(
-    folder: Path, mode: str, animator: Animator, project: Project, save_more: More
+def _save_animation(
+    folder: Path, mode: str, animator: Animator, project: Project, save_more: More | None
 ) -> pd.DataFrame:
-    """Plan the animation of a mode; write its files into `folder` and return its edit list.
-
-    The files are goals.json, drawn.json (scale of the fish), measures.json and motion.parquet.
-    """
+    """Plan the animation of a mode; write all but the samples to `folder`; return its edit list."""
     goals = animator.goals()
     animator.check_room(goals)
     swims, edit = animator.plan(goals)
@@ -120,22 +106,23 @@ def save_animation(
     steps = project.steps[["headed", "as_filmed"]].dropna()
     player = animator.player
     film_motion = measures.motion_of_film(project.features, player.world.motion)
-    each = zip(by_fish(edit), animator.goals_of(goals), strict=True)
     rows = [
-        measures.measure_plan(one, own, player, film_motion)
-        | measure_pictures(one, animator, steps, project.rate_hz)
-        for one, own in each
+        measures.measure_plan(fish_edit, fish_goals, player, film_motion)
+        | measure_pictures(fish_edit, animator, steps, project.rate_hz)
+        for fish_edit, fish_goals in zip(by_fish(edit), animator.goals_of(goals), strict=True)
     ]
-    numbers = average_measures(rows) | save_more(folder, animator, swims, edit)
-    save_json(folder / "measures.json", finite_numbers(numbers))
-    moved = [measures.motion_of_edit(one, player) for one in by_fish(edit)]
-    speed, turn_rate = np.concatenate(moved, axis=1)
+    numbers = average_measures(rows) | (
+        save_more(folder, animator, swims, edit) if save_more else {}
+    )
+    save_json(folder / "measures.json", _finite_numbers(numbers))
+    motions = [measures.motion_of_edit(fish_edit, player) for fish_edit in by_fish(edit)]
+    speed, turn_rate = np.concatenate(motions, axis=1)
     moves = measures.kinematics({mode: (speed, turn_rate)})
     save_table(folder / "motion.parquet", moves, measures.KINEMATICS)
     return edit
 
 
-def finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
+def _finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
     """Return the numbers without NaN and infinity; such a number has nothing to measure."""
     return {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
 
@@ -143,10 +130,9 @@ def finite_numbers(numbers: dict[str, float]) -> dict[str, float]:
 def measure_pictures(
     edit: pd.DataFrame, animator: Animator, steps: pd.DataFrame, rate_hz: float
 ) -> dict[str, float]:
-    """Return the measures of one fish's animation that depend on its pictures, name → number.
+    """Return the measures of one fish's animation that depend on its pictures, by name.
 
-    edit: of this fish; steps: columns headed and as_filmed of `STEPS`, the film's own
-    discontinuities.
+    steps: columns headed and as_filmed of `STEPS`, the film's own discontinuities.
     """
     pictures = animator.pictures
     joins, jumps = measure_discontinuities(edit, pictures)
@@ -160,11 +146,8 @@ def measure_pictures(
     }
 
 
-def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Return the measures of animations to random goals, one dict per seed, without pictures.
-
-    A worker process opens the mode once for all seeds: for hours of film that takes long.
-    """
+def _measure_seeds(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]:
+    """Return the measures of animations to random goals, one dict per seed, without pictures."""
     with Project() as project:
         animator = open_mode(project)
         plain = replace(animator.player.joins, kind=CUT, fade=0)
@@ -173,24 +156,21 @@ def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]
         film_motion = measures.motion_of_film(project.features, player.world.motion)
         for seed in seeds:
             edit, goals = animator.trial(seed)
-            each = zip(by_fish(edit), goals, strict=True)
-            own = [measures.measure_plan(*one, player, film_motion) for one in each]
-            rows.append(average_measures(own) | encounters.measure_clearance(edit, player))
+            plans = [
+                measures.measure_plan(fish_edit, fish_goals, player, film_motion)
+                for fish_edit, fish_goals in zip(by_fish(edit), goals, strict=True)
+            ]
+            rows.append(average_measures(plans) | encounters.measure_clearance(edit, player))
     return rows
 
 
-def measure_trials(open_mode: Open, mode: str, trials: int, pool: Workers) -> dict[str, float]:
-    """Return the mean measures of `trials` animations to random goals, as `trials_<name>`.
-
-    open_mode: returns the animator, in the workers of `pool`. The result is empty without trials.
-    """
-    most = max(1, -(-trials // pool.count))
+def _measure_trials(open_mode: Open, mode: str, trials: int, pool: Workers) -> dict[str, float]:
+    """Return the mean measures of `trials` animations to random goals, as `trials_<name>`."""
+    most = max(1, -(-trials // pool.count))  # a worker opens the mode, which takes long, once
     lots = [range(trials)[first : first + most] for first in range(0, trials, most)]
     rows: list[dict[str, float]] = []
     with progress(f"modes-{mode}", trials, "trials") as advance:
-        for lot, own in zip(
-            lots, ordered_map(partial(measure_lot, open_mode), lots, pool), strict=True
-        ):
-            rows += own
-            advance(len(lot))
+        for measured in ordered_map(partial(_measure_seeds, open_mode), lots, pool):
+            rows += measured
+            advance(len(measured))
     return pd.DataFrame(rows).mean().add_prefix("trials_").to_dict() if rows else {}

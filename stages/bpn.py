@@ -25,10 +25,7 @@ OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 
 def main() -> None:
-    """Train the motion network; write data/bpn/ and reports/bpn/.
-
-    They hold model.json, model.onnx and held_out.parquet; curve.csv and the metrics.
-    """
+    """Train the motion network; write it to data/bpn/, its learning and errors to reports/bpn/."""
     p: BpnSettings = load("bpn")
     project = Project()
     rate_hz, table = project.rate_hz, project.features

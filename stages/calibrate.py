@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from finloop.calibrate.film import FilmShoal, film_shoal
-from finloop.calibrate.fit import Fitted
 from finloop.calibrate.rule import film_rule, own_steps, shortage, simulate_points
 from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import delta_of
@@ -28,19 +27,16 @@ OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
 def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
-    """Return the rows of the feature table to calibrate with; of several films, the first's.
+    """Return the rows of the feature table that show the first of several films in a clip folder.
 
-    The clip's arena is that film's. clip: folder data/clip.
+    The clip's arena is that film's.
     """
     parts = readable_parts(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 
-def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
-    """Return the measures (columns of `SHOAL`) of simulated point fish in two groups.
-
-    "zones" swim by the zones, "alone" without other fish.
-    """
+def _simulate(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.DataFrame]:
+    """Return the measures of simulated points that swim by the zones, and of ones that do not."""
     rows, tables = film.whole_steps(p.rows), {}
     for name, rule in (("zones", zones), ("alone", NO_ZONES)):
         steps, rng = own_steps(film, rows, rule), np.random.default_rng(p.seed)
@@ -48,21 +44,8 @@ def shoals(film: FilmShoal, zones: Zones, p: CalibrateSettings) -> dict[str, pd.
     return tables
 
 
-def numbers(film: FilmShoal, fit: Fitted | None, zones: Zones) -> dict[str, float | int]:
-    """Return the metrics of a fit: zones, fish per frame, and the shares explained (%).
-
-    fit: None where the film shows too few fish together.
-    """
-    values: dict[str, float | int] = {"fitted": int(fit is not None), "fish": film.fish}
-    if fit is not None:
-        values["explained_pct"] = 100 * fit.explained
-        values["explained_held_out_pct"] = 100 * fit.explained_held_out
-        values["own_direction"] = fit.own
-    return {**values, **asdict(zones)}
-
-
-def save_rule(folder: Path, rule: Shoaling) -> None:
-    """Write zones.json and steps.parquet, the rule of a film's fish, which `Project.rule` loads."""
+def _save_rule(folder: Path, rule: Shoaling) -> None:
+    """Write the rule of a film's fish, which `Project.rule` loads, to `folder`."""
     own = rule.steps
     save_json(folder / "zones.json", {
         "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
@@ -72,22 +55,24 @@ def save_rule(folder: Path, rule: Shoaling) -> None:
 
 
 def main() -> None:
-    """Write the rule of the film's school to data/calibrate/, and metrics to reports/calibrate/.
-
-    Measures of film and simulated fish are in film.parquet, zones.parquet, alone.parquet and
-    company.csv.
-    """
+    """Write the rule of the film's school to data/calibrate/, and metrics to reports/calibrate/."""
     p: CalibrateSettings = load("calibrate")
     project = Project()
     features = project.features
-    own = first_film(features, project.data / "clip")
-    film = film_shoal(own, project.arena, delta_of(features), p.horizon)
+    rows = first_film(features, project.data / "clip")
+    film = film_shoal(rows, project.arena, delta_of(features), p.horizon)
     rule, fit = film_rule(film, p)
-    zones = rule.zones
+    numbers: dict[str, float] = {"fitted": int(fit is not None), "fish": film.fish}
+    if fit is None:
+        print(f"calibrate: {shortage(film)}", file=sys.stderr)
+    else:
+        numbers["explained_pct"] = 100 * fit.explained
+        numbers["explained_held_out_pct"] = 100 * fit.explained_held_out
+        numbers["own_direction"] = fit.own
     with whole_folder(OUT) as folder:
-        save_rule(folder, rule)
+        _save_rule(folder, rule)
         save_table(folder / "film.parquet", film.table, SHOAL)
-        simulated = shoals(film, zones, p) if fit else {}
+        simulated = _simulate(film, rule.zones, p) if fit else {}
         for name, table in simulated.items():
             save_table(folder / f"{name}.parquet", table, SHOAL)
         films = {"film": film.table, "second_half": film.half(False)}
@@ -95,15 +80,10 @@ def main() -> None:
         # Not in reports/, which is in git: points that act on each other amplify rounding, so they
         # swim differently on another processor, as with another seed.
         save_csv(folder / "company.csv", table, decimals=3)
-    if fit is None:
-        print(f"calibrate: {shortage(film)}", file=sys.stderr)
-    halves = table[table["shoal"] == "first_half"]
-    distances = {
-        f"{row.shoal}_{row.measure}_to_{row.beside}": row.distance for row in halves.itertuples()
-    }
-    save_metrics(REPORT / "metrics.json", {
-        "horizon_s": film.horizon / project.rate_hz, **numbers(film, fit, zones), **distances,
-    })  # fmt: skip
+    for row in table[table["shoal"] == "first_half"].itertuples():
+        numbers[f"{row.shoal}_{row.measure}_to_{row.beside}"] = row.distance
+    numbers |= {"horizon_s": film.horizon / project.rate_hz, **asdict(rule.zones)}
+    save_metrics(REPORT / "metrics.json", numbers)
 
 
 if __name__ == "__main__":

@@ -38,20 +38,16 @@ def main() -> None:
     films = drop_repeated_films(films_of(p)) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
-            numbers = write_clips(films, folder)
+            numbers = _write_clips(films, folder)
         else:
             p = films[0] if films else p
-            source = open_source(p)
-            numbers = write_clip(p, source, folder, progress)
+            numbers = _write_clip(p, open_source(p), folder, progress)
     save_metrics(METRICS, numbers)
-    say(numbers)
+    _report_findings(numbers)
 
 
 def films_of(p: File) -> list[File]:
-    """Return the parameters of each single film, in order.
-
-    p: its path may be a file, a folder, a pattern or a list of these.
-    """
+    """Return the parameters of each film that a path, pattern, folder or list names, in order."""
     return [
         replace(of_path, path=str(film))
         for path, of_path in p.settings_by_path()
@@ -65,19 +61,16 @@ def drop_repeated_films(films: list[File]) -> list[File]:
     for film in films:
         key = replace(film, path=str(film.film.resolve()))
         if key in taken:
-            of = "" if film.path == taken[key].path else f" as {taken[key].path}"
-            print(
-                f"finloop: WARNING: {film.path} is named twice{of}, and used once", file=sys.stderr
-            )
+            twice = "twice" if film.path == taken[key].path else f"twice as {taken[key].path}"
+            print(f"finloop: WARNING: {film.path} is named {twice}, and used once", file=sys.stderr)
         taken.setdefault(key, film)
     return list(taken.values())
 
 
-def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) -> dict[str, float]:
-    """Write one film's clip to `folder` and return its metrics, name → number.
-
-    watch: reports progress. FinloopError if the file changes meanwhile.
-    """
+def _write_clip(
+    p: ClipSettings, source: ClipSource, folder: Path, watch: Watch
+) -> dict[str, float]:
+    """Write one film's clip to `folder`; return its metrics. Refuse a file that changes."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
     before = file_stamps(p.film) if isinstance(p, File) else []
@@ -88,41 +81,32 @@ def write_clip(p: ClipSettings, source: ClipSource, folder: Path, watch: Watch) 
     if isinstance(p, File):
         refuse_grown(p.film, before)
     coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
-    return (
-        fact_metrics(facts)
-        | clip.numbers
-        | {
-            "brightness_mean_level": tally.brightness_mean,
-            "brightness_min_level": tally.darkest,
-            "brightness_max_level": tally.brightest,
-            "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
-            "arena_fraction": float(clip.arena.mean()),
-        }
-    )
+    return {
+        **_fact_metrics(facts),
+        **clip.numbers,
+        "brightness_mean_level": tally.brightness_mean,
+        "brightness_min_level": tally.darkest,
+        "brightness_max_level": tally.brightest,
+        "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
+        "arena_fraction": float(clip.arena.mean()),
+    }
 
 
-def say(numbers: dict[str, float]) -> None:
-    """Write reports/clip/findings.csv and print the findings on stderr.
-
-    numbers: metrics of one film, or of several with the prefix `<film>_`.
-    """
+def _report_findings(metrics: dict[str, float]) -> None:
+    """Write reports/clip/findings.csv, what is doubtful in the films, and print it on stderr."""
     rows = []
     for name, _ in film_folders(CLIP):
-        prefix = f"{name}_" if name else ""
-        repaired = {word for word in REPAIRS if numbers[f"{prefix}mended_{word}"]}
-        now, filmed = (Quality.from_metrics(numbers, prefix + part) for part in ("", "filmed_"))
+        prefix = f"{name}_" if name else ""  # of several films
+        repaired = {word for word in REPAIRS if metrics[f"{prefix}mended_{word}"]}
+        now, filmed = (Quality.from_metrics(metrics, prefix + part) for part in ("", "filmed_"))
         for finding in findings(now, filmed, repaired):
             rows.append({"film": name} | finding.row if name else finding.row)
             print(f"finloop: {name + ': ' if name else ''}{finding.line}", file=sys.stderr)
     save_csv(FINDINGS, pd.DataFrame(rows), 0)
 
 
-def write_clips(films: list[File], folder: Path) -> dict[str, float]:
-    """Write the clips of several films, a folder each, and join them; return all metrics.
-
-    A film that cannot be read is reported and left out. The clip of an earlier run with the same
-    parameters and code is reused.
-    """
+def _write_clips(films: list[File], folder: Path) -> dict[str, float]:
+    """Write the clips of several films, a folder each, and join them; return all metrics."""
     code, parts = code_digest("clip"), list[FilmPart]()
     numbers: dict[str, float] = {}
     named_films = list(zip(film_names(p.film for p in films), films, strict=True))
@@ -134,7 +118,7 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
             try:
                 source = open_source(p)
                 key = {"clip": asdict(p), "code": code, "film": file_stamps(path)}
-                make = partial(write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
+                make = partial(_write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
                 of_film = reuse_or_make(CLIP / home, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
             except FinloopError as error:
@@ -145,10 +129,10 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     failed = sum(bool(part.error) for part in parts)
     tank = next(part for part in parts if not part.error)
     print(f"finloop: the animation uses the tank of {tank.name}", file=sys.stderr)
-    return numbers | fact_metrics(whole) | {"films": len(films) - failed, "films_left_out": failed}
+    return numbers | _fact_metrics(whole) | {"films": len(films) - failed, "films_left_out": failed}
 
 
-def fact_metrics(facts: VideoFacts) -> dict[str, float]:
+def _fact_metrics(facts: VideoFacts) -> dict[str, float]:
     """Return the metrics that are facts of a clip: size, rate, duration, lost frames, segments."""
     return {name: getattr(facts, name) for name in FACTS} | {
         "duration_s": facts.frames / facts.frame_rate_hz,

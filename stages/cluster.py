@@ -20,15 +20,12 @@ from finloop.base.parallel import Processes, Threads, Workers, warm_up
 from finloop.cluster.settings import ClusterSettings, Default
 from stages.settings import load
 
-START = "python -m stages.cluster {}"
-
 
 @contextmanager
 def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
     """Yield the workers of a stage: this machine's, or those of the cluster that conf/ names.
 
-    need: modules to import first; threads: use threads on this machine, not processes. FinloopError
-    if the requested cluster is not there, or does not fit.
+    need: modules to import first; threads: use threads on this machine, not processes.
     """
     p: ClusterSettings = load("cluster")
     if isinstance(p, Default) and p.scheduler_address is None:
@@ -36,12 +33,13 @@ def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
             warm_up(need)
         yield Threads(THREADS) if threads else Processes(THREADS)
         return
-    from finloop.cluster import Home, dask_workers  # loads packages of the extra `cluster`
+    from finloop.cluster.workers import Home, dask_workers  # loads a compiler
 
-    start = START.format(p.scheduler_address if isinstance(p, Default) else "")
-    home = Home.here(Path.cwd(), start, THREAD_VARIABLES)
+    start = f"python -m stages.cluster {p.scheduler_address if isinstance(p, Default) else ''}"
+    home = Home.from_process(Path.cwd(), start, THREAD_VARIABLES)
     with dask_workers(p, home, THREADS, need) as cluster:
-        watch = f"; watch them at {cluster.dashboard}" if cluster.dashboard else ""
+        dashboard = cluster.client.dashboard_link
+        watch = f"; watch them at {dashboard}" if dashboard else ""
         print(f"finloop: {cluster.count} workers of Dask{watch}", file=sys.stderr)
         yield cluster
 

@@ -9,7 +9,6 @@ from stages.run import run  # isort: skip  (before numpy)
 import argparse
 import json
 import subprocess
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,9 @@ import pandas as pd
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 from finloop.io.numbers import NUMBERS_NAME, parse_numbers
-from finloop.report.compare import OBJECTIVES, Comparison, compare_experiments, comparison_page
+from finloop.report.compare import OBJECTIVES, compare_experiments, comparison_page
 from stages.settings import PARAMS, STAMPS
 
 OUT = Path("reports/compare.html")
@@ -44,26 +43,18 @@ def git(*arguments: str, at: Path | None = None) -> str:
     return process.stdout
 
 
-def head() -> str:
-    """Return the hash of the present commit."""
-    return git("rev-parse", "HEAD").strip()
-
-
 def experiments() -> dict[str, str]:
-    """Return the experiments on the present commit: name → hash of the experiment's commit."""
-    parent = head()
+    """Return the experiments on the present commit, name → hash; FinloopError without a commit."""
+    head = git("rev-parse", "HEAD").strip()
     refs = git(
-        "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{parent[:2]}/{parent[2:]}"
+        "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{head[:2]}/{head[2:]}"
     )
     lines = (line.split() for line in refs.splitlines())
     return {ref.rpartition("/")[2]: commit for ref, commit in lines}
 
 
-def parameters(commit: str) -> dict[str, Any]:
-    """Return the parameters that a commit's params.yaml has: `group.key` → value.
-
-    Lists and mappings are JSON texts.
-    """
+def _parameters(commit: str) -> dict[str, Any]:
+    """Return a commit's parameters as `group.key` → value; lists and mappings as JSON texts."""
     values = yaml.safe_load(git("show", f"{commit}:{PARAMS}"))
     return {
         f"{word}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
@@ -73,14 +64,10 @@ def parameters(commit: str) -> dict[str, Any]:
     }
 
 
-def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return the numbers of some stages at some commits: commit → {`stage.number`: value}.
-
-    They come from numbers.csv, or from metrics.json where git does not keep that.
-    """
+def _numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, float]]:
+    """Return the numbers of some stages at some commits: commit → {`stage.number`: value}."""
     from dvc.repo import Repo  # not at the top: the import takes half a second
 
-    commits, stages = [*commits], [*stages]
     paths = [f"reports/{stage}/metrics.json" for stage in stages]
     with Repo() as repo:
         shown = repo.metrics.show(targets=paths, revs=commits, on_error="ignore")
@@ -92,19 +79,19 @@ def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str
         }
         for commit, found in shown.items()
     }
-    for commit in commits:
-        kept = git("ls-tree", "--name-only", commit, *(f"reports/{one}/" for one in stages))
+    for commit in commits:  # git keeps all numbers of most stages
+        kept = git("ls-tree", "--name-only", commit, *(f"reports/{stage}/" for stage in stages))
         for path in filter(lambda path: Path(path).name == NUMBERS_NAME, kept.splitlines()):
-            numbers = parse_numbers(git("show", f"{commit}:{path}"))
-            stage = Path(path).parent.name
+            stage, numbers = Path(path).parent.name, parse_numbers(git("show", f"{commit}:{path}"))
             values[commit] |= {f"{stage}.{key}": value for key, value in numbers.items()}
     return values
 
 
-def side_by_side(names: list[str], measures: list[str]) -> Comparison:
-    """Compare experiments; names: of these, or none for all of them and the present commit.
+def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
+    """Write reports/compare.html on some experiments; return its table as text.
 
-    measures: further `<stage>.<number>`. FinloopError if a name is unknown.
+    names: of experiments; none for all of them and the present commit. measures: further
+    `<stage>.<number>`. title, why: heading and text of the page. FinloopError if a name is unknown.
     """
     commits_of = experiments()
     if missing := [name for name in names if name not in commits_of]:
@@ -115,21 +102,12 @@ def side_by_side(names: list[str], measures: list[str]) -> Comparison:
         )
     commits = {name: commits_of[name] for name in names} if names else commits_of | {BASE: "HEAD"}
     keys = [*measures, *(objective.key for objective in OBJECTIVES)]
-    stages = {key.partition(".")[0] for key in keys}
-    rows = {name: parameters(commit) for name, commit in commits.items()}
-    found = numbers(set(commits.values()), sorted(stages))
+    stages = sorted({key.partition(".")[0] for key in keys})
+    parameters = {name: _parameters(commit) for name, commit in commits.items()}
+    found = _numbers([*{*commits.values()}], stages)
     values = {name: found.get(commit, {}) for name, commit in commits.items()}
-    return compare_experiments(pd.DataFrame(rows).T, pd.DataFrame(values).T, measures)
-
-
-def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
-    """Write reports/compare.html; return its table as text, a row per parameter or measure.
-
-    names, measures: as for `side_by_side`; title, why: heading and text of the page.
-    """
-    table = side_by_side(names, measures)
-    with whole_file(OUT) as part:
-        part.write_text(comparison_page(table, title, why), encoding="utf-8")
+    table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
+    save_bytes(OUT, comparison_page(table, title, why).encode())
     rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T
     return rows.to_string(line_width=LINE)
 

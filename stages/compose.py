@@ -13,7 +13,6 @@ import sys
 from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import yaml
 from dvc.utils.hydra import compose_and_dump
@@ -24,7 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
 from stages.experiment import FOLDER, Experiment
 from stages.parameters import terminal_table
@@ -44,6 +43,11 @@ def compose_params(overrides: list[str]) -> str:
         except (HydraException, OmegaConfBaseException) as error:
             raise _readable(error) from error
         return output.read_text(encoding="utf-8")
+
+
+def write_params(overrides: list[str]) -> None:
+    """Compose conf/ with overrides, and write params.yaml."""
+    save_bytes(PARAMS, compose_params(overrides).encode())
 
 
 def experiment(name: str) -> Experiment:
@@ -92,9 +96,7 @@ def _readable(error: BaseException) -> FinloopError:
 def compare(overrides: list[str]) -> None:
     """Raise FinloopError if params.yaml is not the composition of conf/ with these overrides.
 
-    A params.yaml composed with conf/local/, which git does not have, can be checked only where that
-    folder is; elsewhere its values are checked. Stamps of films and tracks are not compared,
-    because these files may be elsewhere, too.
+    Elsewhere than beside the conf/local/ with which it was composed, only its values are checked.
     """
     text = PARAMS.read_text(encoding="utf-8") if PARAMS.is_file() else ""
     values = yaml.safe_load(text) or {}
@@ -104,18 +106,13 @@ def compare(overrides: list[str]) -> None:
         if problems := all_problems(values):
             raise refusal_error(problems)
         return
-    if not same_but_files(values, yaml.safe_load(compose_params(overrides))):
+    unstamped = dict.fromkeys(FILES)  # films and tracks may be elsewhere, too
+    if values | unstamped != yaml.safe_load(compose_params(overrides)) | unstamped:
         raise FinloopError(
             f"{PARAMS} is not the composition of {CONF}/",
             f"the values of {CONF}/ in {PARAMS}",
             "run `make params`",
         )
-
-
-def same_but_files(first: dict[str, Any], second: dict[str, Any]) -> bool:
-    """Return whether two params.yaml are equal apart from their stamps of films and tracks."""
-    unstamped = dict.fromkeys(FILES)
-    return first | unstamped == second | unstamped
 
 
 def main() -> None:
@@ -124,15 +121,13 @@ def main() -> None:
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
     arguments = parser.parse_args()
+    words = [text.removeprefix("help=") for text in arguments.overrides if text[:5] == "help="]
     if arguments.check:
         compare(arguments.overrides)
-        return
-    if words := [text.removeprefix("help=") for text in arguments.overrides if text[:5] == "help="]:
+    elif words:
         print("\n\n".join(terminal_table(word, get_terminal_size().columns) for word in words))
-        return
-    text = compose_params(arguments.overrides)
-    with whole_file(PARAMS) as part:
-        part.write_text(text, encoding="utf-8")
+    else:
+        write_params(arguments.overrides)
 
 
 if __name__ == "__main__":

@@ -22,21 +22,14 @@ FOLDER, REPORT = Path("data/distance"), Path("reports/distance")
 SAMPLE = 1000  # pairs measured again in float64
 
 
-def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
-    """Return how many of SAMPLE stored pairs differ by more than EXACT from a new computation.
-
-    pairs: columns of `PAIRS`; the new computation draws the pictures again, `size` px, in float64.
-    """
-    some = pairs.sample(min(SAMPLE, len(pairs)), random_state=0)
-    count = 0
-    for start in range(0, len(some), 50):
-        few = some.iloc[start : start + 50]
-        a, b = (
-            reel.frames(few[end].to_numpy(), size, pose).astype(np.float64) for end in ("i", "j")
-        )
-        count += int(
-            (np.abs(distance_pair_by_pair(a, b) - few["distance"].to_numpy()) > EXACT).sum()
-        )
+def _count_inexact(pairs: pd.DataFrame, reel: Reel, size_px: int, pose: str) -> int:
+    """Return how many of SAMPLE stored distances differ by more than EXACT if computed again."""
+    sample, count = pairs.sample(min(SAMPLE, len(pairs)), random_state=0), 0
+    for start in range(0, len(sample), 50):
+        part = sample.iloc[start : start + 50]
+        a, b = (reel.frames(part[end].to_numpy(), size_px, pose).astype(float) for end in "ij")
+        errors = np.abs(distance_pair_by_pair(a, b) - part["distance"].to_numpy())
+        count += int((errors > EXACT).sum())
     return count
 
 
@@ -48,7 +41,7 @@ def main() -> None:
         todo = map_blocks(features, p)
         with progress("distance", len(todo), "blocks") as advance:
             pairs, steps, facts = compare_frames(reel, p, advance)
-        pairs_inexact = inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)
+        pairs_inexact = _count_inexact(pairs, reel, p.picture_size_px, p.frame_of_reference)
 
     with whole_folder(FOLDER) as folder:
         save_table(folder / "pairs.parquet", pairs, PAIRS)
@@ -57,21 +50,19 @@ def main() -> None:
 
     frames = len(steps)
     count, pairs_computed = frames * (frames - 1) // 2, count_pairs(todo)
-    save_metrics(
-        REPORT / "metrics.json",
-        {
-            "frames": frames,
-            "film_mapped_pct": 100 * frames / len(features),
-            "pairs": count,
-            "pairs_computed": pairs_computed,
-            "pairs_skipped_pct": 100 * (1 - pairs_computed / count),
-            "pairs_kept": float(len(pairs)),  # the last digit of so many at a threshold varies
-            "pairs_kept_pct": 100 * len(pairs) / count,
-            "step_median": facts.step_median,
-            "step_p95": facts.step_p95,
-            "pairs_inexact": pairs_inexact,
-        },
-    )
+    metrics = {
+        "frames": frames,
+        "film_mapped_pct": 100 * frames / len(features),
+        "pairs": count,
+        "pairs_computed": pairs_computed,
+        "pairs_skipped_pct": 100 * (1 - pairs_computed / count),
+        "pairs_kept": float(len(pairs)),  # the last digit of so many at a threshold varies
+        "pairs_kept_pct": 100 * len(pairs) / count,
+        "step_median": facts.step_median,
+        "step_p95": facts.step_p95,
+        "pairs_inexact": pairs_inexact,
+    }
+    save_metrics(REPORT / "metrics.json", metrics)
     if frames < len(features):
         print(
             f"distance: {frames:,} of the film's {len(features):,} pictures are compared, in "

@@ -39,9 +39,9 @@ class Experiment:
         return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
     def runs(self, name: str) -> dict[str, list[str]]:
-        """Return every run of the sweep: name → overrides; the last parameter varies first.
+        """Return every run of the sweep `name`: its name → overrides `key=value`.
 
-        name: of the experiment, the beginning of each run's name. An override is `key=value`.
+        The last parameter varies first.
         """
         runs = {}
         for values in product(*map(choices, self.params.values())):
@@ -51,10 +51,7 @@ class Experiment:
 
 
 def choices(values: str) -> Iterator[str]:
-    """Yield the values of one parameter in a sweep, as texts.
-
-    values: Hydra's notation, as "0.1, 0.2" or "range(1, 4)".
-    """
+    """Yield, as texts, what "0.1, 0.2" or "range(1, 4)" in Hydra's notation stands for."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     override = OverridesParser.create().parse_override(f"swept={values}")

@@ -41,12 +41,10 @@ OUT, REPORT = Path("data/export"), Path("reports/export")
 POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 
 
-def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> dict[str, Any]:
-    """Write the animation and each sequence of sprites as WebM and WebP with transparency.
-
-    Returns the content of films.json: frame rate, scale, tank, and size and place of each film.
-    drawn: the edit list with its sources.
-    """
+def _save_films(
+    folder: Path, p: ExportSettings, project: Project, drawn: EditSources
+) -> dict[str, Any]:
+    """Write the animation and the sprites as films with transparency; return their films.json."""
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
@@ -79,41 +77,30 @@ def films(folder: Path, p: ExportSettings, project: Project, drawn: EditSources)
             film(word, cut_out(steps, alone, crop), crop, len(steps))
             made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
             made[word] |= {"loops": word not in SIDES}
-    tank_px = {"width_px": facts.width_px, "height_px": facts.height_px}
     return {
         "frame_rate_hz": round(float(rate), 4),
         "mm_per_px": facts.mm_per_px,
-        "tank": tank_px,
+        "tank": {"width_px": facts.width_px, "height_px": facts.height_px},
         "films": made,
     }
 
 
-def save_alone(folder: Path, p: ExportSettings, project: Project, drawn: EditSources) -> None:
-    """Write stimulus.html, which plays the animation's first seconds without a server.
-
-    Nothing is written if export.stimulus_seconds is 0.
-    """
-    facts = project.facts
-    ticks = round(p.stimulus_seconds * facts.frame_rate)
-    if not ticks:
-        return
+def _save_page(
+    folder: Path, p: ExportSettings, project: Project, drawn: EditSources, ticks: int
+) -> None:
+    """Write stimulus.html, which plays the animation's first ticks without a server."""
     assert drawn.bodies is not None
     edit = drawn.edit.sort_values(["tick", "fish"], kind="stable")
     rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
     states = drawn_states(rows, drawn.bodies)
     motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
     pictures = PagePictures(project.gallery(drawn), project.size(p.mode)).load_pictures(motion)
-    rate = float(facts.frame_rate)
-    text = alone_page("finloop", rate, project.background, pictures, motion)
+    text = alone_page("finloop", project.rate_hz, project.background, pictures, motion)
     save_bytes(folder / "stimulus.html", text.encode())
 
 
 def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
-    """Return the animal's name of every row of `tracks`.
-
-    It comes from the file of tracks if there is one, else it is `animal_` and the identity's
-    number.
-    """
+    """Return the animal's name for every row of `tracks`: another program's, or `animal_<n>`."""
     if project.external_tracks is not None:
         return project.external_tracks["animal"]
     identities = project.identities
@@ -136,9 +123,10 @@ def main() -> None:
         points = poses(
             tracks, features, facts.frames, p.tracks_body_points, least, p.tracks_most, animals
         )
-        made = films(folder, p, project, drawn)
+        made = _save_films(folder, p, project, drawn)
         save_json(folder / "films.json", made)
-        save_alone(folder, p, project, drawn)
+        if stimulus_ticks := round(p.stimulus_seconds * facts.frame_rate):
+            _save_page(folder, p, project, drawn, stimulus_ticks)
         for atlas in sorted((project.data / "sprites").glob("atlas-*")):
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():
@@ -154,15 +142,15 @@ def main() -> None:
             save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm)
         if p.tracks_nwb:
             save_nwb(folder / "nwb", points, facts.frame_rate, mm)
-    save_metrics(
-        REPORT / "metrics.json",
-        {f"crop_{side}": made["films"][p.mode][side] for side in ("width_px", "height_px")}
-        | {
-            "frames": made["films"][p.mode]["frames"],
-            "animals": len(points.individuals),
-            "track_rows_share": len(points.frame) / len(tracks),
-        },
-    )
+    animation = made["films"][p.mode]
+    metrics = {
+        "crop_width_px": animation["width_px"],
+        "crop_height_px": animation["height_px"],
+        "frames": animation["frames"],
+        "animals": len(points.individuals),
+        "track_rows_share": len(points.frame) / len(tracks),
+    }
+    save_metrics(REPORT / "metrics.json", metrics)
 
 
 if __name__ == "__main__":

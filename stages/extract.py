@@ -45,50 +45,41 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pie
 
 
 def main() -> None:
-    """Write tracks, cut-outs and background to data/extract/, and reports/extract/.
-
-    The reports are the metrics and films.csv.
-    """
+    """Write tracks, cut-outs and background to data/extract/, and reports/extract/."""
     settings: ExtractSettings = load("extract")
     with workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
         if readable_parts(CLIP):
-            numbers, films = extract_films(CLIP, settings, pool, folder)
+            numbers, films = _extract_films(CLIP, settings, pool, folder)
         else:
-            pieces = Pieces(PIECES / name_of(track_inputs(CLIP, settings)))
+            pieces = Pieces(PIECES / name_of(_track_inputs(CLIP, settings)))
             remove_except(PIECES, [pieces.folder.name])
-            numbers = extract_film(CLIP, settings, pool, pieces, folder)
+            numbers = _extract_film(CLIP, settings, pool, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
-            contribution = Contribution(
-                name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness()
-            )
-            films = [film_row(contribution)]
+            rows, tracks = int(numbers["fish_frames"]), int(numbers["tracks"])
+            films = [_film_row(Contribution(name, rows, tracks, Likeness()))]
     remove_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
 
 
-def track_inputs(clip: Path, own: ExtractSettings) -> dict[str, Any]:
-    """Return everything from which the tracks of a clip are made, as plain values: a key for reuse.
+def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
+    """Return everything from which the tracks of a clip are made, as plain values for reuse."""
 
-    clip: its folder; own: parameters of this film.
-    """
+    def stamps_of(path: Path) -> list[Stamp] | None:
+        return file_stamps(path) if path.exists() else None
+
     key = clip / KEY_NAME  # exists for one of several films
     film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
-    tracks = stamps_of(Path(own.tracks_path).expanduser()) if own.tracks_path else None
-    return {"extract": asdict(own), "code": code_digest("extract"), "clip": film, "tracks": tracks}
+    tracks = stamps_of(Path(p.tracks_path).expanduser()) if p.tracks_path else None
+    return {"extract": asdict(p), "code": code_digest("extract"), "clip": film, "tracks": tracks}
 
 
-def stamps_of(path: Path) -> list[Stamp] | None:
-    """Return the stamps of a file, or of all files in a folder; None if the path does not exist."""
-    return file_stamps(path) if path.exists() else None
-
-
-def extract_film(
+def _extract_film(
     clip: Path, settings: ExtractSettings, pool: Workers, pieces: Pieces, folder: Path
 ) -> dict[str, float]:
-    """Write the tracks and cut-outs of one clip to `folder`; return its metrics, name → number.
+    """Write the tracks and cut-outs of one clip to `folder`; return its metrics.
 
-    clip: its folder; pieces: results of an interrupted run, which are used.
+    `pieces`, results of an interrupted run, are used.
     """
     facts = load_facts(clip / FACTS_NAME)
     if pieces.size():
@@ -107,52 +98,49 @@ def extract_film(
             "To make the clip again: `dvc repro --force clip`",
             file=sys.stderr,
         )
-    return {"frames": facts.frames, **metrics(extraction)}
+    return {"frames": facts.frames, **_metrics(extraction)}
 
 
 def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
-    """Yield sentences on how much of the user's file of tracks is used; none without such a file.
-
-    numbers: `Extraction.given`.
-    """
-    if numbers:
-        animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
-        why = (
-            f"{numbers[name] / max(1, numbers['places']):.1%} {words}"
-            for name, words in _UNUSED.items()
-            if numbers[name]
-        )
-        used = f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"
-        yield "; ".join([used, *why])
-        if unused:
-            yield f"of its {animals:g} animals {unused:g} never have a silhouette of their own"
+    """Yield sentences on how much of the user's file of tracks is used, from `Extraction.given`."""
+    if not numbers:
+        return
+    why = [f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"]
+    why += [
+        f"{numbers[name] / max(1, numbers['places']):.1%} {words}"
+        for name, words in _UNUSED.items()
+        if numbers[name]
+    ]
+    yield "; ".join(why)
+    animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
+    if unused:
+        yield f"of its {animals:g} animals {unused:g} never have a silhouette of their own"
 
 
-def extract_films(
+def _extract_films(
     clip: Path, settings: ExtractSettings, pool: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Write the tracks and cut-outs of several films, a folder each, and join them.
 
-    A film without a track is reported and left out. The tracks of an earlier run with the same
-    clip, parameters and code are reused. Returns metrics, and a row of films.csv for each film.
+    Returns metrics, and a row of films.csv for each film.
     """
-    numbers, every = dict[str, float](), all_parts(clip)
-    errors = {part.name: part.error for part in every if part.error}
+    numbers, parts = dict[str, float](), all_parts(clip)
+    errors = {part.name: part.error for part in parts if part.error}
     todo = []
-    for part in every:
+    for part in parts:
         if part.name not in errors:
-            with left_out(part, errors):
-                own = settings
+            with _leave_out_on_error(part, errors):
+                p = settings
                 if settings.tracks_path:
                     path = tracks_of(Path(part.path), settings.tracks_path)
-                    own = replace(settings, tracks_path=path)
-                todo.append((part, own, track_inputs(clip / FILMS / part.name, own)))
+                    p = replace(settings, tracks_path=path)
+                todo.append((part, p, _track_inputs(clip / FILMS / part.name, p)))
     remove_except(PIECES, [name_of(key) for _, _, key in todo])
-    for part, own, key in todo:
+    for part, p, key in todo:
         home = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)
-        with left_out(part, errors):
-            make = partial(extract_film, clip / home, own, pool, Pieces(PIECES / name_of(key)))
+        with _leave_out_on_error(part, errors):
+            make = partial(_extract_film, clip / home, p, pool, Pieces(PIECES / name_of(key)))
             metrics_of_film = reuse_or_make(EXTRACT / home, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in metrics_of_film.items()}
     contributions = join_extractions(clip, folder, errors)
@@ -161,17 +149,14 @@ def extract_films(
     numbers["tracks"] = sum(item.tracks for item in contributions)
     numbers |= {"films": len(contributions), "films_left_out": len(errors)}
     return numbers, [
-        *map(film_row, contributions),
+        *map(_film_row, contributions),
         *({"film": name, "left_out_because": error} for name, error in errors.items()),
     ]
 
 
 @contextmanager
-def left_out(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
-    """Run a block for one film: on FinloopError, warn, note it in `errors`, and continue.
-
-    errors: film → cause.
-    """
+def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
+    """Run a block for one film: on FinloopError, warn, note film and cause, and continue."""
     try:
         yield
     except FinloopError as error:
@@ -179,7 +164,7 @@ def left_out(part: FilmPart, errors: dict[str, str]) -> Iterator[None]:
         errors[part.name] = error.came
 
 
-def film_row(contribution: Contribution) -> dict[str, Any]:
+def _film_row(contribution: Contribution) -> dict[str, Any]:
     """Return one film's row of films.csv: its rows and tracks, and factors on length and light."""
     gains = contribution.like.gains or (1.0,)
     return {
@@ -192,7 +177,7 @@ def film_row(contribution: Contribution) -> dict[str, Any]:
     }
 
 
-def metrics(extraction: Extraction) -> dict[str, float]:
+def _metrics(extraction: Extraction) -> dict[str, float]:
     """Return the metrics of an extraction: noise, typical fish, verdicts, lengths of tracks."""
     scene, verdicts, lengths, given, lost = extraction
     long = [count for count in lengths.values() if count >= LONG]

@@ -32,10 +32,7 @@ TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 
 def main() -> None:
-    """Write the feature table to data/features/, and reports/features/.
-
-    The reports are table1.csv, fig7.csv and the metrics.
-    """
+    """Write the feature table to data/features/, and Table 1, Fig. 7, metrics to reports/."""
     settings: FeaturesSettings = load("features")
     project = Project()
     facts, tracks, given = project.facts, project.tracks(USED), project.external_tracks

@@ -6,22 +6,22 @@ prints where the report is, and opens it where there is a desktop. `make film` c
 pipeline between them.
 """
 
-from stages.run import run  # isort: skip
+from stages.run import open_in_browser, run  # isort: skip
 
 import json
 import os
 import shlex
 import sys
-import webbrowser
+from itertools import count
 from pathlib import Path
 
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 from finloop.io.footage import list_films
-from stages.compose import compose_params
-from stages.settings import LOCAL, PARAMS
+from stages.compose import write_params
+from stages.settings import LOCAL
 
 REPORT = Path("reports/index.html")
 WANTED = 'make film FILM=/path/of/film.mp4; several: FILM="a.mp4 b.mp4", quoted where a space is'
@@ -80,16 +80,11 @@ def name_films(films: list[str], local: Path) -> str:
         return f"{local} names the film already, and is left as it is"
     note = ""
     if before and before != local_text(films_before):
-        backup = next(
-            path
-            for number in range(1, 10**6)
-            if not (path := local.with_name(f"{local.name}.before-{number}")).exists()
-        )
-        with whole_file(backup) as part:
-            part.write_text(before, encoding="utf-8")
+        backups = (local.with_name(f"{local.name}.before-{number}") for number in count(1))
+        backup = next(path for path in backups if not path.exists())
+        save_bytes(backup, before.encode())
         note = f"; what it held before is kept in {backup}"
-    with whole_file(local) as part:
-        part.write_text(local_text(films), encoding="utf-8")
+    save_bytes(local, local_text(films).encode())
     return f"{local} names the film{note}"
 
 
@@ -107,9 +102,7 @@ def _films_of(text: str) -> list[str]:
 def show_report(report: Path) -> None:
     """Print where the report is, and open it where there is a desktop."""
     print(f"\nDone. The report: {report.absolute()}")
-    desktop = sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
-    if desktop:
-        webbrowser.open(report.absolute().as_uri())
+    open_in_browser(report.absolute().as_uri())
 
 
 def main() -> None:
@@ -118,9 +111,7 @@ def main() -> None:
         show_report(REPORT)
         return
     print(f"finloop: {name_films(films_in(os.environ.get('FILM', '')), LOCAL)}")
-    text = compose_params(sys.argv[1:])
-    with whole_file(PARAMS) as part:
-        part.write_text(text, encoding="utf-8")
+    write_params(sys.argv[1:])
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ FREE_TICKS = 20_000  # of the fish that swims freely, at most
 CURVE = ["epoch", "train_error", "held_out_error"]
 
 
-def load_visible(project: Project) -> VisibleDistance:
+def _load_visible(project: Project) -> VisibleDistance:
     """Load the visible distance between rows (pictures and postures) from the stage `jumps`."""
     folder, poses = project.data / "jumps", project.poses
     natural = load_record(folder / "facts.json", VisibleFacts, "jumps").natural
@@ -39,21 +39,8 @@ def load_visible(project: Project) -> VisibleDistance:
     return VisibleDistance(pictures, poses.pose.posture, natural)
 
 
-def save_graph(folder: Path, swim: Sampler) -> None:
-    """Write start.npy, neighbours.npy and mean.npy: similar rows, and the predicted states.
-
-    `Project.forecast` maps these files.
-    """
-    save_array(folder / "start.npy", swim.start)
-    save_array(folder / "neighbours.npy", swim.to)
-    save_array(folder / "mean.npy", swim.mean)
-
-
-def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
-    """Return the RMS errors of the relative motion area Δ later: area_rmse, persistence_area_rmse.
-
-    They are of held-out rows of the film, without mirror images; {} if there are none.
-    """
+def _area_errors(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
+    """Return the RMS errors of the motion area Δ later, in the film's held-out rows, by name."""
     features, poses, film = project.features, project.poses, project.states
     rows = parts.held_out[parts.held_out < film.count]
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
@@ -70,14 +57,10 @@ def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[st
     }
 
 
-def quality(
+def _measure_forecast(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """Return how good the forecast is, name → number; write held_out.parquet and free.parquet.
-
-    It is tested on held-out rows, and by a fish that swims by the forecast alone. swim: draws
-    states from the forecast.
-    """
+    """Measure the forecast on held-out rows, and as the only guide of a fish; write both tables."""
     ensemble = assess.predict_ensembles(film, swim, parts, rng)
     states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)
@@ -104,7 +87,8 @@ def main() -> None:
                 ThreadPoolExecutor(1) as beside,
                 progress("forecast", p.epochs, "epochs") as advance,
             ):
-                similar = beside.submit(similar_rows, film, project.look, load_visible(project), p)
+                visible = _load_visible(project)
+                similar = beside.submit(similar_rows, film, project.look, visible, p)
                 model, curve = train_predictor(film, parts, p, advance)
                 graph = similar.result()
         except FinloopError as error:
@@ -117,9 +101,12 @@ def main() -> None:
             return
         save_json(folder / "model.json", model.record())
         swim, rng = build_sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
-        save_graph(folder, swim)
-        numbers = quality(film, swim, parts, rng, folder)
-        numbers |= area_numbers(project, model, parts)
+        # `Project.forecast` maps these files: similar rows, and the predicted states.
+        save_array(folder / "start.npy", swim.start)
+        save_array(folder / "neighbours.npy", swim.to)
+        save_array(folder / "mean.npy", swim.mean)
+        numbers = _measure_forecast(film, swim, parts, rng, folder)
+        numbers |= _area_errors(project, model, parts)
     save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)
     save_metrics(REPORT / "metrics.json", {
         "models": 1,

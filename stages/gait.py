@@ -64,32 +64,22 @@ class GaitFit(NamedTuple):
     keys: Keys
     errors: ClockComparison
 
-    def draw(self, folder: Path, pictures: Pictures | None = None) -> None:
-        """Write Figs. 8 to 14 of the curve paper to `folder`, fig8.png to fig14.png.
-
-        pictures: of one cycle with their phases; without them Fig. 8 shows contours.
-        """
-        gait = self.gait
-        samples = sort_into_subcycles(self.film, gait.split, gait.wavelet, gait.coarse)
-        subcycles = build_subcycles(self.keys, samples, gait.wavelet, gait.coarse)
-        for name, figure in figures(self.film, gait, self.keys, subcycles, pictures):
-            save_figure(folder / f"{name}.png", figure)
-
     def rms(self) -> dict[str, float]:
         """Return the RMS errors on held-out frames, `rms_<clock>_pct`, in % of body length."""
         return {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
 
-    def numbers(self, film: str) -> dict[str, float]:
-        """Return the fit's metrics, `<film>_<name>`: frequency, confidence, cycles, errors."""
-        facts = {key: getattr(self.gait, key) for key in ("frequency_hz", "confidence", "cycles")}
-        return {f"{film}_{key}": value for key, value in (facts | self.rms()).items()}
+
+def _draw(fit: GaitFit, folder: Path, pictures: Pictures | None) -> None:
+    """Write Figs. 8 to 14 to `folder`; without pictures of a cycle Fig. 8 shows contours."""
+    film, gait, keys, _ = fit
+    samples = sort_into_subcycles(film, gait.split, gait.wavelet, gait.coarse)
+    subcycles = build_subcycles(keys, samples, gait.wavelet, gait.coarse)
+    for name, figure in figures(film, gait, keys, subcycles, pictures):
+        save_figure(folder / f"{name}.png", figure)
 
 
-def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
-    """Fit a gait to the contours of a film, and measure its errors on held-out frames.
-
-    name: of the gait; beat: period of the motion; source: text on the film's origin.
-    """
+def _fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, source: str) -> GaitFit:
+    """Fit a gait to the contours of a film, and measure its errors on held-out frames."""
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare(film, **basis)
     gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.gamma_per_scale)
@@ -98,9 +88,9 @@ def fit_film(film: GaitContours, name: str, beat: Period, p: GaitSettings, sourc
 
 
 def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
-    """Return the gait of the track with the clearest tail beat, and a table with a row per track.
+    """Return the gait of the track with the clearest tail beat, if any, and a row for each track.
 
-    The gait is None if no outline repeats. The table is tracks.csv.
+    The table is tracks.csv.
     """
     project = Project()
     rate, tracks = project.rate_hz, project.tracks(TRACKS)
@@ -118,7 +108,7 @@ def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
             }  # fmt: skip
             if not beat.why:
                 try:
-                    fits.append(fit_film(film_of_swim(fish), name, beat, p, f"{name} of the clip"))
+                    fits.append(_fit_film(film_of_swim(fish), name, beat, p, f"{name} of the clip"))
                     row |= fits[-1].rms()
                 except FinloopError as error:
                     row["why_not"] = error.came
@@ -130,7 +120,7 @@ def outlines(p: GaitSettings) -> tuple[GaitFit | None, pd.DataFrame]:
     return best, pd.DataFrame(rows).reindex(columns=columns)
 
 
-def dog(p: GaitSettings) -> DogFilm:
+def _drawn_dog(p: GaitSettings) -> DogFilm:
     """Return the drawn dog whose walk is filmed, as the parameters describe it."""
     size = p.dog_width_px / DogFilm.width_px
     return DogFilm(
@@ -140,11 +130,8 @@ def dog(p: GaitSettings) -> DogFilm:
     )  # fmt: skip
 
 
-def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
-    """Film the drawn dog; find its near limbs in the coded film; return pictures of a cycle.
-
-    Writes dog_film.mp4 and regions/ to `folder`. Returns the pictures and their phases.
-    """
+def _film_dog(walk: DogFilm, folder: Path) -> Pictures:
+    """Write the dog's film and its limbs' regions; return the pictures and phases of a cycle."""
     rate = Fraction(walk.frame_rate_hz).limit_denominator(1001)
     path = folder / "dog_film.mp4"
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
@@ -157,11 +144,11 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
     return pictures, phases(walk)[ticks]
 
 
-def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
-    """Return the largest errors of γ, name → number, and write true values of γ into `table`.
+def _gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[str, float]:
+    """Return the largest errors of γ by name; write true values of γ into the table of γ.
 
     Columns filled in: true, of the exact motion; exact, fitted to exact contours; clock, of the
-    foot alone. table: from `table_of`.
+    foot alone.
     """
     exact = GaitContours(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
     exact = replace(exact, offsets=hip_offsets(exact))
@@ -173,36 +160,30 @@ def gamma_errors(walk: DogFilm, table: pd.DataFrame, p: GaitSettings) -> dict[st
             table.loc[k, ["true", "exact", "clock"]] = values
     numbers = {}
     clear = table["true"].abs() >= CLEAR
-    for way in ("exact", "gamma"):
-        off = (table[way] - table["true"]).abs()
-        what = f"dog_gamma_error_{'film' if way == 'gamma' else way}"
-        numbers[f"{what}_pct"] = float(100 * (off / table["true"].abs())[clear].max())
-        numbers[f"{what}_small_gammas"] = float(off[~clear].max())
+    for name, column in (("exact", "exact"), ("film", "gamma")):
+        off = (table[column] - table["true"]).abs()
+        relative = off / table["true"].abs()
+        numbers[f"dog_gamma_error_{name}_pct"] = float(100 * relative[clear].max())
+        numbers[f"dog_gamma_error_{name}_small_gammas"] = float(off[~clear].max())
     return numbers
 
 
-def table_of(which: str, gait: Gait) -> pd.DataFrame:
-    """Return γ as a table, one row per contour and subcycle, the mean over the scales.
-
-    Columns true, exact and clock are NaN. which: value of the column film.
-    """
+def _gamma_table(film: str, gait: Gait) -> pd.DataFrame:
+    """Return γ, the mean over the scales, as a table with a row per contour and subcycle."""
     rows = [
-        (which, name, sub, float(np.mean(values)), *(np.nan,) * 3)
-        for name, of in gait.gamma.items()
-        for sub, values in of.items()
+        (film, name, subcycle, float(np.mean(values)), np.nan, np.nan, np.nan)
+        for name, subcycles in gait.gamma.items()
+        for subcycle, values in subcycles.items()
     ]
     columns = ["film", "contour", "subcycle", "gamma", "true", "exact", "clock"]
     return pd.DataFrame(rows, columns=columns)
 
 
-def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
-    """Return the gait of filmed limbs, and pictures of a cycle with their phases.
-
-    The film is that of the drawn dog, or the user's (gait.limbs), which has no pictures.
-    """
+def _fit_limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
+    """Return the gait of filmed limbs, and pictures of a cycle, which the user's film lacks."""
     pictures: Pictures | None = None
     if p.limbs == "dog":
-        pictures = filmed_dog(dog(p), folder)
+        pictures = _film_dog(_drawn_dog(p), folder)
         regions, rate, name = folder / "regions", p.dog_rate_hz, "dog_walk"
         source = "the film of the drawn dog"
     else:
@@ -215,17 +196,13 @@ def limbs(p: GaitSettings, folder: Path) -> tuple[GaitFit, Pictures | None]:
     )
     for note in contours.notes:
         print(f"gait: {note}")
-    return fit_film(walk, name, beat, p, source), pictures
+    return _fit_film(walk, name, beat, p, source), pictures
 
 
-def animate_drawing(
+def _animate_drawing(
     name: str, keys: tuple[str, str], gait: Gait, p: GaitSettings, folder: Path
-) -> dict:
-    """Write a drawing moved by a gait to `folder`, in all ENDINGS; return its metrics.
-
-    keys: SVG files of key frames 1 and 2. The metrics count folding contours and say how far feet
-    slide.
-    """
+) -> dict[str, float]:
+    """Write a drawing, of two key frames, moved by a gait, in all ENDINGS; return its metrics."""
     first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     result = transfer(first, second, gait, frames, p.contour_points)
@@ -242,7 +219,7 @@ def animate_drawing(
     return numbers
 
 
-def swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
+def _swimmer_gait(p: GaitSettings, swimmer: GaitFit | None) -> Gait:
     """Return the gait that drives the drawn fish: a shipped one, or the clip's own."""
     if p.swimmer_gait is not None:
         return load_gait(Path(p.swimmer_gait))
@@ -259,10 +236,10 @@ def main() -> None:
     """Write gaits and moving drawings to data/gait/, tables and figures to reports/gait/."""
     p: GaitSettings = load("gait")
     with whole_folder(OUT) as folder:
-        walker, pictures = limbs(p, folder)  # first: most user input, and so most errors
+        walker, pictures = _fit_limbs(p, folder)  # first: most user input, and so most errors
         swimmer, tracks = outlines(p)
         save_csv(REPORT / "tracks.csv", tracks, decimals=4)
-        fish = swimmer_gait(p, swimmer)
+        fish = _swimmer_gait(p, swimmer)
         fits = {"limbs": walker} | ({"outline": swimmer} if swimmer else {})
         numbers: dict[str, float] = {
             "tracks": len(tracks),
@@ -270,23 +247,25 @@ def main() -> None:
             "tracks_rms_gamma_median_pct": float(tracks["rms_gamma_pct"].median()),
             "tracks_rms_linear_median_pct": float(tracks["rms_linear_pct"].median()),
         }
-        tables = {film: table_of(film, fit.gait) for film, fit in fits.items()}
+        tables = {film: _gamma_table(film, fit.gait) for film, fit in fits.items()}
         if p.limbs == "dog":
-            numbers |= gamma_errors(dog(p), tables["limbs"], p)
+            numbers |= _gamma_errors(_drawn_dog(p), tables["limbs"], p)
         for film, fit in fits.items():
-            numbers |= fit.numbers(film)
+            names = ("frequency_hz", "confidence", "cycles")
+            facts = {name: getattr(fit.gait, name) for name in names} | fit.rms()
+            numbers |= {f"{film}_{name}": value for name, value in facts.items()}
             save_json(folder / f"{film}.json", record_of(fit.gait), indent=1)
             with whole_folder(REPORT / film) as figures_of_film:
-                fit.draw(figures_of_film, pictures if film == "limbs" else None)
+                _draw(fit, figures_of_film, pictures if film == "limbs" else None)
         if swimmer is None:
             why = "no track of the clip has an outline that repeats: see tracks.csv"
             print(f"gait: {why}")
             with whole_folder(REPORT / "outline") as empty:
                 (empty / "none.txt").write_text(why + "\n", encoding="utf-8")
         with progress("gait", 2, "drawings") as advance:
-            numbers |= animate_drawing("dog", p.walker_drawings, walker.gait, p, folder)
+            numbers |= _animate_drawing("dog", p.walker_drawings, walker.gait, p, folder)
             advance()
-            numbers |= animate_drawing("fish", p.swimmer_drawings, fish, p, folder)
+            numbers |= _animate_drawing("fish", p.swimmer_drawings, fish, p, folder)
             advance()
     save_csv(REPORT / "gamma.csv", pd.concat(tables.values(), ignore_index=True), decimals=4)
     for name in ("by_contour", "by_scale"):

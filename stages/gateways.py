@@ -21,22 +21,18 @@ REPORT = Path("reports/gateways")
 WORDS = {IN: "into", OUT: "out of"}
 
 
-def report_missing_gateways(
-    ways: pd.DataFrame, nearest: pd.DataFrame, step: float, least: float
+def _report_missing(
+    found: pd.DataFrame, nearest: pd.DataFrame, step: float, least_deltas: float
 ) -> None:
-    """Report on stderr each direction without a gateway, and what would give one.
-
-    ways: gateways; nearest: those without a threshold; step: median natural step; least: Δ of film
-    that must follow the frame.
-    """
+    """Report on stderr each direction without a gateway, and which threshold would give one."""
     for direction, word in WORDS.items():
-        if (ways["direction"] == direction).any():
+        if (found["direction"] == direction).any():
             continue
-        near = nearest.loc[nearest["direction"] == direction, "distance"]
-        if near.empty:
-            why = f"no track lasts {least:g} Δ and one frame more"
+        distances = nearest.loc[nearest["direction"] == direction, "distance"]
+        if distances.empty:
+            why = f"no track lasts {least_deltas:g} Δ and one frame more"
         else:
-            most = np.ceil(10 * near.min() / step + 1e-6) / 10
+            most = np.ceil(10 * distances.min() / step + 1e-6) / 10
             why = f"gateways.distance_threshold={most:.1f} would give some"
         print(f"gateways: no gateway {word} the film; {why}", file=sys.stderr)
 
@@ -50,14 +46,15 @@ def main() -> None:
         rows = map_rows(features, project.steps)
         with progress("gateways", len(rows)) as advance:
             near = nearness(project.reel, rows, facts.size, facts.pose, advance)
-        ways = gateways(near, sprites, features, step, settings)
-        without_threshold = replace(settings, distance_threshold=np.inf)
-        nearest = gateways(near, sprites, features, step, without_threshold)
-    report_missing_gateways(ways, nearest, step, settings.least)
+        found = gateways(near, sprites, features, step, settings)
+        nearest = gateways(
+            near, sprites, features, step, replace(settings, distance_threshold=np.inf)
+        )
+    _report_missing(found, nearest, step, settings.least)
     with whole_folder(Path("data/gateways")) as folder:
-        save_table(folder / "gateways.parquet", ways, GATEWAYS)
+        save_table(folder / "gateways.parquet", found, GATEWAYS)
         save_table(folder / "nearest.parquet", nearest, GATEWAYS)
-    metrics = gateway_metrics(ways, nearest, near, features, rate_hz, step)
+    metrics = gateway_metrics(found, nearest, near, features, rate_hz, step)
     save_metrics(REPORT / "metrics.json", metrics)
 
 

@@ -35,16 +35,13 @@ def main() -> None:
         else:
             film = collect_evidence(project.film_reel, project.tracks(USED), cuts, p)
             table = identities(film)
-            trial = join_trial(film, table)
+            trial = _try_joins(film, table)
     save_table(OUT / "identities.parquet", table, IDENTITIES)
-    save_metrics(REPORT / "metrics.json", numbers(features, table) | trial)
+    save_metrics(REPORT / "metrics.json", _numbers(features, table) | trial)
 
 
-def numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
-    """Return the metrics of animals and joins: counts, and lengths of gaps in frames.
-
-    table: schema IDENTITIES.
-    """
+def _numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
+    """Return the metrics of animals and joins: counts, and lengths of gaps in frames."""
     joins = table[table["after_track"] >= 0]
     sizes = features.merge(table, on="track_id").groupby("identity").size()
     at_once = features.groupby("frame").size()
@@ -60,11 +57,8 @@ def numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def join_trial(film: Evidence, table: pd.DataFrame) -> dict[str, float]:
-    """Return how confident joins are, and how often artificial gaps are joined right, in per cent.
-
-    table: schema IDENTITIES.
-    """
+def _try_joins(film: Evidence, table: pd.DataFrame) -> dict[str, float]:
+    """Return how confident joins are, and how often artificial gaps are joined right (in %)."""
     joins = table[table["after_track"] >= 0]
     rng = np.random.default_rng(film.settings.seed)
     right, wrong = trial_gaps(film, joins["gap_frames"].to_numpy(), rng)

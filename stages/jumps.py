@@ -14,7 +14,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.mapped import flush_array, new_array, open_array
 from finloop.io.record import save_record
 from finloop.io.table import save_table
-from finloop.jumps.film import FilmJumps, film_jumps
+from finloop.jumps.film import film_jumps
 from finloop.jumps.settings import JumpsSettings
 from finloop.jumps.signature import Pictures, shape_of
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
@@ -76,16 +76,11 @@ def main() -> None:
         source.create()
         with progress("jumps", len(source.film()[0]), "rows") as advance:
             result = film_jumps(source, p, pool, advance)
-        save(folder, result)
+        save_table(folder / "jumps.parquet", result.jumps, JUMPS)
+        save_record(folder / "facts.json", VisibleFacts(result.visible.natural))
+        look = pd.DataFrame({"look": list(result.look)})
+        save_table(folder / "look.parquet", look, LOOK)
     save_metrics(REPORT / "metrics.json", result.numbers)
-
-
-def save(folder: Path, result: FilmJumps) -> None:
-    """Write jumps.parquet, look.parquet and facts.json to `folder`."""
-    save_table(folder / "jumps.parquet", result.jumps, JUMPS)
-    save_record(folder / "facts.json", VisibleFacts(result.visible.natural))
-    look = pd.DataFrame({"look": list(result.look)})
-    save_table(folder / "look.parquet", look, LOOK)
 
 
 if __name__ == "__main__":

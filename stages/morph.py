@@ -39,27 +39,19 @@ SETTINGS = {  # of Fig. 5: e0, c, rho
 }
 
 
-def tables() -> pd.DataFrame:
-    """Return Tables 1 and 2 of the curve paper: connection coefficients of two wavelets.
-
-    Columns: wavelet, l, mu_normalised and nu_normalised (divided by their values at l = 0), mu, nu.
-    """
-    rows = []
+def _connection_tables() -> pd.DataFrame:
+    """Return Tables 1 and 2 of the curve paper: connection coefficients of two wavelets."""
+    parts = []
     for wavelet in TABLES:
-        table = connection(wavelet)
-        for i, (mu, nu) in enumerate(zip(table.mu, table.nu, strict=True)):
-            rows.append((wavelet, i, mu / table.mu[0], nu / table.nu[0], mu, nu))
-    columns = ["wavelet", "l", "mu_normalised", "nu_normalised", "mu", "nu"]
-    table = pd.DataFrame(rows, columns=columns)
-    table[columns[2:]] = table[columns[2:]].round(DECIMALS) + 0.0  # no -0
-    return table
+        mu, nu = connection(wavelet).mu, connection(wavelet).nu
+        columns = {"mu_normalised": mu / mu[0], "nu_normalised": nu / nu[0], "mu": mu, "nu": nu}
+        rows = pd.DataFrame(columns).round(DECIMALS) + 0.0  # no -0
+        parts.append(rows.rename_axis("l").reset_index().assign(wavelet=wavelet))
+    return pd.concat(parts)[["wavelet", "l", *columns]]
 
 
-def hoop(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors.
-
-    The hoop is round at rest. The result is name → number, with its largest rise of energy.
-    """
+def _release_hoop(p: MorphSettings) -> dict[str, float]:
+    """Draw Figs. 6 and 7 of the curve paper, a bent hoop let go; return the solvers' errors."""
     outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(area(outline)) / np.pi)
@@ -95,12 +87,8 @@ def hoop(p: MorphSettings) -> dict[str, float]:
     return numbers
 
 
-def curves(p: MorphSettings) -> dict[str, float]:
-    """Draw Figs. 2 and 3 of the curve paper; return how much of K lies off its diagonal.
-
-    K is the stiffness matrix. The result has a share in per cent for each wavelet and number of
-    levels.
-    """
+def _draw_curves(p: MorphSettings) -> dict[str, float]:
+    """Draw Figs. 2 and 3 of the curve paper; return how much of the stiffness is off-diagonal."""
     outline = max(glyph(p.glyph), key=lambda letter: len(letter.points))
     letter: Curve = resample_curve(outline, GLYPH_POINTS)
     save_figure(
@@ -119,8 +107,8 @@ def curves(p: MorphSettings) -> dict[str, float]:
 def main() -> None:
     """Write the morph to data/morph/, and Figs. 2 to 7, tables and metrics to reports/morph/."""
     p: MorphSettings = load("morph")
-    numbers = curves(p) | hoop(p)
-    save_csv(REPORT / "connection.csv", tables(), decimals=DECIMALS, exact=True)
+    numbers = _draw_curves(p) | _release_hoop(p)
+    save_csv(REPORT / "connection.csv", _connection_tables(), decimals=DECIMALS, exact=True)
     drawings = load_svg(Path(p.first_drawing)), load_svg(Path(p.last_drawing))
     scales, own = Scales(p.linear_level, p.wavelet), Physics(p.elasticity, p.damping, p.mass)
     with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:

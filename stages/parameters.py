@@ -14,7 +14,7 @@ import yaml
 from finloop.base.errors import FinloopError
 from finloop.base.parameter_help import ParameterHelp, every_parameter, parameter_help
 from finloop.base.settings import GROUPS, variants
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 
 PAGE = Path("docs/parameters.md")
 _HEAD = """# Parameters
@@ -26,10 +26,7 @@ print a group with `make params S="help=sprites"`.
 
 
 def terminal_table(word: str, width: int) -> str:
-    """Return the parameters of a group as text for a terminal: value, range, meaning of each.
-
-    word: the group; width: of the terminal, in characters. FinloopError if there is no such group.
-    """
+    """Return the parameters of a group as text, `width` characters wide: value, range, meaning."""
     if word not in GROUPS:
         raise FinloopError(
             f"no group of parameters {word}", f"one of {', '.join(GROUPS)}", "take one of these"
@@ -71,8 +68,7 @@ def main() -> None:
     parser.add_argument("words", nargs="*", help="groups of parameters to print")
     given = parser.parse_args()
     if given.write:
-        with whole_file(PAGE) as part:
-            part.write_text(page(every_parameter()), encoding="utf-8")
+        save_bytes(PAGE, page(every_parameter()).encode())
     for word in given.words:
         print(terminal_table(word, shutil.get_terminal_size().columns))
 

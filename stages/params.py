@@ -9,7 +9,7 @@ from stages.run import run  # isort: skip
 
 from pathlib import Path
 
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
 from stages.settings import all_problems, read
 
@@ -20,8 +20,7 @@ def main() -> None:
     """Check params.yaml; write data/params/checked.txt, or raise FinloopError with all problems."""
     if problems := all_problems(read()):
         raise refusal_error(problems)
-    with whole_file(CHECKED) as part:
-        part.write_text("params.yaml is whole and composed from conf/\n", encoding="utf-8")
+    save_bytes(CHECKED, b"params.yaml is whole and composed from conf/\n")
 
 
 if __name__ == "__main__":

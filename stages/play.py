@@ -3,14 +3,13 @@
 It is a program that reads the stages' results, not a stage; it writes nothing.
 """
 
-from stages.run import run  # isort: skip  (before numpy)
+from stages.run import open_in_browser, run  # isort: skip  (before numpy)
 
 import argparse
-import os
 import sys
-import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +22,36 @@ from finloop.live.server import tank_server
 from finloop.live.tank import LiveTank, rehearse
 from finloop.live.view import View
 from finloop.live.web import HOST, bind_socket
+from finloop.modes.animator import Animator
+from finloop.modes.matching import NothingToUse
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, shelves
 from finloop.render.painter import Painter, Shadow
-from stages.all_modes import open_modes
 from stages.settings import load
 
 PAGE = Path(finloop.live.__file__).with_name("play.html")
 PORT = 8750
 PICTURES = 2048  # kept in memory, because the film repeats
+
+
+def open_modes(project: Project) -> dict[str, Animator]:
+    """Open every mode for which the film shows enough; return mode → animator.
+
+    stderr reports what each other mode lacks. NothingToUse if no mode is left.
+    """
+    animators: dict[str, Animator] = {}
+    # A fish that another mode left as a sprite goes on from the row behind it.
+    options = {"matching": {"sprite_rows": project.sprites["row"].to_numpy()}}
+    for mode in MODES:
+        try:
+            open_mode = import_module(f"stages.modes.{mode}").open_mode
+            animators[mode] = open_mode(project, **options.get(mode, {}))
+        except NothingToUse as none:
+            print(f"{mode}: {none.came}", file=sys.stderr)
+            lack = none
+    if not animators:
+        raise lack
+    return animators
 
 
 @contextmanager
@@ -44,9 +64,9 @@ def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
     p, q = load("animate"), load("render")
     with Project() as project:
         animators = open_modes(project)
-        players = {name: one.player for name, one in animators.items()}
-        pictures = next(iter(animators.values())).pictures
-        most = p.fade_steps * next(iter(animators.values())).step
+        players = {name: animator.player for name, animator in animators.items()}
+        first = next(iter(animators.values()))
+        pictures, most = first.pictures, p.fade_steps * first.step
         size, scene = pictures.reel.size, project.scene
         shadow = Shadow(q.shadow_darkness, q.shadow_blur * size * scene.typical_length_px)
         painter = Painter(project.background, shadow=shadow)
@@ -76,8 +96,8 @@ def main() -> None:
 
         def announce() -> None:
             print(f"play: the tank is open at {url} (Ctrl-C closes it)", file=sys.stderr)
-            if asked.open and has_screen():
-                webbrowser.open(url)
+            if asked.open:
+                open_in_browser(url)
 
         try:
             mode = asked.mode or ("matching" if (asked.fish or 1) > 1 else "hybrid")
@@ -87,33 +107,17 @@ def main() -> None:
             print("\nplay: the tank is closed", file=sys.stderr)
 
 
-def has_screen() -> bool:
-    """Return whether this machine can open a browser window.
-
-    A text browser would take over the terminal.
-    """
-    screens = ("DISPLAY", "WAYLAND_DISPLAY")
-    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m stages.play", description="A live tank on a local page."
     )
-    parser.add_argument(
-        "--mode", choices=tuple(MODES), help="default hybrid; matching for several fish"
-    )
-    parser.add_argument(
-        "--fish",
-        type=int,
-        choices=range(1, MOST_FISH + 1),
-        help=f"default: 1; in mode matching as matching.fish, at most {MOST_FISH}",
-    )
-    parser.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free one")
-    parser.add_argument("--seed", type=_natural, default=0, help="default 0")
-    parser.add_argument(
-        "--no-open", dest="open", action="store_false", help="do not open a browser"
-    )
+    add, fish = parser.add_argument, range(1, MOST_FISH + 1)
+    help_fish = f"default: 1; in mode matching as matching.fish, at most {MOST_FISH}"
+    add("--mode", choices=tuple(MODES), help="default hybrid; matching for several fish")
+    add("--fish", type=int, choices=fish, help=help_fish)
+    add("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free one")
+    add("--seed", type=_natural, default=0, help="default 0")
+    add("--no-open", dest="open", action="store_false", help="do not open a browser")
     return parser
 
 

@@ -24,10 +24,7 @@ ROWS = 50_000  # of the table of tracks, at a time
 
 
 def main() -> None:
-    """Write data/pose/ and metrics to reports/pose/.
-
-    The files are poses.parquet (codes), shapes.json, postures.npy and outlines.npy.
-    """
+    """Write pose codes, their shapes, postures and outlines to data/pose/, metrics to reports/."""
     p: PoseSettings = load("pose")
     project = Project()
     features = project.features
@@ -38,7 +35,7 @@ def main() -> None:
         # Equal to the last bit to poses computed from the files.
         again = restore_poses(features, poses.codes, asdict(poses.facts))
         save_array(folder / "postures.npy", again.pose.posture)
-        save_outlines(folder / "outlines.npy", project)
+        _save_outlines(folder / "outlines.npy", project)
     explained = 100 * poses.shapes.variance_shares
     numbers = {
         "shapes": len(explained),
@@ -53,7 +50,7 @@ def main() -> None:
     save_metrics(REPORT / "metrics.json", numbers)
 
 
-def save_outlines(path: Path, project: Project) -> None:
+def _save_outlines(path: Path, project: Project) -> None:
     """Write the outlines of all n rows to a .npy file, (n, k, 2) float32: x, y in px."""
     outlines = new_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
     table, first = project.data / "extract/tracks.parquet", 0

@@ -59,12 +59,9 @@ class GalleryOpener:
         return nullcontext(self.project.whole_gallery)
 
 
-def share_of(ticks: Sized, work: list[Work]) -> float:
-    """Return the share (0 … 1) of the ticks of edit lists in which extraction followed a fish.
-
-    ticks: those in which it did; work: the edit lists.
-    """
-    return len(ticks) / max(1, sum(len(edit) for edit, _ in work))
+def _followed_share(followed_ticks: Sized, work: list[Work]) -> float:
+    """Return the share (0 … 1) of the ticks of edit lists in which extraction followed a fish."""
+    return len(followed_ticks) / max(1, sum(len(edit) for edit, _ in work))
 
 
 def swimming_of(
@@ -73,25 +70,24 @@ def swimming_of(
 ) -> dict[str, Swimming]:  # fmt: skip
     """Draw the edit lists of film and modes, and measure the fish in them by extraction.
 
-    Returns mode or FILM → measured swimming; a name without a followed fish is left out. works,
-    instruments: by the same names.
+    works, instruments: by mode or FILM. Returns the measured swimming by the same names, of those
+    with a followed fish.
     """
-    work = partial(measure_list, pictures)
-    every = [(instruments[name], *job) for name, part in works.items() for job in part]
+    jobs = [(instruments[name], *job) for name, work in works.items() for job in work]
     tables = []
-    with progress("realism", sum(len(edit) for _, edit, _ in every), "ticks") as advance:
-        for (_, edit, _), table in zip(every, ordered_map(work, every, pool), strict=True):
+    with progress("realism", sum(len(edit) for _, edit, _ in jobs), "ticks") as advance:
+        results = ordered_map(partial(measure_list, pictures), jobs, pool)
+        for (_, edit, _), table in zip(jobs, results, strict=True):
             tables.append(table)
             advance(len(edit))
     measured: dict[str, Swimming] = {}
-    for name, part in works.items():
-        own, tables = tables[: len(part)], tables[len(part) :]
+    for name, work in works.items():
+        followed, tables = tables[: len(work)], tables[len(work) :]
         share = 0.0
-        if any(map(len, own)):
-            measured[name] = join_measurements(
-                [edit for edit, _ in part], own, instruments[name].rate_hz
-            )
-            share = share_of(measured[name].row, part)
+        if any(map(len, followed)):
+            edits, rate_hz = [edit for edit, _ in work], instruments[name].rate_hz
+            measured[name] = join_measurements(edits, followed, rate_hz)
+            share = _followed_share(measured[name].row, work)
         if share < LEAST_SHARE:
             print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
                   "ticks, and the numbers use only these; look at the film from "
@@ -109,10 +105,7 @@ def _verdict(
 
 
 def verdicts_of(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Verdict]:
-    """Return the verdict of each comparison that has enough windows; stderr names the others.
-
-    sides: two sets of windows by the name of the comparison.
-    """
+    """Return the verdict of each comparison that has enough windows; stderr names the others."""
     verdicts: dict[str, Verdict] = {}
     results = ordered_map(partial(_verdict, p), sides.items(), pool)
     for name, result in zip(sides, results, strict=True):
@@ -123,36 +116,22 @@ def verdicts_of(sides: Sides, p: RealismSettings, pool: Workers) -> dict[str, Ve
     return verdicts
 
 
-def save_film(folder: Path, pictures: GalleryOpener, slower: int) -> None:
-    """Write examples.mp4 to `folder`, each example twice, `slower` times as slow as filmed.
-
-    It reads examples.parquet there; without examples it writes no film.
-    """
-    table = load_table(folder / "examples.parquet", examples.EXAMPLES)
-    if table.empty:
-        return
-    project = pictures.project
-    rate, tank, length = (
-        project.facts.frame_rate, project.background, project.scene.typical_length_px,
-    )  # fmt: skip
-    shape = PANEL_PX + examples.WORDS_PX, 2 * PANEL_PX, 3
-    with (
-        pictures() as gallery,
-        Mp4Writer(folder / "examples.mp4", shape, rate / slower, CRF) as writer,
-    ):
-        for _, example in table.groupby("example"):
+def _save_film(path: Path, windows: pd.DataFrame, project: Project, slower: int) -> None:
+    """Write a film of the examples, each twice, `slower` times as slow as filmed."""
+    tank, length = project.background, project.scene.typical_length_px
+    shape, rate = (PANEL_PX + examples.WORDS_PX, 2 * PANEL_PX, 3), project.facts.frame_rate
+    with Mp4Writer(path, shape, rate / slower, CRF) as writer:
+        for _, example in windows.groupby("example"):
+            gallery = project.whole_gallery
             for frame in 2 * list(examples.draw_example(example, gallery, tank, length, PANEL_PX)):
                 writer.write(frame)
 
 
-def save_report(
+def _save_report(
     verdicts: dict[str, Verdict], sample: Sample, works: dict[str, list[Work]],
     measured: dict[str, Swimming],
 ) -> None:  # fmt: skip
-    """Write auc.csv, roc.csv and the metrics to reports/realism/.
-
-    works, measured: by mode and FILM, the edit lists and the measured swimming.
-    """
+    """Write auc.csv, roc.csv and the metrics to reports/realism/."""
     save_csv(REPORT / "auc.csv", compare.verdict_table(verdicts), decimals=4)
     curves = [roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
     columns = ["compared", "false_alarms", "hits"]
@@ -162,7 +141,7 @@ def save_report(
     for name, result in measured.items():
         numbers |= {
             f"{name}_s": len(result.row) / sample.rate_hz,
-            f"{name}_followed_pct": 100 * share_of(result.row, works[name]),
+            f"{name}_followed_pct": 100 * _followed_share(result.row, works[name]),
         }
     save_metrics(REPORT / "metrics.json", numbers)
 
@@ -170,7 +149,7 @@ def save_report(
 def main() -> None:
     """Write data/realism/ (examples) and reports/realism/ (auc.csv, roc.csv, metrics)."""
     with Project() as project, workers(WORKERS_NEED) as pool:
-        compare_swimming(load("realism"), load("animate"), project, pool)
+        _compare_swimming(load("realism"), load("animate"), project, pool)
 
 
 def instrument_of(project: Project) -> Instrument:
@@ -183,13 +162,10 @@ def instrument_of(project: Project) -> Instrument:
     )  # fmt: skip
 
 
-def compare_swimming(
+def _compare_swimming(
     p: RealismSettings, q: AnimateSettings, project: Project, pool: Workers
 ) -> None:
-    """Measure film and animations, classify them, and write data/realism/ and reports/realism/.
-
-    p, q: parameters of `realism` and `animate`. FinloopError if the film itself cannot be followed.
-    """
+    """Measure film and animations, classify them, and write data/realism/ and reports/realism/."""
     rate, features = project.rate_hz, project.features
     works = {FILM: film_lists(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     instrument = instrument_of(project)
@@ -199,8 +175,7 @@ def compare_swimming(
         if path.exists():
             works[mode] = [(edit, ()) for edit in by_fish(load_table(path, EDIT))]
             instruments[mode] = instrument.adapt_to_animation(project.size(mode))
-    pictures = GalleryOpener(project)
-    measured = swimming_of(works, pictures, instruments, pool)
+    measured = swimming_of(works, GalleryOpener(project), instruments, pool)
     if FILM not in measured:
         raise FinloopError(
             "extraction follows no fish in the film drawn again",
@@ -216,8 +191,9 @@ def compare_swimming(
         windows, curves = examples.WindowPool(sample, works, measured).tables(sides, verdicts)
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
         save_table(folder / "curves.parquet", curves, examples.CURVES)
-        save_film(folder, pictures, p.slower)
-    save_report(verdicts, sample, works, measured)
+        if len(windows):
+            _save_film(folder / "examples.mp4", windows, project, p.slower)
+    _save_report(verdicts, sample, works, measured)
 
 
 if __name__ == "__main__":

@@ -25,14 +25,11 @@ from stages.settings import load
 OUT, REPORT = Path("data/render"), Path("reports/render")
 
 
-def films(
+def _save_films(
     p: RenderSettings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:  # fmt: skip
-    """Write the films of an edit list to data/render/; return the change from frame to frame.
-
-    It is in grey levels, one value per tick; the first is NaN. advance: called after each tick.
-    """
+    """Write the films of an edit list to data/render/; return each frame's change (grey levels)."""
     shown, ticks = place_ticks(edit, gallery), edit["tick"].nunique()
     rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
@@ -58,19 +55,13 @@ def films(
                 if tick < most:
                     writer.write(painter.frame)
             advance()
-        save_beside(folder, p, project)
+        if comparison_ticks := round(p.comparison_seconds * rate):
+            _save_comparison(folder / "modes.mp4", p, project, comparison_ticks)
     return change
 
 
-def save_beside(folder: Path, p: RenderSettings, project: Project) -> None:
-    """Write modes.mp4 to `folder`: the film's fish and that of every mode, side by side.
-
-    Nothing is written if render.comparison_seconds is 0.
-    """
-    rate = project.facts.frame_rate
-    ticks = round(p.comparison_seconds * rate)
-    if not ticks:
-        return
+def _save_comparison(path: Path, p: RenderSettings, project: Project, ticks: int) -> None:
+    """Write a film of the film's fish and that of every mode, side by side."""
     tracks, edits = project.tracks(PLACES), dict[str, pd.DataFrame]()
     place = tracks[["x_px", "y_px"]].to_numpy(float)
     edits["Film"] = longest_tracks(tracks["track_id"].to_numpy(), place, ticks)
@@ -80,13 +71,10 @@ def save_beside(folder: Path, p: RenderSettings, project: Project) -> None:
     edits = {title: edit for title, edit in edits.items() if len(edit)}
     ticks = min(map(len, edits.values()))
     edits = {title: edit.iloc[:ticks] for title, edit in edits.items()}
-    length_px = project.scene.typical_length_px
-    shape = p.beside_px + WORDS_PX, len(edits) * p.beside_px, 3
-    with Mp4Writer(folder / "modes.mp4", shape, rate, p.crf) as writer:
-        drawn = draw_beside(
-            edits, project.whole_gallery, project.background, length_px, p.beside_px
-        )
-        for frame in drawn:
+    length_px, gallery = project.scene.typical_length_px, project.whole_gallery
+    shape, rate = (p.beside_px + WORDS_PX, len(edits) * p.beside_px, 3), project.facts.frame_rate
+    with Mp4Writer(path, shape, rate, p.crf) as writer:
+        for frame in draw_beside(edits, gallery, project.background, length_px, p.beside_px):
             writer.write(frame)
 
 
@@ -99,7 +87,7 @@ def main() -> None:
         length_px = project.size(p.mode) * drawn.scene.typical_length_px
         shadow = Shadow(p.shadow_darkness, p.shadow_blur * length_px)
         with progress("render", ticks) as advance:
-            change = films(p, drawn.edit, project, gallery, shadow, advance)
+            change = _save_films(p, drawn.edit, project, gallery, shadow, advance)
             natural = film_steps(Painter(project.background), gallery, drawn.tracks)
         duration = {"frames": ticks, "duration_s": ticks / project.rate_hz}
     save_metrics(REPORT / "metrics.json", step_metrics(change, natural) | duration)

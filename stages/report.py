@@ -13,7 +13,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads, ordered_map
 from finloop.base.settings import WORDS
 from finloop.edit.modes import MODES
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 from finloop.io.movie import small_film
 from finloop.io.numbers import load_numbers
 from finloop.io.picture import load_picture
@@ -63,7 +63,9 @@ TABLES = {  # by chapter
 }
 
 
-def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
+def _sections(
+    p: ReportSettings,
+) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
     """Yield each chapter that has pictures: the chapter, its pictures as WebP, its tables."""
 
     def load_webp(figure: Figure) -> WebP:
@@ -82,26 +84,8 @@ def sections(p: ReportSettings) -> Iterator[tuple[Chapter, list[tuple[Figure, We
             yield chapter, pictures, tables
 
 
-def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool]]]:
-    """Return each group's parameters for the page: group → triples (key, value, changed).
-
-    changed: whether the value differs from conf/. values: content of params.yaml.
-    """
-    differ = {change.partition("=")[0] for change in overrides(values)}
-    return {
-        word: [
-            (key, json.dumps(value).strip('"'), f"{word}.{key}" in differ or word in differ)
-            for key, value in group.items()
-        ]
-        for word, group in values.items()
-    }
-
-
-def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
-    """Return a sentence or two on the film: its origin, frames, size, and lengths where known.
-
-    source: a key of SOURCES; features: metrics of `features`, {} for none.
-    """
+def _describe_film(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
+    """Return a sentence or two on the film: its origin, frames, size, and lengths where known."""
     fish = f", {features['fish_frames']:,} pictures of fish" if features else ""
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
     scale = ""
@@ -117,7 +101,7 @@ def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]
     )
 
 
-def film_in_words(mode: str, marks: bool) -> str:
+def _describe_animation(mode: str, marks: bool) -> str:
     """Return the text below the report's film; marks: whether goals and path are drawn in it."""
     if mode == "retarget":
         does, shown = "The fish swims as another animal did", "The line is its path"
@@ -144,24 +128,31 @@ def main() -> None:
             "beside_poster": webp(first, p.max_picture_width_px, p.picture_quality),
         }
     numbers = {word: load_numbers(REPORTS / word) for word in values if word != "report"}
-    chapters = list(sections(p))
-    changes = "".join(f" -S '{change}'" for change in overrides(values))
+    chapters, changes = list(_sections(p)), overrides(values)
+    differ = {change.partition("=")[0] for change in changes}
+    parameters = {  # of each group: (name, value, is it another than in conf/)
+        word: [
+            (key, json.dumps(value).strip('"'), f"{word}.{key}" in differ or word in differ)
+            for key, value in group.items()
+        ]
+        for word, group in values.items()
+    }
     page = beside | {
         "title": "A fish, filmed once and steered for ever",
-        "facts": facts_in_words(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
+        "facts": _describe_film(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
         "film": data_uri("video/mp4", film),
         "poster": webp(poster, p.max_picture_width_px, p.picture_quality),
-        "film_text": film_in_words(mode, film_path == marked_film),
+        "film_text": _describe_animation(mode, film_path == marked_film),
         "headline": mode_headline(numbers["animate"] | numbers["realism"], mode),
         "doubts": data_frame_table(pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"),
         "measures": measures_table(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,
         "table_2": data_frame_table(pd.read_csv(TIMES), TIMES_TITLE, 3),
         "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",
-        "parameters": parameters(values),
+        "parameters": parameters,
         "commands": [
             "make setup",
-            ".venv/bin/dvc exp run" + changes,
+            ".venv/bin/dvc exp run" + "".join(f" -S '{change}'" for change in changes),
             "xdg-open reports/index.html",
         ],
         "numbers": [headline_table(part, word) for word, part in numbers.items() if part],
@@ -174,8 +165,7 @@ def main() -> None:
             f"at most {p.max_page_mb:.1f} MB (report.max_page_mb)",
             "lower report.max_picture_width_px or report.max_film_mb",
         )
-    with whole_file(OUT) as part:
-        part.write_bytes(text)
+    save_bytes(OUT, text)
     save_metrics(METRICS, {"figures": sum(len(pictures) for _, pictures, _ in chapters)})
 
 

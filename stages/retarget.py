@@ -30,7 +30,7 @@ def retarget_data(project: Project) -> RetargetData:
     )  # fmt: skip
 
 
-def retarget_film(p: RetargetSettings) -> Retargeted:
+def _retarget_film(p: RetargetSettings) -> Retargeted:
     """Make the film's fish swim the requested track; return its edit list and numbers."""
     with Project() as project:
         steps, film = project.steps[["headed", "as_filmed"]].dropna(), retarget_data(project)
@@ -65,15 +65,12 @@ def notes(numbers: Mapping[str, float]) -> list[str]:
 
 
 def main() -> None:
-    """Write data/retarget/, data/animate/retarget.parquet and metrics to reports/retarget/.
-
-    Without a track (retarget.tracks) they are empty.
-    """
+    """Write data/retarget/ and data/animate/retarget.parquet, empty without retarget.tracks."""
     p: RetargetSettings = load("retarget")
     if p.tracks is None:
         result = Retargeted(EDIT.empty(), ASKED.empty(), {"ticks": 0})
     else:
-        result = retarget_film(p)
+        result = _retarget_film(p)
         for note in notes(result.numbers):
             print(f"retarget: {note}", file=sys.stderr)
     with whole_folder(OUT) as folder:

@@ -24,8 +24,8 @@ def reuse_or_make(
 ) -> dict[str, float]:
     """Put a film's files into `folder`, from an earlier run or made anew; return its numbers.
 
-    old: the earlier run's folder, reused if it has the same key; key: plain values; make: writes
-    the files into `folder`. After an error in `make` there is no folder.
+    old: the earlier run's folder, reused if it has the same key, plain values; make: writes the
+    files into a folder. After an error in `make` there is no folder.
     """
     text = json.loads(json.dumps(key))
     if _read(old / KEY_NAME) == text and isinstance(numbers := _read(old / NUMBERS_NAME), dict):

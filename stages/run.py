@@ -34,6 +34,7 @@ import signal
 import sys
 import time
 import traceback
+import webbrowser
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
@@ -149,6 +150,13 @@ def _foreseen(error: Exception) -> FinloopError | None:
     return None
 
 
+def open_in_browser(url: str) -> None:
+    """Open a page where there is a desktop; a text browser would take over the terminal."""
+    screens = map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY"))
+    if sys.platform in ("darwin", "win32") or any(screens):
+        webbrowser.open(url)
+
+
 @contextmanager
 def progress(word: str, total: int | None, unit: str = "frames") -> Iterator[Callable[..., None]]:
     """Yield `advance(n=1)`, which moves a progress bar on stderr, or prints a line at times.
@@ -165,14 +173,9 @@ def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None
     from rich.console import Console
 
     columns = (
-        bars.TextColumn("{task.description}"),
-        bars.BarColumn(),
-        bars.MofNCompleteColumn(),
-        bars.TextColumn(unit),
-        bars.TimeElapsedColumn(),
-        bars.TextColumn("left"),
-        bars.TimeRemainingColumn(),
-    )
+        "{task.description}", bars.BarColumn(), bars.MofNCompleteColumn(), unit,
+        bars.TimeElapsedColumn(), "left", bars.TimeRemainingColumn(),
+    )  # fmt: skip
     with bars.Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(f"{word:<8}", total=total)
         yield lambda n=1: bar.advance(task, n)
@@ -183,21 +186,22 @@ def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., No
     start = last = time.monotonic()
     done = before = 0  # now, and when the last line was written
 
-    def say(left: str = "") -> None:
-        of = f" of {total}" if total else ""
-        print(f"{word}: {done}{of} {unit}, {time.monotonic() - start:.0f} s{left}", file=sys.stderr)
+    def write_line(left: str = "") -> None:
+        all_of_them = f" of {total}" if total else ""
+        elapsed = f"{time.monotonic() - start:.0f} s"
+        print(f"{word}: {done}{all_of_them} {unit}, {elapsed}{left}", file=sys.stderr)
 
     def advance(n: int = 1) -> None:
         nonlocal done, last, before
         done += n
         now = time.monotonic()
         if now - last >= LINE_EVERY_S:
-            pace = (now - last) / max(1, done - before)  # kept results pass at another rate
-            say(f", {pace * max(0, total - done):.0f} s left" if total else "")
+            each_s = (now - last) / max(1, done - before)  # kept results pass at another rate
+            write_line(f", {each_s * max(0, total - done):.0f} s left" if total else "")
             last, before = now, done
 
     yield advance
-    say()
+    write_line()
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
@@ -207,7 +211,7 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
     does not exist for this clip (no truth, no fish long enough).
     """
     # Not at the top: they need the right Python.
-    from finloop.io.atomic import whole_file
+    from finloop.io.atomic import save_bytes
     from finloop.io.numbers import save_numbers
     from finloop.report.headlines import HEADLINES
 
@@ -220,10 +224,6 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name} must be a number, got {value!r}")
     save_numbers(path.parent, values)
-    shown = [headline.name for headline in HEADLINES.get(path.parent.name, [])]
-    with whole_file(path) as part:
-        part.write_text(
-            json.dumps({name: values[name] for name in sorted(shown) if name in values}, indent=2)
-            + "\n",
-            encoding="utf-8",
-        )
+    shown = {headline.name for headline in HEADLINES.get(path.parent.name, [])}
+    headlines = {name: value for name, value in values.items() if name in shown}
+    save_bytes(path, (json.dumps(headlines, indent=2) + "\n").encode())

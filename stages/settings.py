@@ -18,21 +18,15 @@ from finloop.io.parameters import parameters, read_parameters
 PARAMS = Path("params.yaml")
 CONF = Path("conf")
 LOCAL = CONF / "local/default.yaml"  # the user's film and settings; git ignores it
-STAMP = "conf_sha256"  # the key in params.yaml with the digest of its conf/, and
-FILES = (
-    "film_stamp",
-    "tracks_stamp",
-    "path_stamp",
-    "retarget_stamp",
-)  # those of the files that it names (`stages.stamps`)
+STAMP = "conf_sha256"  # the key in params.yaml with the digest of its conf/
+FILES = ("film_stamp", "tracks_stamp", "path_stamp", "retarget_stamp")  # see `stages.stamps`
 STAMPS = (STAMP, *FILES)
 
 
 def load(word: str) -> Any:
     """Return the parameters of a stage, from params.yaml, as its settings dataclass.
 
-    word: the stage. FinloopError if a parameter is refused (all are listed, by dotted name), or if
-    conf/ was edited after params.yaml was composed.
+    FinloopError lists all wrong parameters, or says that conf/ was edited since.
     """
     return parameters(word, read())
 
@@ -59,24 +53,21 @@ def _refuse_stale(values: Mapping[str, Any]) -> None:
 
 
 def stamp(conf: Path) -> str:
-    """Return a digest of the values in the folder `conf`, then `-` and one of conf/local/.
+    """Return a digest of the values in the folder `conf`, then `-` and one of conf/local/ if used.
 
-    The second is absent where conf/local/ is not in use. Experiments are left out: a new one
-    changes no value.
+    Experiments are left out: a new one changes no value.
     """
+    local = LOCAL.relative_to(CONF).as_posix()
     files = {path.relative_to(conf).as_posix(): path for path in conf.rglob("*.yaml")}
-    shared = [name for name in files if not name.startswith(("experiment/", "local/"))]
-    local = [name for name in files if name == LOCAL.relative_to(CONF).as_posix()]
-    parts = (_digest({name: files[name] for name in names}) for names in (shared, local) if names)
-    return "-".join(parts)
-
-
-def _digest(files: Mapping[str, Path]) -> str:
-    digest = hashlib.sha256()
-    for name, path in sorted(files.items()):
-        text = path.read_bytes().replace(b"\r\n", b"\n")
-        digest.update(b"%d %s %d %s" % (len(name), name.encode(), len(text), text))
-    return digest.hexdigest()[:16]
+    shared = sorted(name for name in files if not name.startswith(("experiment/", "local/")))
+    digests = []
+    for names in (shared, [local]) if local in files else (shared,):
+        digest = hashlib.sha256()
+        for name in names:
+            text = files[name].read_bytes().replace(b"\r\n", b"\n")
+            digest.update(b"%d %s %d %s" % (len(name), name.encode(), len(text), text))
+        digests.append(digest.hexdigest()[:16])
+    return "-".join(digests)
 
 
 def all_problems(values: Mapping[str, Any]) -> list[str]:
@@ -88,10 +79,9 @@ def all_problems(values: Mapping[str, Any]) -> list[str]:
 
 
 def overrides(values: Mapping[str, Any]) -> list[str]:
-    """Return the Hydra overrides, as `clip=carp`, with which conf/ composes to `values`.
+    """Return the Hydra overrides, as `clip=carp`, with which conf/ composes to a params.yaml.
 
-    values: content of params.yaml. Groups come in its order, a variant before the keys that differ
-    from it.
+    Groups come in its order, a variant before the keys that differ from it.
     """
     usual = default_variants()
     changes = []

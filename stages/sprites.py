@@ -32,11 +32,8 @@ FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
 TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
-def report_substitutes(choices: dict[str, Choice], still: bool) -> None:
-    """Report on stderr what stands in for sequences that the film does not show.
-
-    choices: by sequence; still: whether the film shows a glide with a still tail.
-    """
+def _report_stand_ins(choices: dict[str, Choice], still: bool) -> None:
+    """Report on stderr what stands in for sequences, or a still tail, that the film lacks."""
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
         if choices[word].stands_in:
             print(
@@ -52,10 +49,7 @@ def report_substitutes(choices: dict[str, Choice], still: bool) -> None:
 
 
 def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
-    """Write atlas-0.png, atlas-0.json … of the sprites to `folder`; return the number of pages.
-
-    It reads sprites.arrow there. page_px: size of a page; rate_hz: frames per second.
-    """
+    """Write pages atlas-<n>.png, .json of the sprites in `folder`; return the number of pages."""
     with open_cutouts(folder / "sprites.arrow") as store:
         pages, count = atlas.lay_out_pages(sprites, store.index, page_px), orientations_of(sprites)
         for number, page in enumerate(pages):
@@ -67,10 +61,7 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
 
 
 def main() -> None:
-    """Write sprites and atlas to data/sprites/, and reports/sprites/.
-
-    The reports are table1_after.csv, faults.csv and the metrics.
-    """
+    """Write sprites and atlas to data/sprites/; Table 1, faults and metrics to reports/sprites/."""
     settings: SpritesSettings = load("sprites")
     with Project() as project:
         features, facts, rate_hz = project.features, project.facts, project.rate_hz
@@ -94,7 +85,7 @@ def main() -> None:
             cycles |= cycle_metrics(word, choices[word], table, draw_pictures)
 
     still = settings.slide_frames is not None or is_still(choices["slide"], table, delta, settings)
-    report_substitutes(choices, still)
+    _report_stand_ins(choices, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
     save_csv(REPORT / "faults.csv", fault_table(choices), decimals=3)
     save_metrics(

@@ -10,89 +10,39 @@ named film.
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 from stages.settings import FILES, PARAMS, read
 
+Groups = Mapping[str, Mapping[str, Any]]
 
-def film_stamp(clip: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the films of `clip` and of the masks of their arenas.
 
-    None where there are no files, or one is missing.
+def file_stamp(name: str, groups: Groups) -> str | None:
+    """Return the stamp of the files that parameters name; None without files, or if one is missing.
+
+    name: which files, one of `FILES`; groups: the groups of params.yaml by name.
     """
-    several = clip.get("path")
-    each = several if isinstance(several, list | tuple) else []
-    parts = [clip, *(part for part in each if isinstance(part, Mapping))]
-    masks = [part["arena"] for part in parts if isinstance(part.get("arena"), str)]
     try:
-        return digest([*_films(clip), *(Path(mask).expanduser() for mask in masks)])
+        files = _LISTS[name](groups)
+        if not files:
+            return None
+        from finloop.io.footage import file_stamps
+
+        # A folder stands for its files.
+        content = [(str(file.absolute()), *file_stamps(file)) for file in files]
+        return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
     except (FinloopError, OSError):
         return None
 
 
-def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the files of tracks; None if none is named, or one is missing.
-
-    clip, extract: groups of params.yaml, which name the films and the tracks.
-    """
-    path = extract.get("tracks_path")
-    if not path:
-        return None
-    from finloop.extract.load_given import tracks_of
-
-    try:
-        films = _films(clip)
-        paths = [tracks_of(film, path) for film in films] if len(films) > 1 else [path]
-        return digest(Path(file).expanduser() for file in paths)
-    except (FinloopError, OSError):
-        return None
-
-
-def path_stamp(matching: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the files with paths; None if none exists.
-
-    matching: group of params.yaml. Files that do not exist are left out.
-    """
-    paths = matching.get("path")
-    several = [paths] if isinstance(paths, str) else paths or []
-    files = [Path(path).expanduser() for path in several if path]
-    return _stamp([file for file in files if file.exists()])
-
-
-def retarget_stamp(retarget: Mapping[str, Any]) -> str | None:
-    """Return the stamp of the file of tracks to retarget; None if none is named or it is missing.
-
-    For another film's folder it is the stamp of the files that are read from it. retarget: group of
-    params.yaml.
-    """
-    path = retarget.get("tracks")
-    if not path:
-        return None
-    from finloop.retarget.load import film_files, film_folder
-
-    folder = film_folder(Path(path).expanduser())
-    return _stamp_at(path) if folder is None else _stamp(film_files(folder))
-
-
-def _stamp_at(path: str | None) -> str | None:
-    return _stamp([Path(path).expanduser()]) if path else None
-
-
-def _stamp(paths: list[Path]) -> str | None:
-    try:
-        return digest(paths)
-    except (FinloopError, OSError):
-        return None
-
-
-def _films(clip: Mapping[str, Any]) -> list[Path]:
-    paths = clip.get("path")
+def _film_files(groups: Groups) -> list[Path]:
+    paths = groups.get("clip", {}).get("path")
     if not paths:
         return []
     from finloop.io.footage import list_films
@@ -102,37 +52,60 @@ def _films(clip: Mapping[str, Any]) -> list[Path]:
     return [film for path in names for film in list_films(path)]
 
 
-def digest(paths: Iterable[Path]) -> str | None:
-    """Return 16 hexadecimal digits of the names, sizes and times of files; None for no files.
+def _films_and_masks(groups: Groups) -> list[Path]:
+    """Return the films, and the masks of their arenas."""
+    paths = groups.get("clip", {}).get("path")
+    several = paths if isinstance(paths, list | tuple) else []
+    parts = [groups.get("clip", {}), *(part for part in several if isinstance(part, Mapping))]
+    masks = [Path(part["arena"]) for part in parts if isinstance(part.get("arena"), str)]
+    return [*_film_files(groups), *(mask.expanduser() for mask in masks)]
 
-    A folder stands for its files.
-    """
-    files = list(paths)
-    if not files:
-        return None
-    from finloop.io.footage import file_stamps
 
-    stamps_of = [(str(path.absolute()), *file_stamps(path)) for path in files]
-    return hashlib.sha256(repr(stamps_of).encode()).hexdigest()[:16]
+def _track_files(groups: Groups) -> list[Path]:
+    """Return the files of other programs' tracks, one for each film."""
+    path = groups.get("extract", {}).get("tracks_path")
+    if not path:
+        return []
+    from finloop.extract.load_given import tracks_of
+
+    films = _film_files(groups)
+    paths = [tracks_of(film, path) for film in films] if len(films) > 1 else [path]
+    return [Path(file).expanduser() for file in paths]
+
+
+def _path_files(groups: Groups) -> list[Path]:
+    """Return the files with paths to swim; a path may be named without a file."""
+    paths = groups.get("matching", {}).get("path")
+    several = [paths] if isinstance(paths, str) else paths or []
+    files = [Path(path).expanduser() for path in several if path]
+    return [file for file in files if file.exists()]
+
+
+def _retarget_files(groups: Groups) -> list[Path]:
+    """Return the file of tracks to retarget, or the files that are read from a film's folder."""
+    path = groups.get("retarget", {}).get("tracks")
+    if not path:
+        return []
+    from finloop.retarget.load import film_files, film_folder
+
+    folder = film_folder(Path(path).expanduser())
+    return [Path(path).expanduser()] if folder is None else film_files(folder)
+
+
+_LISTS: dict[str, Callable[[Groups], list[Path]]] = dict(
+    zip(FILES, (_films_and_masks, _track_files, _path_files, _retarget_files), strict=True)
+)
 
 
 def main() -> None:
     """Renew the stamps in params.yaml where films, tracks or paths have changed."""
     values = read()
-    clip, extract = values.get("clip", {}), values.get("extract", {})
-    stamps = (
-        film_stamp(clip),
-        tracks_stamp(clip, extract),
-        path_stamp(values.get("matching", {})),
-        retarget_stamp(values.get("retarget", {})),
-    )
     text = old = PARAMS.read_text(encoding="utf-8")
-    for name, new in zip(FILES, stamps, strict=True):
-        line = yaml.safe_dump({name: new}).strip()
+    for name in FILES:
+        line = yaml.safe_dump({name: file_stamp(name, values)}).strip()
         text = re.sub(rf"^{name}:.*$", line, text, flags=re.MULTILINE)
     if text != old:
-        with whole_file(PARAMS) as part:
-            part.write_text(text, encoding="utf-8")
+        save_bytes(PARAMS, text.encode())
 
 
 if __name__ == "__main__":

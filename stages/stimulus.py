@@ -3,7 +3,7 @@
 It is a program that reads the stages' results, not a stage.
 """
 
-from stages.run import run  # isort: skip  (before numpy)
+from stages.run import open_in_browser, run  # isort: skip  (before numpy)
 
 import argparse
 import asyncio
@@ -11,7 +11,6 @@ import re
 import secrets
 import socket
 import sys
-import webbrowser
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -50,7 +49,6 @@ from finloop.stimulus.serve import (
 from finloop.stimulus.session import RealClock, Session
 from finloop.stimulus.summary import summary
 from finloop.stimulus.tracker import fit_calibration
-from stages.play import has_screen
 from stages.stimulus_scene import FilmedScene, display_file, known_display, looks_of, open_scene
 
 PORT, OUT = 8760, Path("sessions")
@@ -105,7 +103,7 @@ def replay(asked: argparse.Namespace) -> None:
     record = open_record(asked.session)
     plan = parse_protocol(record.header["protocol"], Path(record.header["folder"]))
     with open_scene(plan) as made:
-        if others := made.others(record.header):
+        if others := made.find_differences(record.header):
             raise FinloopError(
                 f"{asked.session} was made from another {', '.join(others)}",
                 "the stages' results and parameters (animate, matching) of that session",
@@ -261,8 +259,8 @@ def _make_announcer(
     def announce() -> None:
         url = _address(asked, listens, policy)
         print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
-        if asked.open and has_screen():
-            webbrowser.open(url)
+        if asked.open:
+            open_in_browser(url)
 
     return announce
 

@@ -38,21 +38,15 @@ _PLANNED_BY = ("animate", "matching")
 
 @dataclass(frozen=True)
 class FilmedScene:
-    """A film opened for a stimulus: what plans its motion, and the pictures for the page.
-
-    tank: the empty tank; film: a digest of the film's results.
-    """
+    """A film opened for a stimulus: what plans its motion, and the pictures for the page."""
 
     scene: TrialContext
     pictures: PagePictures
-    tank: TankCanvas
-    film: str
+    tank: TankCanvas  # empty
+    film: str  # a digest of the film's results
 
     def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """Return the data that display pages receive: tank, pictures, looks and facts.
-
-        looks: in the page's format; fish: how many; facts: further fields.
-        """
+        """Return the data that display pages receive; `fish`: how many; `facts`: further fields."""
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
@@ -61,10 +55,7 @@ class FilmedScene:
         return Feed(self.tank, more | facts, self.pictures)
 
     def header(self, plan: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
-        """Return the header of a session's file: software, protocol, trials, film, parameters.
-
-        facts: further fields.
-        """
+        """Return the header of a session's file: software, protocol, trials, film, parameters."""
         software = {"python": python_version(), "system": platform()}
         return {
             "format": FORMAT, "finloop": finloop.__version__,
@@ -77,7 +68,7 @@ class FilmedScene:
             "animate": _parameters(*_PLANNED_BY), **facts,
         }  # fmt: skip
 
-    def others(self, header: dict[str, Any]) -> list[str]:
+    def find_differences(self, header: dict[str, Any]) -> list[str]:
         """Return what differs from a session with this header: "film", or `group.key`."""
         film = ["film"] if self.film != header["film"] else []
         then = header["animate"]
@@ -105,9 +96,8 @@ def looks_of(plan: Protocol) -> list[dict[str, Any]]:
 def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
     """Yield the film and all that a session needs, opened from the stages' results.
 
-    plan: None where no fish is to swim. FinloopError if the stages have not run, or a file is
-    missing or damaged; if the film has no mode `matching`, or the protocol has rules of a school
-    and the film shows none.
+    plan: None where no fish is to swim. FinloopError also if the film has no mode `matching`, or
+    the protocol has rules of a school and the film shows none.
     """
     fish_mm = None if plan is None else plan.display.fish_mm
     with Project() as project:

@@ -12,14 +12,13 @@ import argparse
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from finloop.base.errors import FinloopError
-from stages.compare import OUT, compare, experiments, git, head
+from stages.compare import OUT, compare, experiments, git
 from stages.compose import compose_params, experiment
 from stages.settings import LOCAL, PARAMS, overrides, read
 
@@ -37,11 +36,8 @@ RESULTS = (PARAMS.name, "dvc.lock", "reports")  # what git has and a run changes
 LAST_LINES = 12  # of the output of a failed run
 
 
-def copy(root: Path, folder: Path, cache: str) -> None:
-    """Clone the repository `root`, with uncommitted changes, into `folder`.
-
-    cache: folder of DVC's cache, which the clone shares.
-    """
+def _clone(root: Path, folder: Path, cache: str) -> None:
+    """Clone the repository `root`, with uncommitted changes, into `folder`; share DVC's cache."""
     git("clone", "--quiet", "--shared", str(root), str(folder), at=root)
     listed = git("ls-files", "-z", "--modified", "--others", "--exclude-standard", at=root)
     ignored = [LOCAL.as_posix()] if (root / LOCAL).is_file() else []
@@ -57,55 +53,37 @@ def copy(root: Path, folder: Path, cache: str) -> None:
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
 
 
-def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
-    """Run a DVC command in the folder `at`; return whether it succeeds, and its output."""
+def _run_dvc(*arguments: str, folder: Path) -> tuple[bool, str]:
+    """Run a DVC command in a folder; return whether it succeeds, and its output."""
     process = subprocess.run(
         [sys.executable, "-c", DVC, *arguments],
-        cwd=at,
-        text=True,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        check=False,
-    )
+        cwd=folder, text=True, check=False,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
     return not process.returncode, process.stdout
 
 
-def is_same(commit: str, params: str) -> bool:
-    """Return whether an experiment was made by the present code from the same params.yaml.
-
-    commit: of the experiment; params: text of params.yaml.
-    """
+def _is_same(commit: str, params: str) -> bool:
+    """Return whether an experiment's commit has the present code and this text of params.yaml."""
     excludes = [f":(exclude){name}" for name in RESULTS]
     changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
     return not changed.returncode and git("show", f"{commit}:{PARAMS}") == params
 
 
-def keep(name: str, folder: Path) -> None:
-    """Copy an experiment from a clone into this repository; replace one of the same name."""
-    refs = git("for-each-ref", "--format=%(refname)", "refs/exps", at=folder).split()
-    (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
-    git("fetch", "--quiet", "--no-write-fetch-head", str(folder), f"+{ref}:{ref}")
-
-
-def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> str:
-    """Make one run in a clone and keep it; return "", or the last lines of output if it failed.
-
-    changes: overrides; stages: to run; folder: the clone.
-    """
+def _make_run(name: str, changes: list[str], stages: list[str], clone: Path) -> str:
+    """Make one run in a clone, and keep it here; return "", or the last lines if it failed."""
     values = [word for change in changes for word in ("-S", change)]
-    succeeds, text = dvc("exp", "run", "--name", name, *values, *stages, at=folder)
-    if succeeds:
-        keep(name, folder)
-        return ""
-    return "\n    ".join(text.splitlines()[-LAST_LINES:])
+    succeeds, text = _run_dvc("exp", "run", "--name", name, *values, *stages, folder=clone)
+    if not succeeds:
+        return "\n    ".join(text.splitlines()[-LAST_LINES:])
+    refs = git("for-each-ref", "--format=%(refname)", "refs/exps", at=clone).split()
+    (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
+    git("fetch", "--quiet", "--no-write-fetch-head", str(clone), f"+{ref}:{ref}")
+    return ""
 
 
-def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str, str]:
-    """Make the runs of a sweep; return the failed ones, name → cause.
-
-    runs: name → overrides; stages: to run; jobs: runs at a time.
-    """
+def _make_runs(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str, str]:
+    """Make the runs of a sweep, some at a time; return the failed ones, name → cause."""
     root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
     there = experiments()
     for name, changes in runs.items():
@@ -114,51 +92,42 @@ def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str,
         except FinloopError as error:
             failures[name] = str(error)
             continue
-        if not (name in there and is_same(there[name], params)):
+        if not (name in there and _is_same(there[name], params)):
             todo.append(name)
     if not todo:
         return failures
-    _, cache = dvc("cache", "dir", at=root)
-    _, status = dvc("status", *stages, at=root)
+    _, cache = _run_dvc("cache", "dir", folder=root)
+    _, status = _run_dvc("status", *stages, folder=root)
     (root / ".dvc/tmp").mkdir(exist_ok=True)
     with (
         TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-") as apart,
         progress("sweep", len(todo), "runs") as advance,
     ):
-        folders = [Path(apart) / str(number) for number in range(min(jobs, len(todo)))]
-        for folder in folders:
-            copy(root, folder, cache.strip())
+        clones = [Path(apart) / str(number) for number in range(min(jobs, len(todo)))]
+        for clone in clones:
+            _clone(root, clone, cache.strip())
 
-        def make_next(folder: Path) -> bool:
+        def make_next(clone: Path) -> bool:
             name = todo.pop(0)
-            if why := attempt(name, runs[name], stages, folder):
+            if why := _make_run(name, runs[name], stages, clone):
                 failures[name] = why
             advance()
             return not why
 
+        def make_all(clone: Path) -> None:
+            with suppress(IndexError):  # nothing is left
+                while True:
+                    make_next(clone)
+
         # The first alone if a stage that all need has not run, so that it runs once.
-        while "up to date" not in status and todo and not make_next(folders[0]):
+        while "up to date" not in status and todo and not make_next(clones[0]):
             pass
-        in_parallel(make_next, folders, todo)
+        with ThreadPoolExecutor(len(clones)) as threads:
+            try:
+                list(threads.map(make_all, clones))
+            finally:
+                todo.clear()  # an interrupted sweep starts no further runs
     return failures
-
-
-def in_parallel(make_next: Callable[[Path], bool], folders: list[Path], todo: list[str]) -> None:
-    """Make all runs in `todo`, one after another in each folder, folders in parallel.
-
-    make_next: takes the next run from `todo` and makes it in a folder.
-    """
-
-    def make_all(folder: Path) -> None:
-        with suppress(IndexError):  # nothing is left
-            while True:
-                make_next(folder)
-
-    with ThreadPoolExecutor(len(folders)) as threads:
-        try:
-            list(threads.map(make_all, folders))
-        finally:
-            todo.clear()  # an interrupted sweep starts no further runs
 
 
 def main() -> None:
@@ -169,10 +138,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
     arguments = parser.parse_args()
     plan = experiment(arguments.experiment)
-    every = [f"+experiment={arguments.experiment}", *overrides(read()), *arguments.overrides]
-    runs = {name: every + changes for name, changes in plan.runs(arguments.experiment).items()}
-    head()  # raises if there is no commit for the experiments
-    failures = sweep(runs, plan.stages, max(1, arguments.jobs))
+    common = [f"+experiment={arguments.experiment}", *overrides(read()), *arguments.overrides]
+    runs = {name: common + changes for name, changes in plan.runs(arguments.experiment).items()}
+    failures = _make_runs(runs, plan.stages, max(1, arguments.jobs))
     finished = [name for name in runs if name not in failures]
     if finished:
         print(compare(finished, list(plan.measures), plan.title, f"{plan.why} {plan.seen}"))

@@ -35,37 +35,27 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
 def animated_fish(p: TankSettings, project: Project) -> tuple[list[FishSurface], Floats]:
-    """Return the fish of an edit list as moving surfaces, and the times (ticks,) in s.
-
-    They cover the first tank.seconds of the list.
-    """
+    """Return the fish of an edit list's first seconds as moving surfaces, and the ticks' times."""
     edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
-    each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
-    time = each[0]["time_s"].to_numpy(float)
+    edits = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
+    time = edits[0]["time_s"].to_numpy(float)
     columns = ["head_x_px", "head_y_px", "heading_deg"]
     film = film_bodies(tracks, project.features[columns])
     table = pd.DataFrame() if sprites is None else sprites
-    fish_poses = [tank_poses(one, film, table, bodies) for one in each]
+    fish_poses = [tank_poses(fish_edit, film, table, bodies) for fish_edit in edits]
     typical = typical_width(film.half_width, film.backbone)
     length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in fish_poses])))
-    depth = p.water_depth_bl * length
-    places = [
-        np.c_[pose.centre, swimming_heights(time, depth, fish)]
-        for fish, pose in enumerate(fish_poses)
-    ]
     centres = tracks[["x_px", "y_px"]].to_numpy(float)
     skins = Skins(film, typical, centres, project.cutouts.__getitem__)
-    pairs = zip(fish_poses, places, strict=True)
-    return [FishSurface(pose, place, skins, typical, length) for pose, place in pairs], time
+    surfaces = []
+    for number, pose in enumerate(fish_poses):
+        heights = swimming_heights(time, p.water_depth_bl * length, number)
+        place = np.c_[pose.centre, heights]
+        surfaces.append(FishSurface(pose, place, skins, typical, length))
+    return surfaces, time
 
 
-def swimming(fish: FishSurface) -> AnimatedFish:
-    """Return a moving surface as a fish of a glTF scene: shapes, places and headings."""
-    heading = fish.poses.heading
-    return AnimatedFish(principal_shapes(fish.points(), heading), fish.place, heading)
-
-
-def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
+def _join(pictures: list[list[np.ndarray]]) -> np.ndarray:
     """Join rows of pictures (h, w, 3) into one picture, each _SHEET_PX wide."""
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
@@ -105,12 +95,18 @@ def main() -> None:
                 for tick in range(ticks):
                     film.write(picture(p.camera, tick))
                     advance()
-        bodies = [swimming(one) for one in fish]
+        bodies = [
+            AnimatedFish(
+                principal_shapes(surface.points(), surface.poses.heading), surface.place,
+                surface.poses.heading,
+            )
+            for surface in fish
+        ]  # fmt: skip
         glb = tank_glb(room, background, first.typical_skin(), bodies, rate)
         save_bytes(folder / "tank.glb", glb)
         way = [gltf_place((place - room.middle) / room.length) for place in first.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
-    save_picture(REPORT / "contact_sheet.png", sheet(rows))
+    save_picture(REPORT / "contact_sheet.png", _join(rows))
     error_px = max(one.shape.error_px for one in bodies)
     numbers = {
         "frames": ticks, "duration_s": ticks / rate,

@@ -25,10 +25,8 @@ import stages.jumps
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import ALONE, Processes, ordered_map
 from finloop.base.settings import settings
-from finloop.cluster import piece as at_worker
-from finloop.cluster import workers as at_client
-from finloop.cluster.piece import Call, Home, run_piece
-from finloop.cluster.workers import dask_workers
+from finloop.cluster import workers as at_cluster
+from finloop.cluster.workers import Call, Home, dask_workers, run_piece
 from finloop.jumps import film as jumps_film
 from finloop.jumps import signature, visible
 
@@ -54,15 +52,10 @@ def put(folder: Path, work) -> str:
     return str(folder / "work")
 
 
-def test_unpickling_a_call_makes_it(home, tmp_path):
-    call = Call(run_piece, home, put(tmp_path, square), pickle.dumps(7))
-    assert pickle.loads(pickle.loads(pickle.dumps(call))) == 49
-
-
-def test_a_piece_is_worked_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
-    work = put(tmp_path, Path.resolve)
+def test_unpickling_a_call_makes_it_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
     monkeypatch.chdir("/")
-    assert pickle.loads(run_piece(home, work, pickle.dumps(Path("here")))) == tmp_path / "here"
+    call = Call(run_piece, home, put(tmp_path, Path.resolve), pickle.dumps(Path("here")))
+    assert pickle.loads(pickle.loads(pickle.dumps(call))) == tmp_path / "here"
 
 
 @pytest.mark.parametrize("fact", ["code", "python", "numpy", "PATH"])
@@ -79,8 +72,8 @@ def test_the_facts_tell_versions_of_the_code_apart(tmp_path, monkeypatch):
     for text in ("a", "b"):
         (tmp_path / "finloop").mkdir(exist_ok=True)
         (tmp_path / "finloop/x.py").write_text(text)
-        monkeypatch.setattr(at_worker, "_ROOT", tmp_path)
-        codes.add(at_worker._code.__wrapped__())
+        monkeypatch.setattr(at_cluster, "_ROOT", tmp_path)
+        codes.add(at_cluster._hash_code.__wrapped__())
     assert len(codes) == 2
 
 
@@ -97,6 +90,15 @@ def test_no_dask_is_one_message(home, monkeypatch):
     with pytest.raises(FinloopError) as caught, dask_workers(LOCAL, home, 2):
         pass
     assert caught.value.do == "make cluster"
+
+
+def test_a_stage_asks_the_cluster_that_is_named(tmp_path, monkeypatch):
+    prepare(tmp_path, *TINY_CARP, "cluster=local")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(FinloopError, match="Dask is not installed"):
+        with stages.cluster.workers([]):
+            pass
 
 
 def test_processes_work_where_no_cluster_is_named(tmp_path, monkeypatch):
@@ -164,7 +166,7 @@ def test_what_a_killed_worker_held_is_done_again(cluster, tmp_path):
 
 @needs_dask
 def test_a_piece_that_kills_every_worker_is_one_message(cluster, monkeypatch):
-    monkeypatch.setattr(at_client, "TRIES", 1)
+    monkeypatch.setattr(at_cluster, "TRIES", 1)
     with pytest.raises(FinloopError, match="worker processes were ended"):
         list(ordered_map(is_killed, range(2, 9), cluster))
     cluster.client.wait_for_workers(2)
@@ -182,7 +184,7 @@ def test_a_cluster_of_other_code_or_folder_is_refused_before_it_works(cluster, f
 
 @needs_dask
 def test_no_scheduler_is_one_message(home, monkeypatch):
-    monkeypatch.setattr(at_client, "_CONNECT_S", 0.2)
+    monkeypatch.setattr(at_cluster, "_CONNECT_S", 0.2)
     with pytest.raises(FinloopError, match="no scheduler") as caught:
         with dask_workers(settings("cluster", scheduler_address="tcp://127.0.0.1:9"), home, 2):
             pass
@@ -191,8 +193,8 @@ def test_no_scheduler_is_one_message(home, monkeypatch):
 
 @needs_dask
 def test_where_nobody_is_left_to_work_it_is_said(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr(at_client, "_LOOK_S", 0.05)
-    monkeypatch.setattr(at_client, "_BACK_S", 0.1)
+    monkeypatch.setattr(at_cluster, "_LOOK_S", 0.05)
+    monkeypatch.setattr(at_cluster, "_BACK_S", 0.1)
     monkeypatch.setattr(type(cluster), "threads", lambda self: {})
     pipes = [tmp_path / "a", tmp_path / "b"]
     for pipe in pipes:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import pytest
 
+from docs.hooks import anchors
 from finloop.base.settings import GROUPS, variants
 
 ROOT = Path(__file__).parents[1]
@@ -53,11 +54,6 @@ def table(text: str) -> list[Row]:
 
 
 ROWS = table(DOCUMENT)
-
-
-def wheres(paper: str) -> list[str]:
-    """Return where in a paper the rows are."""
-    return [row.where for row in ROWS if row.paper == paper]
 
 
 def homes(names: list[str]) -> Iterator[tuple[str, str | None]]:
@@ -151,55 +147,41 @@ def tag_numbers(page: str) -> set[tuple[int, int]]:
     return {(int(part), int(n)) for part, n in re.findall(r"\\tag\{(\d)\.(\d+)\}", page)}
 
 
-@cache
-def parameters(group: str) -> set[str]:
-    """Return the names of a group's parameters."""
-    return {field.name for variant in variants(group).values() for field in fields(variant)}
-
-
-@cache
-def settings_classes() -> dict[str, type]:
-    """Return the classes that declare parameters, those they inherit from too, by name."""
-    options = [option for group in GROUPS for option in variants(group).values()]
-    return {one.__name__: one for option in options for one in option.__mro__}
-
-
-def anchors(text: str) -> set[str]:
-    """Return the anchors of a page's headings, as GitHub makes them."""
-    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
-    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+PARAMETERS = {
+    group: {field.name for variant in variants(group).values() for field in fields(variant)}
+    for group in GROUPS
+}
+DECLARED = {
+    base.__name__: base
+    for group in GROUPS
+    for option in variants(group).values()
+    for base in option.__mro__
+}
+"""The classes that declare parameters, those they inherit from too, by name."""
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.paper} {row.where}: {row.what}")
-def test_the_functions_and_tests_of_a_row_exist_and_belong_together(row):
+def test_what_a_row_names_is_there_and_its_page_has_its_equations_and_figures(row):
     assert row.functions and not list(wrong(row))
-
-
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.paper} {row.where}: {row.what}")
-def test_the_page_of_a_row_has_its_equations_and_figures(row):
     page = PAGES[row.page]
     if row.paper != "finloop":
-        assert all(
-            numbers_after(page, word) >= numbers_after(row.where, word)
-            for word in ("Eq", "Fig", "Table")
-        )
+        for word in ("Eq", "Fig", "Table"):
+            assert numbers_after(page, word) >= numbers_after(row.where, word)
         assert tag_numbers(page) >= equation_numbers(row.where)
 
 
-def test_every_equation_figure_and_table_of_the_fish_paper_has_a_row():
-    fish = wheres("fish")
-    assert set().union(*(numbers_after(cell, "Eq") for cell in fish)) == set(range(1, 9))
-    assert set().union(*(numbers_after(cell, "Fig") for cell in fish)) == set(range(1, 20))
-    assert set().union(*(numbers_after(cell, "Table") for cell in fish)) == {1, 2}
-
-
-def test_every_equation_and_figure_of_the_curve_paper_has_a_row():
-    curve = wheres("curve")
-    counts = {2: 12, 3: 16, 4: 1}
-    wanted = {(part, n) for part, count in counts.items() for n in range(1, count + 1)}
-    assert set().union(*map(equation_numbers, curve)) == wanted
-    assert set().union(*(numbers_after(cell, "Fig") for cell in curve)) == set(range(1, 15))
-    assert set().union(*(numbers_after(cell, "Table") for cell in curve)) == {1, 2}
+def test_every_equation_figure_and_table_of_both_papers_has_a_row():
+    cells = {
+        paper: [row.where for row in ROWS if row.paper == paper] for paper in ("fish", "curve")
+    }
+    for paper, word, last in (
+        ("fish", "Eq", 8), ("fish", "Fig", 19), ("fish", "Table", 2), ("curve", "Fig", 14),
+        ("curve", "Table", 2),
+    ):  # fmt: skip
+        numbers = set().union(*(numbers_after(cell, word) for cell in cells[paper]))
+        assert numbers == set(range(1, last + 1)), (paper, word)
+    wanted = {(part, n) for part, last in {2: 12, 3: 16, 4: 1}.items() for n in range(1, last + 1)}
+    assert set().union(*map(equation_numbers, cells["curve"])) == wanted
 
 
 def test_every_page_is_in_the_table_and_in_the_list():
@@ -223,10 +205,10 @@ def test_what_a_page_names_is_there(name):
             continue
         module, inner = split(dotted)
         is_module = (ROOT / "finloop" / dotted.replace(".", "/")).with_suffix(".py").is_file()
-        is_parameter = group in GROUPS and key in parameters(group)
+        is_parameter = key in PARAMETERS.get(group, ())
         assert is_module or is_parameter or inner in definitions(module), dotted
     for group, constant in re.findall(r"`(\w+Settings)\.(\w+)`", page):
-        assert hasattr(settings_classes()[group], constant), f"{group}.{constant}"
+        assert hasattr(DECLARED[group], constant), f"{group}.{constant}"
 
 
 def test_a_row_that_is_not_true_is_found():

@@ -15,7 +15,7 @@ from tiny_run import stage_run
 from toy_swim import MIRROR, RATE, random_swimmer, unseen
 
 import finloop
-from finloop import footage, verbs
+from finloop import verbs
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
@@ -46,8 +46,7 @@ def tiny(monkeypatch):
     def tiny_settings(word, **own):
         return real(word, **({} if own.get("source") == "file" else changes(word)) | own)
 
-    for module in (footage, verbs):
-        monkeypatch.setattr(module, "settings", tiny_settings)
+    monkeypatch.setattr(verbs, "settings", tiny_settings)
 
 
 animate_run = stage_run("animate")

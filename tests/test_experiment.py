@@ -54,11 +54,6 @@ experiment = cache(compose.experiment)
 # --- conf/experiment
 
 
-@pytest.mark.parametrize("name", SWEEPS)
-def test_an_experiment_composes_as_any_group_of_hydra(name):
-    assert compose_mapping(f"+experiment={name}") == compose_mapping()  # no title, no sweep
-
-
 def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
     own = "# @package _global_\nbpn:\n  hidden_units: 7\n"
@@ -71,13 +66,16 @@ def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", SWEEPS)
 def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
-    one = experiment(name)
-    for key, values in one.params.items():
+    assert compose_mapping(f"+experiment={name}") == compose_mapping()  # no title, no sweep
+    sweep = experiment(name)
+    for key, values in sweep.params.items():
         word, key = key.split(".")
         varied = list(choices(values))
         assert len(set(varied)) == len(varied) > 1
         assert str(usual()[word][key]) in varied  # what is usual is among them
-    for measure in (*one.measures, *(each.key for each in OBJECTIVES)):
+        for value in varied:
+            settings(word, **{key: yaml.safe_load(value)})  # every value is allowed
+    for measure in (*sweep.measures, *(each.key for each in OBJECTIVES)):
         stage, key = measure.split(".")
         if stage == "realism":  # its numbers are not in git
             assert key.removesuffix("_auc") in (*MODES, HALVES)
@@ -85,38 +83,23 @@ def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
             assert key in load_numbers(ROOT / f"reports/{stage}")
 
 
-@pytest.mark.parametrize("name", SWEEPS)
-def test_every_value_is_allowed(name):
-    runs = experiment(name).runs(name).values()
-    for key, value in {one.partition("=")[::2] for overrides in runs for one in overrides}:
-        word, key = key.split(".")
-        settings(word, **{key: yaml.safe_load(value)})
-
-
-def test_every_combination_is_a_run():
-    params = {"features.orientations": "12, 48", "distance.frame_of_reference": "film, body"}
+@pytest.mark.parametrize(
+    ("params", "names", "last"),
+    [
+        ({"features.orientations": "12, 48", "distance.frame_of_reference": "film, body"},
+         ["one-12-film", "one-12-body", "one-48-film", "one-48-body"],
+         ["features.orientations=48", "distance.frame_of_reference=body"]),
+        ({"bpn.hidden_units": "range(1, 3)", "bpn.seed": "7"},
+         ["one-1-7", "one-2-7"], ["bpn.hidden_units=2", "bpn.seed=7"]),
+    ],
+)  # fmt: skip
+def test_every_combination_of_values_in_the_notation_of_hydra_is_a_run(params, names, last):
     runs = Experiment("t", "w", "s", params, ["animate.frames"]).runs("one")
-    assert list(runs) == ["one-12-film", "one-12-body", "one-48-film", "one-48-body"]
-    assert runs["one-48-film"] == ["features.orientations=48", "distance.frame_of_reference=film"]
+    assert list(runs) == names and runs[names[-1]] == last
 
 
-GOOD = {
-    "title": "t",
-    "why": "w",
-    "seen": "s",
-    "params": {"bpn.hidden_units": "1, 2"},
-    "measures": ["animate.frames"],
-}
-
-
-def test_values_are_in_the_notation_of_hydra():
-    sweep = Experiment(
-        "t", "w", "s", {"bpn.hidden_units": "range(1, 3)", "bpn.seed": "7"}, ["animate.frames"]
-    )
-    assert sweep.runs("one") == {
-        "one-1-7": ["bpn.hidden_units=1", "bpn.seed=7"],
-        "one-2-7": ["bpn.hidden_units=2", "bpn.seed=7"],
-    }
+GOOD = {"title": "t", "why": "w", "seen": "s", "params": {"bpn.hidden_units": "1, 2"},
+        "measures": ["animate.frames"]}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -136,10 +119,6 @@ def test_an_experiment_that_is_not_there_names_the_others():
         experiment("nosuch")
 
 
-def test_what_is_usual_composes_from_no_override():
-    assert overrides_of(usual()) == []
-
-
 @pytest.mark.parametrize(
     "overrides",
     [TINY_CARP, ["clip=file", "clip.path='a: b,c.mp4'", 'sprites.straight_frames="8:120-140"',
@@ -148,19 +127,16 @@ def test_what_is_usual_composes_from_no_override():
 def test_what_was_changed_composes_to_the_same_again(overrides):
     text = compose_params(["~local", *overrides])
     again = overrides_of(yaml.safe_load(text))
-    assert again
+    assert again and overrides_of(usual()) == []
     assert compose_params(["~local", *again]) == text
 
 
 # --- which are best
 
 
-def test_the_best_are_those_that_none_beats():
+def test_the_best_are_those_that_none_beats_in_any_order_and_scale():
     wanted = np.array([[1, 5], [2, 4], [2, 5], [1, 5], [3, 1], [0, np.nan]])
     assert pareto(wanted).tolist() == [True, True, False, True, True, False]
-
-
-def test_the_best_stay_the_best_in_any_order_and_scale():
     rng = np.random.default_rng(2)
     wanted = rng.integers(0, 6, (60, 3)).astype(float)
     best, order = pareto(wanted), rng.permutation(60)

@@ -102,8 +102,8 @@ def test_the_report_is_named_and_opened_on_a_desktop_alone(tmp_path, monkeypatch
     monkeypatch.setattr(film.sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    film.show_report(tmp_path / "index.html")
-    assert not opened and str(tmp_path / "index.html") in capsys.readouterr().out
-    monkeypatch.setenv("DISPLAY", ":0")
-    film.show_report(tmp_path / "index.html")
-    assert opened == [(tmp_path / "index.html").as_uri()]
+    for screen, wanted in ((False, []), (True, [(tmp_path / "index.html").as_uri()])):
+        if screen:
+            monkeypatch.setenv("DISPLAY", ":0")
+        film.show_report(tmp_path / "index.html")
+        assert opened == wanted and str(tmp_path / "index.html") in capsys.readouterr().out

@@ -9,6 +9,7 @@ import yaml
 from scratch import prepare
 
 from docs.draw.flow import svg
+from docs.hooks import anchors
 from finloop.base.settings import GROUPS, variants
 from finloop.edit.schema import EDIT
 from finloop.io.numbers import load_numbers
@@ -37,12 +38,6 @@ def values(text: str) -> list[tuple[str, str]]:
         if "…" not in value
         for one in (value.split(",") if value[0].isdigit() else [value])  # those of a sweep
     ]
-
-
-def headings(path: Path) -> set[str]:
-    """The anchors of a text's headings, as GitHub makes them."""
-    titles = re.findall(r"^#+ (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
-    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
 def outputs() -> set[str]:
@@ -84,7 +79,7 @@ def test_every_link_and_stage_is_there(guide):
     for link in re.findall(r"\]\(([^)]+)\)", text):
         path, _, place = link.partition("#")
         assert "://" in link or (guide.parent / path).exists(), link
-        assert not place or place in headings(guide.parent / path), link
+        assert not place or place in anchors((guide.parent / path).read_text("utf-8")), link
     pictures = re.findall(r"!\[([^\]]*)\]", text)
     assert all(len(words) > 10 for words in pictures)  # for those who cannot see them
     assert set(re.findall(r"dvc repro (?:--force )?([a-z][\w-]*)", text)) <= set(STAGES)

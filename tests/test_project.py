@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 from tiny_run import stage_run
 
-import finloop.run_files
+import finloop.project
 from finloop.base.errors import FinloopError
 from finloop.edit.modes import RETARGET
 from finloop.edit.schema import EDIT
@@ -25,12 +25,6 @@ def project(folder):
         yield project
 
 
-def test_a_project_loads_nothing_before_it_is_used(tmp_path):
-    project = Project(tmp_path)
-    with pytest.raises(FinloopError, match=r"facts\.json"):
-        _ = project.rate_hz
-
-
 def test_a_file_is_loaded_once(project, monkeypatch):
     loaded = Counter()
 
@@ -42,7 +36,7 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         return counts
 
     for name in ("load_table", "load_facts", "load_record", "load_mask", "open_cutouts"):
-        monkeypatch.setattr(finloop.run_files, name, count_loads(getattr(finloop.run_files, name)))
+        monkeypatch.setattr(finloop.project, name, count_loads(getattr(finloop.project, name)))
     for _ in range(2):
         drawn = project.edit_with_sources("network", "render", sprites=True, bodies=True)
         project.gallery(drawn).frame(0)
@@ -89,7 +83,7 @@ def test_a_closed_project_has_closed_its_stores_and_opens_them_anew(folder, monk
             yield store
             there[path.name] -= 1
 
-    monkeypatch.setattr(finloop.run_files, "open_cutouts", count_open)
+    monkeypatch.setattr(finloop.project, "open_cutouts", count_open)
     with Project(folder) as project:
         assert len(project.reel.store) and there == {"cutouts.arrow": 1, "sprites.arrow": 1}
         first = project.features
@@ -110,7 +104,10 @@ def test_another_process_has_one_project_for_all_that_it_is_sent(project):
     assert pickle.loads(pickle.dumps(Project(project.root))) is not there  # of a later run
 
 
-def test_without_the_model_of_a_short_film_there_is_no_forecast(tmp_path):
+def test_a_project_loads_nothing_before_it_is_used_and_no_forecast_of_a_short_film(tmp_path):
     (tmp_path / "data/forecast").mkdir(parents=True)
     (tmp_path / "data/forecast/reason.json").write_text("{}")
-    assert not Project(tmp_path).has_forecast and Project(tmp_path).forecast is None
+    project = Project(tmp_path)
+    assert not project.has_forecast and project.forecast is None
+    with pytest.raises(FinloopError, match=r"facts\.json"):
+        _ = project.rate_hz

@@ -38,7 +38,7 @@ from finloop.retarget.posture import align_postures, asked_postures, likely_code
 from finloop.retarget.rows import FilmRows, cheapest_rows
 from finloop.retarget.settings import RetargetSettings
 from finloop.retarget.track import body_points, resample_body_lines
-from stages.stamps import retarget_stamp
+from stages.stamps import file_stamp
 
 OTHERS = JoinParameters(settings("jumps"), settings("animate"), settings("matching").join)
 NAMES = ("centre", "tail_tip", "b2", "left_eye", "Nose", "b1", "b3")
@@ -555,6 +555,10 @@ def test_the_moments_of_the_picture_are_spread_and_the_worst_is_last():
     some = choose_ticks(far)
     assert len(some) == MOMENTS + 1 and some[-1] == 70 and some[0] == 0 and some[-2] == 99
     assert len(choose_ticks(far.assign(apart=np.nan))) == MOMENTS
+
+
+def retarget_stamp(group):
+    return file_stamp("retarget_stamp", {"retarget": group})
 
 
 def test_a_track_that_has_changed_has_another_stamp(tmp_path):

@@ -9,11 +9,14 @@ import pytest
 import yaml
 from conftest import ROOT
 from scratch import prepare
-from tiny_run import GIVEN, STAGES, TinyRun
+from tiny_run import STAGES, TinyRun, link_given
 
+import stages.forecast
+import stages.modes.matching
 from benchmarks.pipeline import with_those_before
 from finloop.edit.modes import MODES
 from finloop.io.numbers import load_numbers
+from finloop.modes.matching import NothingToUse
 
 SWEEPS = sorted((ROOT / "conf/experiment").glob("*.yaml"))
 FILM = [
@@ -38,14 +41,20 @@ LAST = ("animate", "realism")
 """Stages that take all modes together; a mode that no measure is of is taken as it was before."""
 
 
-class SweptRun(TinyRun):
-    """What stages make of FILM."""
+def refuse(*_: Any) -> None:
+    raise NothingToUse("left out", "a mode that a sweep measures", "nothing")
 
-    def _prepare(self) -> None:
-        prepare(self.folder, *FILM)
-        for given in GIVEN:
-            (self.folder / given).parent.mkdir(exist_ok=True)
-            (self.folder / given).symlink_to(ROOT / given)
+
+class SweptRun(TinyRun):
+    """What stages make of FILM, but for mode `matching`: no sweep measures it, and it takes long."""
+
+    overrides = FILM
+
+    def _run(self, word: str) -> None:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(stages.forecast, "split_held_out", refuse)
+            patch.setattr(stages.modes.matching, "open_mode", refuse)
+            super()._run(word)
 
 
 @pytest.fixture(scope="module")
@@ -91,9 +100,7 @@ def test_another_value_of_a_sweep_moves_its_measures(path, swept_run, tmp_path, 
     value = VALUES.get(name, values.partition(",")[0])
     words = stages_that_follow(name.partition(".")[0], asked["measures"])
     swept_run.bring(tmp_path, sorted({one.partition(".")[0] for one in asked["measures"]}))
-    for given in GIVEN:
-        (tmp_path / given).parent.mkdir(exist_ok=True)
-        (tmp_path / given).symlink_to(ROOT / given)
+    link_given(tmp_path)
     one = numbers(tmp_path, asked["measures"])
     prepare(tmp_path, *FILM, f"{name}={value}")
     with monkeypatch.context() as patch:

@@ -34,14 +34,22 @@ def pipeline_of(words: Iterable[str]) -> str:
     return yaml.safe_dump({"stages": stages, "metrics": metrics, "plots": shown}, sort_keys=False)
 
 
+def link_given(folder: Path) -> None:
+    """Link what stages read and none makes into a folder."""
+    for given in GIVEN:
+        (folder / given).parent.mkdir(exist_ok=True)
+        (folder / given).symlink_to(ROOT / given)
+
+
 @dataclass(frozen=True)
 class TinyRun:
-    """What stages make of TINY_CARP, in a folder that no test writes to.
+    """What stages make of `overrides`, in a folder that no test writes to.
 
     Fixtures of a module or a session ask for it: a test may have patched what a stage uses.
     """
 
     folder: Path
+    overrides = TINY_CARP
 
     def bring(self, to: Path, words: Iterable[str]) -> None:
         """Copy what `words` and all stages before them make; run those that have not run yet."""
@@ -69,10 +77,8 @@ class TinyRun:
                 note.write("done\n")
 
     def _prepare(self) -> None:
-        prepare(self.folder, *TINY_CARP)
-        for given in GIVEN:
-            (self.folder / given).parent.mkdir(exist_ok=True)
-            (self.folder / given).symlink_to(ROOT / given)
+        prepare(self.folder, *self.overrides)
+        link_given(self.folder)
 
     def _run(self, word: str) -> None:
         with pytest.MonkeyPatch.context() as patch:

@@ -6,9 +6,3 @@ is worked in that folder, by the same code, packages and thread counts, so it gi
 as on a process of this machine; a worker that differs is refused. Needs the extra `cluster` (`make
 cluster`).
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "piece": ["Home"], "workers": ["DaskWorkers", "dask_workers"],
-})  # fmt: skip

@@ -1,32 +1,45 @@
-"""The workers of a Dask cluster, as `base.parallel.Workers`.
+"""The workers of a Dask cluster, as `base.parallel.Workers`, and what they do with a piece of work.
 
-Dask's scheduler keeps all submitted items: if a worker leaves, the others take its pieces, and lost
-results are computed again.
+A scheduler need not have this program: it gets a call as bytes, and `pickle.loads`, which exists
+everywhere and makes the call. It keeps all submitted items: if a worker leaves, the others take its
+pieces, and lost results are computed again. A worker checks its folder and code before it works.
 """
 
+import hashlib
 import logging
+import os
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+import platform
+import socket
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, lru_cache, partial
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
 from uuid import uuid4
 
+import cv2
+from llvmlite.binding import get_host_cpu_name
+
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import TRIES, worker_loss_error
-from finloop.cluster.piece import Call, Home, load_work, run_piece
 from finloop.cluster.settings import ClusterSettings, Local
 from finloop.io.atomic import temporary_file
 
 A = TypeVar("A")
 B = TypeVar("B")
-Client = Any  # distributed.Client, which is there only with the extra
 
+_ROOT = Path(__file__).parents[2]
+_PACKAGES = (
+    "av", "faiss-cpu", "numba", "numpy", "opencv-contrib-python-headless", "pandas", "pyarrow",
+    "scikit-image", "scikit-learn", "scipy", "torch",
+)  # fmt: skip
+"""The packages that compute results."""
 _CONNECT_S = 5.0  # timeout to reach a scheduler
 _JOIN_S = 30.0  # timeout for the first worker
 _BACK_S = 120.0  # timeout for a worker to return where none is left
@@ -34,6 +47,125 @@ _LOOK_S = 5.0  # between two checks whether any worker is left
 # On a busy machine a worker takes longer to restart than Dask's default of 15 s.
 _LOCAL = {"distributed.deploy.lost-worker-timeout": "1 hour"}
 _FOLDER = "data"  # below the stage's folder: where the work lies for the workers
+
+# --- on a worker
+
+
+@dataclass(frozen=True)
+class Home:
+    """What a worker must share with the submitting process, so that results are the same bytes.
+
+    folder: the stage's working folder, absolute, shared by all workers. start: the command that
+    starts a worker there. facts: about code, packages, processor and thread counts, by name.
+    """
+
+    folder: str
+    start: str
+    facts: Mapping[str, str]
+
+    @classmethod
+    def from_process(cls, folder: Path, start: str, variables: Iterable[str]) -> "Home":
+        """Return the home of this process, which works in `folder`.
+
+        variables: names of the environment variables that workers must share.
+        """
+        return cls(str(folder.absolute()), start, _facts(tuple(variables)))
+
+    def refuse_other(self) -> None:
+        """Raise FinloopError that lists the facts by which this process differs from the home's."""
+        own = _facts(tuple(name for name in self.facts if name.isupper()))
+        differences = [
+            f"{name}: {own.get(name)} there, {value} here"
+            for name, value in self.facts.items()
+            if own.get(name) != value
+        ]
+        if differences:
+            raise FinloopError(
+                f"{_describe_worker()} differs from this program: " + "; ".join(differences),
+                "the same code, packages and thread counts, for the same results",
+                f"stop it, and start it in {self.folder}: {self.start}",
+            )
+
+
+def _describe_worker() -> str:
+    return f"worker process {os.getpid()} of {socket.gethostname()}, in {_ROOT},"
+
+
+@cache  # of the start of this process: it does not import its modules again
+def _facts(variables: tuple[str, ...]) -> dict[str, str]:
+    """Return facts of this process, by name; environment variables are in capitals."""
+    return {
+        "code": _hash_code(),
+        "python": platform.python_version(),
+        "processor": get_host_cpu_name(),  # kernels are compiled for it, sums are rounded by it
+        **{name: _package_version(name) for name in _PACKAGES},
+        **{name: os.environ.get(name, "not set") for name in variables},
+    }
+
+
+@cache
+def _hash_code() -> str:
+    digest = hashlib.sha256()
+    for room in ("finloop", "stages"):
+        for path in sorted((_ROOT / room).rglob("*.py")):
+            digest.update(f"{path.relative_to(_ROOT)}\n".encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _package_version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+class Call:
+    """A function and its arguments; to unpickle it is to call it: the result comes out."""
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        self._call = function, arguments
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return self._call
+
+
+def run_piece(home: Home, work: str, item: bytes) -> bytes:
+    """Apply the shared function to one pickled item on a worker; return the pickled result.
+
+    home: of the submitting process. work: path of the file that holds the pickled function.
+    FinloopError if this worker differs from `home`, or does not see the file.
+    """
+    return pickle.dumps(_load_work(home, work)(pickle.loads(item)))
+
+
+def _load_work(home: Home, work: str) -> Callable[[Any], Any]:
+    """Check that this worker equals the submitting process; load the function from its folder."""
+    home.refuse_other()
+    try:
+        os.chdir(home.folder)
+        return _unpickle_file(work)
+    except FileNotFoundError as error:
+        raise FinloopError(
+            f"{_describe_worker()} does not see {home.folder}, or sees another folder there",
+            "a folder that all workers share, at the same path",
+            f"share {home.folder} (NFS, for instance), and start the worker there: {home.start}",
+        ) from error
+
+
+@lru_cache(1)  # the same for every item, and as large as some frames
+def _unpickle_file(path: str) -> Callable[[Any], Any]:
+    cv2.setNumThreads(1)
+    return pickle.loads(Path(path).read_bytes())
+
+
+def _prepare_worker(need: Sequence[str], home: Home, work: str) -> None:
+    """Check on a worker that it can work, and import the modules that it will need."""
+    _load_work(home, work)
+    for name in need:
+        import_module(name)
+
+
+# --- in the submitting process
 
 
 @contextmanager
@@ -43,9 +175,8 @@ def dask_workers(
     """Connect to a Dask cluster and yield its workers for a block.
 
     p: a running scheduler's address, or `Local`: a cluster started here with `processes` workers.
-    home: what the workers must share with this process. need: names of modules that workers import
-    at once. FinloopError if Dask is not installed, no scheduler or worker answers, or a worker has
-    another folder or other code.
+    need: names of modules that workers import at once. FinloopError if Dask is not installed, no
+    scheduler or worker answers, or a worker has another folder or other code.
     """
     distributed = _import_distributed()
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # our own messages suffice
@@ -86,17 +217,14 @@ class DaskWorkers:
     home: what they must share with this process. address: the scheduler's, for messages.
     """
 
-    client: Client
+    client: Any  # distributed.Client, which is there only with the extra
     home: Home
     address: str
     alone = False
 
     @property
     def count(self) -> int:
-        """Return the present number of workers, at least 1.
-
-        FinloopError if a worker has more than one thread, or no scheduler answers.
-        """
+        """Return the present number of workers, at least 1; refuse one of several threads."""
         threads = self.threads()
         if several := [worker for worker, number in threads.items() if number != 1]:
             raise FinloopError(
@@ -112,11 +240,6 @@ class DaskWorkers:
             return dict(self.client.nthreads())
         except (OSError, CancelledError) as error:
             raise self.lost_scheduler_error() from error
-
-    @property
-    def dashboard(self) -> str:
-        """Return the web address of Dask's dashboard; "" if there is none."""
-        return self.client.dashboard_link or ""
 
     @contextmanager
     def submitter(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Task"]]:
@@ -139,22 +262,20 @@ class DaskWorkers:
             yield submit
 
     def check(self, need: Sequence[str] = ()) -> None:
-        """Let every worker check its folder and code against this process, and import some modules.
+        """Let every worker check its folder and code, and import the modules in `need`.
 
-        need: names of the modules. FinloopError names all workers that differ.
+        FinloopError names all workers that differ from this process.
         """
-        with self._share_work(_do_nothing) as path:
-            call = pickle.dumps(Call(partial(_fit, need), self.home, path))
+        with self._share_work(None) as path:
+            call = pickle.dumps(Call(partial(_prepare_worker, need), self.home, path))
             answers = self.client.run(pickle.loads, call, on_error="return")
-        refused = [
-            self.refusal(answer) for answer in answers.values() if isinstance(answer, Exception)
-        ]
-        if refused:
-            came = "\n    ".join(sorted({answer.came for answer in refused}))
+        errors = [answer for answer in answers.values() if isinstance(answer, Exception)]
+        if refused := [*map(self.refusal, errors)]:
+            came = "\n    ".join(sorted({error.came for error in refused}))
             raise FinloopError(came, refused[0].wanted, refused[0].do)
 
     @contextmanager
-    def _share_work(self, work: Callable[[A], B]) -> Iterator[str]:
+    def _share_work(self, work: Callable[[A], B] | None) -> Iterator[str]:
         """Write `work` to a file in the shared folder for the workers, and yield its path."""
         with temporary_file(Path(self.home.folder) / _FOLDER / f"cluster-{uuid4().hex}") as path:
             path.write_bytes(_pickle_bytes(work))
@@ -231,19 +352,8 @@ class _Task:
             raise self._workers.refusal(error) from error
 
 
-def _fit(need: Sequence[str], home: Home, work: str) -> None:
-    """On a worker: check that it is ready, and import its modules."""
-    load_work(home, work)
-    for name in need:
-        import_module(name)
-
-
-def _do_nothing(_: Any) -> None:
-    """Do nothing: the work of a check."""
-
-
 def _pickle_bytes(what: Any) -> bytes:
-    """Pickle to bytes; what the program's main module defines goes with its code."""
+    """Pickle to bytes, together with the code of what the program's main module defines."""
     return import_module("cloudpickle").dumps(what)
 
 

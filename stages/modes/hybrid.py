@@ -10,11 +10,10 @@ from stages.animation import animate, film_data
 
 def open_mode(project: Project) -> PaperAnimator:
     """Return the animator of mode `hybrid`; without loops or gateways it is the network alone."""
-    made = film_data(project, project.reel)
     settings = project.settings
     return hybrid_animator(
-        made, project.model, project.loops, project.gateways, settings("animate"),
-        (settings("network"), settings("loops"), settings("hybrid")),
+        film_data(project, project.reel), project.model, project.loops, project.gateways,
+        settings("animate"), (settings("network"), settings("loops"), settings("hybrid")),
     )  # fmt: skip
 
 

@@ -10,10 +10,8 @@ from stages.animation import animate, film_data
 
 def open_mode(project: Project) -> PaperAnimator:
     """Return the animator of mode `loops`; raise NothingToUse if the film has no loops."""
-    made = film_data(project, project.film_reel)
-    return loops_animator(
-        made, project.loops, project.settings("animate"), project.settings("loops")
-    )
+    data, settings = film_data(project, project.film_reel), project.settings
+    return loops_animator(data, project.loops, settings("animate"), settings("loops"))
 
 
 def main() -> None:

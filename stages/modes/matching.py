@@ -3,7 +3,6 @@
 from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
 
@@ -28,43 +27,13 @@ def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> MatchingAnima
     sprite_rows (s,): the row of each sprite, from which a fish of another mode continues.
     """
     common, own = project.settings("animate"), project.settings("matching")
-    made = MatchingData(
+    data = MatchingData(
         project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
         project.steps, project.jumps, project.poses, project.forecast,
         load_lines(own, project.features), project.facts.mm_per_px, project.rule,
         project.background, sprite_rows,
     )  # fmt: skip
-    return matching_animator(made, merge_settings(common, own))
-
-
-class PathFollowing(NamedTuple):
-    """How one fish followed its path.
-
-    path: columns of `path_measures.PATH_ROWS`; left: of `path_measures.LEFT`; numbers: errors, name
-    → number.
-    """
-
-    path: pd.DataFrame
-    left: pd.DataFrame
-    numbers: dict[str, float]
-
-
-def follow_paths(swims: list[Swim], plans: MatchingAnimator) -> list[PathFollowing]:
-    """Return how well each fish that has a path followed it; empty if no fish has one.
-
-    swims: one per fish; plans: the animator with the paths.
-    """
-    world, every = plans.world, list[PathFollowing]()
-    if not any(plans.paths):
-        return every
-    most = path_measures.swimming_limits(world.film, world)
-    for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
-        if path is not None:
-            table = path_measures.path_table("matching", swim, path, world.duration, world)
-            left = path_measures.find_departures(table, path, world, most)
-            numbers = path_measures.path_metrics(table, left, path, world)
-            every.append(PathFollowing(table.assign(fish=fish), left.assign(fish=fish), numbers))
-    return every
+    return matching_animator(data, merge_settings(common, own))
 
 
 def save_more(
@@ -72,20 +41,31 @@ def save_more(
 ) -> dict[str, float]:
     """Write considered.parquet and, for paths, path.parquet and left.parquet to `folder`.
 
-    Returns errors from the paths and clearances between fish, name → number. edit: the edit list.
+    swims: one per fish. Returns errors from the paths and clearances between fish, by name.
     """
     world = plans.world
     ticks, filmed = world.duration, world.film.filmed
-    weighed = [option_table(one, ticks, filmed, fish) for fish, one in enumerate(swims)]
+    weighed = [option_table(swim, ticks, filmed, fish) for fish, swim in enumerate(swims)]
     save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
-    paths = follow_paths(swims, plans)
-    if paths:
-        path = pd.concat([one.path for one in paths], ignore_index=True)
-        save_table(folder / "path.parquet", path, path_measures.PATH_ROWS)
-        left = pd.concat([one.left for one in paths], ignore_index=True)
-        save_table(folder / "left.parquet", left, path_measures.LEFT)
-    numbers = average_measures([one.numbers for one in paths]) if paths else {}
-    return numbers | encounters.measure_clearance(edit, plans.player)
+    clearance = encounters.measure_clearance(edit, plans.player)
+    pairs = enumerate(plans.paths[: len(swims)])
+    follows = {fish: path for fish, path in pairs if path is not None}
+    if not follows:
+        return clearance
+    most = path_measures.swimming_limits(world.film, world)
+    tables, departures, numbers = [], [], []
+    for fish, path in follows.items():
+        table = path_measures.path_table("matching", swims[fish], path, ticks, world)
+        left = path_measures.find_departures(table, path, world, most)
+        numbers.append(path_measures.path_metrics(table, left, path, world))
+        tables.append(table.assign(fish=fish))
+        departures.append(left.assign(fish=fish))
+    for name, parts, schema in (
+        ("path", tables, path_measures.PATH_ROWS),
+        ("left", departures, path_measures.LEFT),
+    ):
+        save_table(folder / f"{name}.parquet", pd.concat(parts, ignore_index=True), schema)
+    return average_measures(numbers) | clearance
 
 
 def main() -> None:

@@ -10,10 +10,8 @@ from stages.animation import animate, film_data
 
 def open_mode(project: Project) -> PaperAnimator:
     """Return the animator of mode `network`, with the results of the earlier stages."""
-    made = film_data(project, project.reel)
-    return network_animator(
-        made, project.model, project.settings("animate"), project.settings("network")
-    )
+    data, settings = film_data(project, project.reel), project.settings
+    return network_animator(data, project.model, settings("animate"), settings("network"))
 
 
 def main() -> None:

@@ -21,15 +21,12 @@ CLIP = Path("data/clip")
 
 def main() -> None:
     """Draw reports/clip/check.png, with the pictures of several films one below another."""
-    pictures = [film(name, CLIP / home) for name, home in film_folders(CLIP)]
+    pictures = [_draw_film(name, CLIP / home) for name, home in film_folders(CLIP)]
     save_picture(Path("reports/clip/check.png"), one_below_another(pictures))
 
 
-def film(name: str, clip: Path) -> Picture:
-    """Return the picture of one film (h, w, 3): a frame, its difference from the tank, and curves.
-
-    name: "" for a single film; clip: folder of its clip.
-    """
+def _draw_film(name: str, clip: Path) -> Picture:
+    """Draw a frame of one film, its difference from the tank, and curves over time."""
     facts = load_facts(clip / FACTS_NAME)
     middle = [facts.frames // 2]
     (frame,) = read_spread(clip / CLIP_NAME, middle, colour=facts.colour)

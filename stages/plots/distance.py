@@ -18,15 +18,11 @@ def main() -> None:
     with Project() as project:
         facts, features = project.map_facts, project.features
         rows = picture_rows(features, p.picture_frames)
-        distance = full_distance_map(
-            about_mean(project.film_reel.frames(rows, facts.size, facts.pose))
-        )
+        pictures = project.film_reel.frames(rows, facts.size, facts.pose)
+        distance = full_distance_map(about_mean(pictures))
     features = features.iloc[rows]
-    compared = comparable_pairs(
-        frame_kinds(features, facts.pose),
-        features["motion_area_rel"].to_numpy(),
-        p.motion_area_threshold,
-    )
+    kinds, area = frame_kinds(features, facts.pose), features["motion_area_rel"].to_numpy()
+    compared = comparable_pairs(kinds, area, p.motion_area_threshold)
     figure = figure9(distance, compared, features["track_id"].to_numpy(), facts.step_median)
     save_figure(Path("reports/distance/fig9.png"), figure)
 

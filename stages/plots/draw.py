@@ -17,7 +17,7 @@ def draw_all(modules: Sequence[str]) -> None:
     warm_up(modules)
     with progress("plots", len(modules), "stages") as advance:
         try:
-            with Processes(THREADS).submitter(run_module) as submit:
+            with Processes(THREADS).submitter(_run_module) as submit:
                 for task in [submit(module) for module in modules]:
                     task.result()
                     advance()
@@ -25,6 +25,6 @@ def draw_all(modules: Sequence[str]) -> None:
             raise worker_loss_error(THREADS) from error
 
 
-def run_module(module: str) -> None:
+def _run_module(module: str) -> None:
     """Import a module and run its `main`, which draws the pictures of one stage."""
     import_module(module).main()

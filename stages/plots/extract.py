@@ -37,10 +37,7 @@ THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
 
 
 class ExtractedFilm(NamedTuple):
-    """One film with the results of `extract` that are needed to segment its frames again.
-
-    clip: folder of its clip; scene: background and noise; arena (h, w) uint8: 255 inside.
-    """
+    """One film with the results of `extract` that are needed to segment its frames again."""
 
     name: str
     clip: Path
@@ -62,45 +59,35 @@ def main() -> None:
     """Draw detections.png and fig3_4.png in reports/extract/."""
     settings: ExtractSettings = load("extract")
     films = [
-        load_film(name, home) for name, home in film_folders(CLIP) if (EXTRACT / home).is_dir()
+        _load_film(name, home) for name, home in film_folders(CLIP) if (EXTRACT / home).is_dir()
     ]
-    count = max(1, FRAMES // len(films))
-    pictures = [draw_detections(film, settings, count) for film in films]
+    pictures = []
+    for film in films:
+        labels, frames = zip(*film.read(max(1, FRAMES // len(films))), strict=True)
+        silhouettes = film.scene, film.typical, film.arena, settings
+        pictures.append(detections_picture(frames, labels, *silhouettes))
     save_picture(REPORT / "detections.png", one_below_another(pictures))
-    fish, words = choose_fish(thin_films(films, settings))
+    fish, words = choose_fish(_thin_films(films, settings))
     save_figure(REPORT / "fig3_4.png", figure3_4(fish, words))
 
 
-def load_film(name: str, home: Path) -> ExtractedFilm:
-    """Load the results of `clip` and `extract` for one film.
-
-    name: "" for a single film; home: its folder below data/clip and data/extract.
-    """
+def _load_film(name: str, home: Path) -> ExtractedFilm:
+    """Load what `clip` and `extract` made of a film; `home`: its folder below theirs."""
     clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
     record = load_record(tracks_folder / "scene.json", SceneFacts, "extract")
     background = load_picture(tracks_folder / "background.png")
-    scene = Scene(
-        background, cast(Polarity, record.polarity), record.noise_grey, record.threshold_grey
-    )
+    polarity, fins = cast(Polarity, record.polarity), cast(Fins, record.fins)
+    scene = Scene(background, polarity, record.noise_grey, record.threshold_grey)
     typical = Typical(
-        record.typical_area_px,
-        record.typical_length_px,
-        record.typical_contrast_grey,
-        cast(Fins, record.fins),
+        record.typical_area_px, record.typical_length_px, record.typical_contrast_grey, fins,
         record.thin,
-    )
+    )  # fmt: skip
     arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
     return ExtractedFilm(name, clip, facts, scene, typical, arena)
 
 
-def draw_detections(film: ExtractedFilm, settings: ExtractSettings, count: int) -> Picture:
-    """Draw the silhouettes in `count` frames of a film; return (h, w, 3)."""
-    labels, frames = zip(*film.read(count), strict=True)
-    return detections_picture(frames, labels, film.scene, film.typical, film.arena, settings)
-
-
-def thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterator[ThinnedFish]:
+def _thin_films(films: list[ExtractedFilm], settings: ExtractSettings) -> Iterator[ThinnedFish]:
     """Yield the thinned fish of THINNED frames, spread over the films."""
     count = max(1, THINNED // len(films))
     for film in films:

@@ -16,10 +16,7 @@ FISH = 48  # on the contact sheet
 
 
 def main() -> None:
-    """Draw the pictures in reports/features/.
-
-    They are contact_sheet.png, fig5.png, fig7.png, trajectories.png and rose.png.
-    """
+    """Draw contact_sheet, fig5, fig7, trajectories and rose, as .png, in reports/features/."""
     with Project() as project:
         table, background = project.features, project.background
         tracks, rows = project.tracks(COLUMNS), draw.choose_doubtful(table, FISH)
@@ -31,13 +28,10 @@ def main() -> None:
         if (turn := strongest_turn(table)) is not None:
             turning = draw.specimens(table, tracks, turn, project.cutouts, background)
             fig5 = figure5(table, turn, list(turning), background)
-        for name, figure in (
-            ("fig5", fig5),
-            ("fig7", draw.figure7(table)),
-            ("trajectories", draw.draw_trajectories(table, background)),
-            ("rose", draw.draw_rose(table)),
-        ):
-            save_figure(REPORT / f"{name}.png", figure)
+        save_figure(REPORT / "fig5.png", fig5)
+        save_figure(REPORT / "fig7.png", draw.figure7(table))
+        save_figure(REPORT / "trajectories.png", draw.draw_trajectories(table, background))
+        save_figure(REPORT / "rose.png", draw.draw_rose(table))
 
 
 if __name__ == "__main__":

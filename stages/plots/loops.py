@@ -30,20 +30,17 @@ def main() -> None:
     """Draw the pictures in reports/loops/: NAMES and fig13, as .png."""
     p: LoopsSettings = load("loops")
     with Project() as project:
-        figures = draw_message(project) if project.loops.empty else draw_loops(project, p)
-        save_figure(REPORT / "fig13.png", draw_improper(project, p))
+        if project.loops.empty:
+            why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
+            figures = iter([(name, message(why)) for name in NAMES])
+        else:
+            figures = _draw_loops(project, p)
+        save_figure(REPORT / "fig13.png", _draw_improper(project, p))
         for name, figure in figures:
             save_figure(REPORT / f"{name}.png", figure)
 
 
-def draw_message(project: Project) -> Iterator[tuple[str, Figure]]:
-    """Yield (name, figure) for each of NAMES: a text, why the film has no loops."""
-    why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
-    for name in NAMES:
-        yield name, message(why)
-
-
-def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure]]:
+def _draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure]]:
     """Yield (name, figure) for each of NAMES, for a film that has loops."""
     loops, features, reel = project.loops, project.features, project.film_reel
     facts, rate_hz = project.map_facts, project.rate_hz
@@ -61,13 +58,13 @@ def draw_loops(project: Project, p: LoopsSettings) -> Iterator[tuple[str, Figure
     yield "fig11", draw.figure11(position_table(ends, features), ends, features)
     gap = least_frames(delta_of(features), p)
     best, worst = (
-        list(draw.loop_examples(some.iloc[draw.separate_loops(some, gap, BEST)], reel, facts))
-        for some in (loops, loops[::-1])
+        list(draw.loop_examples(ranked.iloc[draw.separate_loops(ranked, gap, BEST)], reel, facts))
+        for ranked in (loops, loops[::-1])
     )
     yield "best_and_worst", draw.figure8(best, worst)
 
 
-def draw_improper(project: Project, p: LoopsSettings) -> Figure:
+def _draw_improper(project: Project, p: LoopsSettings) -> Figure:
     """Return Fig. 13 of the fish paper, or a figure that says that no loop is improper."""
     features, reel, facts = project.features, project.film_reel, project.map_facts
     pairs = as_map(project.pairs, len(features))
