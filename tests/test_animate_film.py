@@ -275,7 +275,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
     mode = film_player(film_of(table_of(arc_track([0.0] * 199)), loops((20, 199))))
     state = mode.begin(np.random.default_rng(0))
-    fish = replace(state.fish, row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
+    fish = state.fish._replace(row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
     goal = Goal("A", 300.0, 300.0)
     found, then = mode.plan(state._replace(fish=fish), goal, np.random.default_rng(0))
     assert list(found.number) == [198] and then.fish.row == 198
@@ -354,7 +354,7 @@ def test_the_way_that_leads_to_the_goal_is_taken(at, row):
 
 def test_what_a_way_costs_is_the_sum_of_its_terms():
     player, fish = three_ways()
-    seen = replace(fish, tick=1000, recent=np.array([[181, 299, 861]]))
+    seen = fish._replace(tick=1000, recent=np.array([[181, 299, 861]]))
     options = player.plan(
         State(seen, np.zeros(2)), Goal("A", 400.0, 120.0), np.random.default_rng(0)
     )[0].options

@@ -229,7 +229,7 @@ def test_a_fish_in_a_corner_turns_no_faster_than_a_brisk_one_or_as_is_predicted(
     for seed in range(20):
         rng = np.random.default_rng(seed)
         fish = Fish(float(x), float(y), 135.0, 2.0, FORECAST, sprite=-1, row=100 + 20 * seed)
-        fish = replace(fish, rot=135.0 - float(one.world.film.heading[fish.row]))
+        fish = fish._replace(rot=135.0 - float(one.world.film.heading[fish.row]))
         state = State(fish, np.zeros(2))
         for _ in range(6):
             heading = state.fish.heading

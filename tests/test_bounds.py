@@ -99,8 +99,8 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     own_world = replace(player.world, discs=player.cast.discs)
     player, rng = replace(player, world=own_world), np.random.default_rng(0)
     keeper = player._fallback
-    fish = replace(player.begin(rng).fish, x=232.0, y=150.0, heading=0.0)
-    fish = replace(fish, rot=-float(own_world.film.heading[fish.row]))
+    fish = player.begin(rng).fish._replace(x=232.0, y=150.0, heading=0.0)
+    fish = fish._replace(rot=-float(own_world.film.heading[fish.row]))
     ahead = keeper._staying(fish, Target(0, 0, 0, 0))[-1]
     ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
     places = []

@@ -392,7 +392,7 @@ def test_the_choice_says_whether_the_film_plays_on_or_jumps_where_both_pass(choi
     )
     film, ends = mode.film, np.flatnonzero(loops_of().ends)
     for _ in range(300):
-        fish = replace(in_film(film, rng), row=int(rng.choice(ends)))
+        fish = in_film(film, rng)._replace(row=int(rng.choice(ends)))
         goal = spot(*open_tank().random_point(rng))
         starts = mode.starts(fish)
         ways = mode.follow_starts(fish, starts, goal)
@@ -555,7 +555,7 @@ def network():
 
 def test_figure18_turns_towards_a_goal_beside_and_swims_straight_to_one_ahead():
     mode, rng = network_of(), np.random.default_rng(0)
-    fish = replace(mode.begin(rng), x=400.0, y=300.0, heading=0.0)
+    fish = mode.begin(rng)._replace(x=400.0, y=300.0, heading=0.0)
     for (x, y), reason, side in (
         ((700.0, 300.0), "phase", np.nan), ((400.0, 100.0), "turn", 90.0),
         ((400.0, 500.0), "turn", -90.0),
@@ -758,7 +758,7 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
     network, film = with_phases(mode.network, [ACCELERATE], [STRAIGHT]), mode.loops.film
     for _ in range(40):
         fast = network.sprites.cycle_speed * speed
-        fish = replace(in_film(film, rng), x=400.0, y=300.0, speed=fast)
+        fish = in_film(film, rng)._replace(x=400.0, y=300.0, speed=fast)
         starts = mode.loops.starts(fish)
         angle = np.radians(fish.heading)
         goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))

@@ -34,6 +34,7 @@ from finloop.plan.objectives import along_path, estimate_ticks_to, to_goal
 from finloop.plan.search import (
     BRANCH,
     RUN,
+    Beam,
     Branch,
     Candidates,
     SearchStart,
@@ -309,14 +310,17 @@ def test_a_term_that_is_switched_off_costs_nothing(term):
 def test_the_best_branches_are_kept_and_who_lost_one_is_known(most):
     rng = np.random.default_rng(most)
     totals = np.round(rng.normal(size=200), 1)  # some alike
-    branches, over, n = np.zeros(most, BRANCH), np.zeros(len(totals), bool), 0
+    none, order = np.zeros(0), np.zeros(most, np.int64)
+    beam = Beam(none, none, np.zeros(most, BRANCH), order, np.zeros(most), none, none, none)
+    over, n = np.zeros(len(totals), bool), 0
     for k, total in enumerate(totals):
-        n = insert_branch(branches, n, Branch(total, k, 2 * k, k, 0.5), over)
+        n = insert_branch(beam, n, Branch(total, k, 2 * k, k, 0.5), over)
         assert n == min(k + 1, most)
-        assert (np.diff(branches["total"][:n]) >= 0).all()
-    assert branches["total"].tolist() == sorted(totals)[:most]
-    assert sorted([*branches["first"], *np.flatnonzero(over)]) == list(range(len(totals)))
-    assert (branches["way"] == 2 * branches["first"]).all()
+        assert (np.diff(beam.totals[:n]) >= 0).all()
+    firsts = beam.branches["first"][order]
+    assert beam.totals.tolist() == totals[firsts].tolist() == sorted(totals)[:most]
+    assert sorted([*firsts, *np.flatnonzero(over)]) == list(range(len(totals)))
+    assert (beam.branches["way"][order] == 2 * firsts).all()
 
 
 def test_what_a_way_has_shown_is_found_in_all_of_its_runs():

@@ -155,17 +155,13 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     player = matching_of(film_world_of(room_=wall))
     x, y = 200.0, float(np.flatnonzero(wall.legal[:, 200])[0])
     begun = player.begin(np.random.default_rng(0)).fish
-    first = replace(begun, x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
+    first = begun._replace(x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
     avoider = player._fallback
 
     def with_neighbours(fish, gap):
         sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
-        return replace(
-            fish,
-            company=player.company(
-                Plans.from_paths(sides, fish.tick).others(-1, fish.tick), fish.tick
-            ),
-        )
+        others = Plans.from_paths(sides, fish.tick).others(-1, fish.tick)
+        return fish._replace(company=player.company(others, fish.tick))
 
     def free(gap):
         return can_stay(

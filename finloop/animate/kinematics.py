@@ -64,11 +64,16 @@ class Turning(NamedTuple):
 
 
 @leaf_kernel
+def turn_by(dx: float, dy: float, cos: float, sin: float):  # type: ignore[no-untyped-def]
+    """Return a displacement dx, dy on screen (y down), turned by an angle's cosine and sine."""
+    return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+@leaf_kernel
 def rotate(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     """Return a displacement dx, dy on screen (y down), turned anticlockwise by `rot` degrees."""
     angle = np.radians(rot)
-    cos, sin = np.cos(angle), np.sin(angle)
-    return dx * cos + dy * sin, dy * cos - dx * sin
+    return turn_by(dx, dy, np.cos(angle), np.sin(angle))
 
 
 @leaf_kernel

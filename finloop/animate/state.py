@@ -1,6 +1,5 @@
 """The frozen state of a fish: its place, its motion, and its progress."""
 
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,9 +8,10 @@ from finloop.animate.company import ALONE, Company
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import FILM, TURN
 
+_NOTHING = np.zeros((0, 3), np.int64)
 
-@dataclass(frozen=True, slots=True)
-class Fish:
+
+class Fish(NamedTuple):
     """Where a fish is, what it does, and what it remembers.
 
     x, y in px, heading in degrees, speed in body lengths/s; state: of `STATES`; sprite: the last
@@ -37,7 +37,7 @@ class Fish:
     rot: float = 0.0
     since: int = 0
     waits: int = 0
-    recent: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+    recent: Ints = _NOTHING
     past: Floats | None = None
     lag: float = 0.0
     company: Company = ALONE

@@ -384,7 +384,7 @@ class LiveFish:
         if known is None:
             state = self._player.with_others(self._state, self._other_paths(self._state.fish.tick))
         else:
-            state = self._state._replace(fish=replace(self._state.fish, company=known))
+            state = self._state._replace(fish=self._state.fish._replace(company=known))
         draws = self._rng.bit_generator.state
         stretch, self._state = self._player.plan(state, goal, self._rng)
         begins = self.born + state.fish.tick

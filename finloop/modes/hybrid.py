@@ -163,7 +163,7 @@ class Hybrid:
         )
         state, place = self._cycle[sprite]
         heading = float(wrap(fish.rot - turn))
-        x, y = self.loops.next_place(replace(fish, heading=heading, row=-1))
+        x, y = self.loops.next_place(fish._replace(heading=heading, row=-1))
         if not inside(self.network.world.tank.legal, x, y):
             x, y = fish.x, fish.y
         decision = Decision(PHASE, exit=NO_WAY, seam=seam, film_speed=fish.speed)

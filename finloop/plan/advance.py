@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.company import clear_ahead
-from finloop.animate.kinematics import offset_point, rotate, touches
+from finloop.animate.kinematics import offset_point, rotate, touches, turn_by, wrap
 from finloop.animate.route import Route, asked_at, done, foot, least_along, place
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
 from finloop.plan.cost import LAG, PATH, RARITY, Steering, tick_cost
-from finloop.plan.graph import MotionGraph
+from finloop.plan.graph import jumps_of
 from finloop.plan.objectives import is_done
 from finloop.plan.search_graph import SearchGraph
 from finloop.plan.walls import fits
@@ -67,26 +67,25 @@ def shift_to_path(route: Route, at, speed: float, when, steering: Steering):  # 
 
 
 @kernel
-def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # type: ignore[no-untyped-def]
+def advance(way: Floats, speed: Floats, rows: Ints, begins, towards, graph: SearchGraph):  # type: ignore[no-untyped-def]
     """Move along a planned way: steer to the path, and stop at the goal, the path's end or a wall.
 
     Without a path the way ends when it touches the goal, or the waypoint that the fish heads for.
     way (m + 1, 3): x, y px, heading, the fish's own place first, of which t ≤ m ticks count; speed
-    (m,): body lengths/s; numbers (t,): of the pictures; begins: px along the path, and the tick;
-    towards: the `Objective`, and the goal; by: `Bounds`, and (t,) whether the film can go on from
-    each picture.
+    (m,): body lengths/s; rows (t,): that are shown; begins: px along the path, and the tick;
+    towards: the `Objective`, and the goal.
 
     Returns the final way (n, 3), up to where it is done or leaves the tank; its steering
     corrections (n, 2): degrees, px; px along the path at its end; whether the last place touches
     the goal.
     """
     objective, goal = towards
-    ticks, route, steering = numbers.size, objective.route, objective.steering
-    out, used = np.empty((ticks, 3)), np.zeros((ticks, 2))
-    (along, tick), (bounds, goes_on) = begins, by
+    ticks, route, steering = rows.size, objective.route, objective.steering
+    out, used, film = np.empty((ticks, 3)), np.zeros((ticks, 2)), graph.film.rows
+    along, tick = begins
     x, y, rot, good, touched = way[0, 0], way[0, 1], 0.0, ticks, False
     for t in range(ticks):
-        turn, shift = 0.0, 0.0
+        turn, shift, row = 0.0, 0.0, rows[t]
         if route.x.size:
             reach = min(steering.reach, len(way) - 1 - t)
             leads = rotate(way[t + reach, 0] - way[t, 0], way[t + reach, 1] - way[t, 1], rot)
@@ -98,7 +97,7 @@ def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # 
             new_x, new_y, on, _, _, shift = shift_to_path(
                 route, (new_x, new_y, along), speed[t], (tick + t + 1, 1), steering
             )
-        if not fits(bounds, numbers[t], new_x, new_y, heading):
+        if not fits(graph.bounds, row, new_x, new_y, heading):
             good = t
             break
         x, y, along, rot = new_x, new_y, on, rot + turn
@@ -107,12 +106,50 @@ def advance(way: Floats, speed: Floats, numbers: Ints, begins, towards, by):  # 
         if route.x.size:
             ends = done(route, along, tick + t + 1)
         else:
-            touched = not goal.free and goes_on[t] and touches(x, y, heading, goal)
+            goes_on = film[row].has_next and film[row + 1].recurrent
+            touched = not goal.free and goes_on and touches(x, y, heading, goal)
             ends = touched or (not goal.free and touches(x, y, heading, objective.aim))
         if ends:
             good = t + 1
             break
     return out[:good], used[:good], along, touched
+
+
+@kernel
+def advance_film(graph: SearchGraph, fish: Floats, shown: int, run, begins, towards):  # type: ignore[no-untyped-def]
+    """Move a fish along a run of film from its next tick on, as `advance` does.
+
+    fish (4,): x, y px, heading, and degrees by which row `shown`, now on screen, is turned; run:
+    first row and ticks. Returns what `advance` returns, and the discontinuity of the run's first
+    row in natural steps, NaN where the film plays on.
+    """
+    (row, ticks), film, rot, seam = run, graph.film, fish[3], np.nan
+    at, own = film.rows[row], film.rows[shown + 1]
+    if row != shown + 1:
+        first, last = jumps_of(film, shown + 1)
+        seam = film.seam[first:last][film.to[first:last] == row][0]
+        if film.body:
+            rot = wrap(own.heading + fish[3] - at.heading)
+    dx, dy = rotate(film.rows[shown].dx, film.rows[shown].dy, fish[3])
+    begin = np.empty((2, 3))
+    begin[0, 0], begin[0, 1], begin[0, 2] = fish[0], fish[1], fish[2]
+    begin[1, 0], begin[1, 1], begin[1, 2] = fish[0] + dx, fish[1] + dy, at.heading + rot
+    way = extend_by_film(graph, begin, row, rot, ticks - 1 + towards[0].steering.reach)
+    m = len(way) - 1
+    speed = np.empty(m)
+    speed[0] = film.rows[shown].speed
+    for t in range(1, m):
+        speed[t] = film.rows[row + t - 1].speed
+    rows = np.arange(row, row + min(ticks, m))
+    out, used, along, touched = advance(way, speed, rows, begins, towards, graph)
+    return out, used, along, touched, seam
+
+
+@leaf_kernel
+def turn_way(way, rot):  # type: ignore[no-untyped-def]
+    """Turn a way (dtype `WAY`) to a rotation of its rows, degrees."""
+    angle = np.radians(rot)
+    way.rot, way.cos, way.sin = rot, np.cos(angle), np.sin(angle)
 
 
 @finite_leaf
@@ -130,7 +167,9 @@ def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-un
         leads = rotate(lead.dx, lead.dy, way.rot)
         most = most_turn(speed, steering)
         turn = turn_to(route, (way.x, way.y, along), leads, lead.ticks, most, steering)
-    dx, dy = rotate(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
+    dx, dy = turn_by(after.x - at.x, after.y - at.y, way.cos, way.sin)
+    if route.x.size:
+        dx, dy = rotate(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
     x, y, rot = way.x + dx, way.y + dy, way.rot + turn * ticks
     heading = after.heading + rot
     if route.x.size:
@@ -189,16 +228,6 @@ def extend_by_film(graph: SearchGraph, begins: Floats, row: int, rot: float, tic
         way[k + t - 1, 0], way[k + t - 1, 1] = begins[k - 1, 0] + dx, begins[k - 1, 1] + dy
         way[k + t - 1, 2] = rows[row + t].heading + rot
     return way
-
-
-@leaf_kernel
-def arrival(film: MotionGraph, x: float, y: float, row: int, rot: float) -> tuple[float, float]:
-    """Return where, x, y px, a fish at x, y that shows a row is at the next tick.
-
-    rot: degrees by which the row is turned.
-    """
-    dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
-    return x + dx, y + dy
 
 
 class Pace(NamedTuple):

@@ -67,7 +67,8 @@ class Fallback:
         another blocks, or that turns on the spot beside it, makes way. Where nothing is free, the
         last resort is one tick in place.
         """
-        stretch = self._inside(stretch) or self._at_wall(fish, Target(*stretch.aim))
+        if stretch.decision.reason == SPOT:  # all others stop at the walls
+            stretch = self._inside(stretch) or self._at_wall(fish, Target(*stretch.aim))
         company, others = fish.company, fish.company.places[0]
         if not len(others):
             return stretch

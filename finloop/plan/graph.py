@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.motion import MotionStatistics
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import kernel, leaf_kernel
+from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.distance.picture import BODY, typical_length
 from finloop.features.current import through_water
 from finloop.forecast.sampling import Sampler, Similar
@@ -154,6 +154,15 @@ def motion_graph(
     rows["recurrent"] = endless_rows(has_next, jump_slot, made.start, made.to)
     leads = rows["has_next"] & np.append(rows["recurrent"][1:], False)
     return made.with_jumps(leads[made.to])
+
+
+@kernel_part
+def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
+    """Return the number of the first jump that can replace `row`, and one past the last."""
+    end = film.rows[row].jump_slot
+    if end >= 0:
+        return np.int64(film.start[end]), np.int64(film.start[end + 1])
+    return np.int64(0), np.int64(0)
 
 
 def mean_step_px(rows: NDArray[np.void]) -> float:

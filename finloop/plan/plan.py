@@ -42,7 +42,9 @@ class CandidateVerdicts:
         """
         counts = np.bincount(self.verdict, minlength=len(VERDICTS)).tolist()
         _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
-        others = np.where(np.arange(len(self.rows)) == self.taken, np.inf, self.value)
+        others = self.value.copy()
+        if self.taken >= 0:
+            others[self.taken] = np.inf
         return decision._replace(
             ways=len(self.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading,
             taken_terms=self._costs(self.value, self.taken),

@@ -36,8 +36,7 @@ from finloop.edit.schema import (
 )
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
-from finloop.loops.positions import quadrant
-from finloop.plan.advance import advance
+from finloop.loops.positions import quadrant_of
 from finloop.plan.cost import CHANCE, CostWeights
 from finloop.plan.fallback import Fallback
 from finloop.plan.objectives import ANYWHERE, Objective, along_path, rule_target, to_goal
@@ -167,7 +166,9 @@ class Planner:
         company = self.company(others, fish.tick)
         if company.near:
             company = near_first(company, fish.x, fish.y, self.world.farthest)
-        return state._replace(fish=replace(fish, company=company))
+        if company is fish.company:
+            return state
+        return state._replace(fish=fish._replace(company=company))
 
     # --- what comes next
 
@@ -279,15 +280,14 @@ class Planner:
         It is needed where the film has no way on, or leaves the path.
         """
         film = self._weigh(self.film, fish, along, objective, rng)
-        plans = [film]
-        if film is None or self._needs_prediction(film, fish, objective):
-            plans.append(self._weigh(self.prediction, fish, along, objective, rng))
-        found = [one for one in plans if one is not None]
+        if film is not None and not self._needs_prediction(film, fish, objective):
+            return [film]
+        prediction = self._weigh(self.prediction, fish, along, objective, rng)
         # Leaving the film costs as much as a seam of one natural step.
         leaves = self._weights.seam
         return sorted(
-            found,
-            key=lambda one: (one.value + leaves * (one.state != FILM), -one.found.ticks.max()),
+            (plan for plan in (film, prediction) if plan is not None),
+            key=lambda plan: (plan.value + leaves * (plan.state != FILM), -plan.found.ticks.max()),
         )
 
     def _needs_prediction(self, plan: Plan, fish: Fish, objective: Objective) -> bool:
@@ -315,13 +315,11 @@ class Planner:
     def _search(
         self, source: MotionSource, made: tuple[Candidates, SearchStart], objective: Objective
     ) -> Plan | None:
-        (candidates, start), weights = made, self._weights
-        if start.company.near:
-            weights = weights._replace(beam=1 + weights.beam // _FEWER)
+        candidates, start = made
+        weights = self._crowded_weights if start.company.near else self._weights
         horizon = self._commit(objective) + self.world.ticks(self.world.settings.look_ahead_deltas)
         found, rows = search(source.graph, candidates, start, objective, weights, horizon)
-        ends = found.over.any() and not np.isfinite(found.value).any()
-        if ends and len(objective.route.x):
+        if len(objective.route.x) and np.isinf(found.value).all() and found.over.any():
             # On a path the cheapest ways are much alike, and may all run into one wall.
             wide = weights._replace(beam=_WIDER * weights.beam)
             found, rows = search(source.graph, candidates, start, objective, wide, horizon)
@@ -339,41 +337,33 @@ class Planner:
         plan: what it was chosen by, None where it was chosen before.
         """
         run, *later = path.runs
-        rate = self.world.motion.rate_hz
         source = self.film if path.motion == FILM else self.prediction
         assert source is not None
-        passage, film = source.passage(fish, run), self.world.film
-        goal = path.task if isinstance(path.task, Target) else ANYWHERE
-        goes_on = source.graph.film.plays(passage.numbers)
-        way, used, along, touched = advance(
-            passage.way, np.ascontiguousarray(passage.speed, float),
-            passage.numbers.astype(np.int64), (path.along, fish.tick), (objective, goal),
-            (self.world.bounds, goes_on),
-        )  # fmt: skip
-        numbers = passage.numbers[: len(way)]
-        decision, options, past = Decision(PLAY), None, passage.past
-        if path.motion != FILM:
-            decision = Decision(AS_PREDICTED)
-        elif passage.jumps:
-            decision = Decision(JUMP, seam=passage.seam)
-        if len(way) and not len(objective.route.x):
-            dx, dy = way[-1, :2] - (fish.x, fish.y)
-            decision = decision._replace(quadrant=int(quadrant(dx, -dy)))
+        goal, on_path = ANYWHERE, len(objective.route.x) > 0
+        if isinstance(path.task, Target):
+            goal = path.task
+        found = source.advance(fish, run, path.along, objective, goal)
+        way, rate, options = found.way, self.world.motion.rate_hz, None
+        plays = AS_PREDICTED if path.motion != FILM else JUMP if found.jumps else PLAY
+        decision = Decision(plays, seam=found.seam)
+        if len(way) and not on_path:
+            x, y, _ = way[-1].tolist()
+            decision = decision._replace(quadrant=quadrant_of(x - fish.x, fish.y - y))
         if plan is not None:
             options = plan.options(rate)
             value_s = plan.value / rate if np.isfinite(plan.value) else np.nan
-            decision = options.add_to(decision._replace(value_s=value_s))
-            if path.motion != FILM and fish.state == FILM:
-                decision = decision._replace(exit=NO_WAY)
+            leaves = path.motion != FILM and fish.state == FILM
+            decision = options.add_to(
+                decision._replace(value_s=value_s, exit=NO_WAY if leaves else "")
+            )
         stretch = Stretch(
-            source.state, way, numbers, passage.jumps,
-            self._point_ahead(objective, along), touched, decision, FRAME,
-            wrap_deg(way[:, 2] - film.heading[numbers]),
-            past=None if past is None else past[: len(past) - len(passage.numbers) + len(way)],
-            steer=used if len(objective.route.x) else None, options=options,
+            source.state, way, found.rows, found.jumps, self._point_ahead(objective, found.along),
+            found.touched, decision, FRAME,
+            wrap_deg(way[:, 2] - self.world.film.heading[found.rows]),
+            past=found.past, steer=found.used if on_path else None, options=options,
         )  # fmt: skip
-        runs = tuple(later) if len(way) == run.ticks and not touched else ()
-        return stretch, path._replace(along=along, runs=runs)
+        runs = tuple(later) if len(way) == run.ticks and not found.touched else ()
+        return stretch, path._replace(along=found.along, runs=runs)
 
     def _point_ahead(self, objective: Objective, along: float) -> Target:
         """Return the point that a fish heads for: its aim, or a body length ahead on its path."""
@@ -396,6 +386,10 @@ class Planner:
     def _weights(self) -> CostWeights:
         return self.world.cost_weights
 
+    @cached_property
+    def _crowded_weights(self) -> CostWeights:
+        return self._weights._replace(beam=1 + self._weights.beam // _FEWER)
+
     def _commit(self, objective: Objective) -> int:
         """Return the ticks of a plan to swim before the next search."""
         p, stride = self.world.settings, self._weights.stride
@@ -413,7 +407,7 @@ class Planner:
         """Return a fish that a sprite shows as one of the film's row behind it."""
         row = int(self.sprite_rows[fish.sprite])
         rot = float(wrap(fish.heading - self.world.film.heading[row]))
-        return replace(fish, state=FILM, sprite=-1, row=row, rot=rot)
+        return fish._replace(state=FILM, sprite=-1, row=row, rot=rot)
 
     def _fish_after(self, fish: Fish, stretch: Stretch) -> Fish:
         world, ticks, number = self.world, len(stretch.way), int(stretch.number[-1])

@@ -16,7 +16,7 @@ from finloop.animate.memory import NEVER, last_on_screen
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, kernel_part, leaf_kernel
 from finloop.edit.schema import TERMS, VERDICTS
-from finloop.plan.advance import swim_leg
+from finloop.plan.advance import swim_leg, turn_way
 from finloop.plan.cost import (
     REPEAT,
     SEAM,
@@ -25,7 +25,7 @@ from finloop.plan.cost import (
     CostWeights,
     repeat_cost,
 )
-from finloop.plan.graph import MotionGraph
+from finloop.plan.graph import MotionGraph, jumps_of
 from finloop.plan.objectives import (
     Objective,
     cost_of_time,
@@ -38,23 +38,21 @@ from finloop.plan.walls import fits
 
 WAY = np.dtype(
     [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("along", "f8"),
+        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cos", "f8"), ("sin", "f8"), ("along", "f8"),
         ("total", "f8"), ("terms", "f8", (len(TERMS),)),
         ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("run", "i8"), ("leads", "?"),
     ],
     align=True,
 )  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, px along a path, row, rot); its cost in
-ticks (total), and of that each of `TERMS`; the candidate that it began with (first); its ticks;
-its last run; whether it goes on after its leg."""
+"""A way that is followed: where it has come to (x, y px, px along a path, row, rot, and before any
+steering the cosine and sine of rot); its cost in ticks (total), and of that each of `TERMS`; the
+candidate that it began with (first); its ticks; its last run; whether it goes on after its leg."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 """A run of film that a way shows: its first row, the tick of that, and the number of the run before
 it, −1 for none."""
 
-BRANCH = np.dtype(
-    [("total", "f8"), ("first", "i8"), ("way", "i8"), ("jump", "i8"), ("repeat", "f8")]
-)
+BRANCH = np.dtype([("first", "i8"), ("way", "i8"), ("jump", "i8"), ("repeat", "f8")])
 """A `Branch`."""
 
 _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
@@ -131,14 +129,16 @@ class Beam(NamedTuple):
     """The ways that the search follows, of dtype `WAY`, and how they came there.
 
     ways, spare (w,): the present ones, and room for those after the next leg; branches (b,): the
-    best after it, of dtype `BRANCH`, their totals rising; runs: of all ways, of dtype `RUN`; rows,
-    parents (legs + 1, w): the row with which each way began each leg, and the number of the way
-    before it.
+    best after it, of dtype `BRANCH`; order (b,): their numbers, the cheapest first; totals (b,):
+    their costs in that order; runs: of all ways, of dtype `RUN`; rows, parents (legs + 1, w): the
+    row with which each way began each leg, and the number of the way before it.
     """
 
     ways: NDArray[np.void]
     spare: NDArray[np.void]
     branches: NDArray[np.void]
+    order: Ints
+    totals: Floats
     runs: NDArray[np.void]
     rows: Ints
     parents: Ints
@@ -177,20 +177,28 @@ def film_candidates(film: MotionGraph, row: int, rot: float) -> Candidates:
 
 
 @kernel
-def add_costs(
-    film: MotionGraph, made: Candidates, start: SearchStart, weights: CostWeights
-) -> None:
+def add_costs(made: Candidates, recent: Ints, tick: int, weights: CostWeights) -> None:
     """Add to the terms of each candidate the costs of its jump and of its repetition, in ticks.
 
-    made: the candidates, changed in place. A row counts as repeated if it, or a row within a stride
-    after it, was on screen just now.
+    made: the candidates, changed in place; recent (m, 3): stretches of film that were on screen
+    before `tick`. A row counts as repeated if it, or a row within a stride after it, was.
     """
     for k in range(made.rows.size):
         row = made.rows[k]
-        ago = float(start.tick - last_on_screen(start.recent, row, row + weights.stride - 1))
+        ago = float(tick - last_on_screen(recent, row, row + weights.stride - 1))
         made.terms[k, REPEAT] += repeat_cost(ago, weights)
         if made.jumps[k]:
             made.terms[k, SEAM] += weights.seam * made.seams[k]
+
+
+@kernel
+def weigh_film_candidates(  # type: ignore[no-untyped-def]
+    film: MotionGraph, row: int, rot: float, recent: Ints, tick: int, weights: CostWeights
+):  # fmt: skip
+    """Return the candidates of the film, with the costs that `add_costs` adds."""
+    made = film_candidates(film, row, rot)
+    add_costs(made, recent, tick, weights)
+    return made
 
 
 @kernel
@@ -234,6 +242,7 @@ def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
     most = max(width, count)
     beam = Beam(
         np.empty(most, WAY), np.empty(most, WAY), np.empty(width, BRANCH),
+        np.empty(width, np.int64), np.empty(width),
         np.empty((legs + 1) * most, RUN), np.empty((legs + 1, most), np.int64),
         np.empty((legs + 1, most), np.int64),
     )  # fmt: skip
@@ -250,7 +259,8 @@ def _begin(graph, candidates, start, sizes):  # type: ignore[no-untyped-def]
         if first.recurrent and free:
             way, run = beam.ways[n], beam.runs[n]
             way.x, way.y, way.along, way.first, way.run = x, y, start.along, c, n
-            way.row, way.rot, way.ticks = row, candidates.rots[c], 0
+            way.row, way.ticks = row, 0
+            turn_way(way, candidates.rots[c])
             for t in range(terms.size):
                 way.terms[t] = terms[t]
             run.row, run.tick, run.before = row, start.tick, -1
@@ -298,7 +308,7 @@ def _legs(graph, state, start, at, objective, by):  # type: ignore[no-untyped-de
             if not objective.route.x.size:
                 repeat = _repeat_of(beam, way, way.row, start, weights)
             branch = Branch(way.total + repeat, way.first, s, -1, repeat)
-            m = insert_branch(beam.branches, m, branch, found.over)
+            m = insert_branch(beam, m, branch, found.over)
     for s in range(n):  # by now most jumps cost more than the best branches
         if beam.ways[s].leads:
             m = _jumps(graph, s, (beam, m, found), start, objective, (weights, asked))
@@ -312,19 +322,21 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
     kept: the beam, its number of branches, `Outcomes`; by: weights, timed targets.
     """
     (beam, n, found), (weights, _), film = kept, by, graph.film
-    way, branches = beam.ways[s], beam.branches
+    way = beam.ways[s]
     first, last = jumps_of(film, way.row)
     if first == last:
         return n
     # A jump changes neither the place nor, if the body can be turned, the heading: the cost to come
     # to a goal is the same after all of them.
     same = film.body and not objective.route.x.size
-    turned, to_come = heading_vector(film.rows[way.row], way), way.terms[TO_COME]
+    turned, to_come = (1.0, 0.0), way.terms[TO_COME]
+    if film.body and not same:
+        turned = heading_vector(film.rows[way.row], way)
     so_far, least = way.total - to_come, to_come if same else 0.0
     for e in range(first, last):
         jump, worst = graph.jumps[e], np.inf
-        if n == branches.size:
-            worst = branches[n - 1].total
+        if n == beam.totals.size:
+            worst = beam.totals[n - 1]
         total = so_far + jump.cost
         if total + least >= worst:
             found.over[way.first] = True
@@ -339,7 +351,7 @@ def _jumps(graph, s, kept, start, objective, by):  # type: ignore[no-untyped-def
             found.over[way.first] = True
             continue
         repeat = _repeat_of(beam, way, jump.to, start, weights)
-        n = insert_branch(branches, n, Branch(total + repeat, way.first, s, e, repeat), found.over)
+        n = insert_branch(beam, n, Branch(total + repeat, way.first, s, e, repeat), found.over)
     return n
 
 
@@ -370,36 +382,27 @@ def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
     return np.int64(NEVER)
 
 
-@kernel_part
-def jumps_of(film: MotionGraph, row: int):  # type: ignore[no-untyped-def]
-    """Return the number of the first jump that can replace `row`, and one past the last."""
-    end = film.rows[row].jump_slot
-    if end >= 0:
-        return np.int64(film.start[end]), np.int64(film.start[end + 1])
-    return np.int64(0), np.int64(0)
-
-
 @leaf_kernel
-def insert_branch(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
+def insert_branch(beam: Beam, n: int, branch: Branch, over: Mask) -> int:
     """Insert a branch if it is among the best; return how many branches there are then.
 
-    branches: changed in place, n of them filled, their totals rising; over (candidates,): set where
-    a better branch displaces one of a candidate.
+    beam: its branches are changed, n of them filled; over (candidates,): set where a better branch
+    displaces one of a candidate.
     """
-    most = branches.size
-    k = n
-    if n == most:
+    totals, order, k, number = beam.totals, beam.order, n, n
+    if n == totals.size:
         k = n - 1
-        if branch.total >= branches[k].total:
+        number = order[k]
+        if branch.total >= totals[k]:
             over[branch.first] = True
             return n
-        over[branches[k].first] = True
-    while k > 0 and branch.total < branches[k - 1].total:
-        branches[k] = branches[k - 1]
+        over[beam.branches[number].first] = True
+    while k > 0 and branch.total < totals[k - 1]:
+        totals[k], order[k] = totals[k - 1], order[k - 1]
         k -= 1
-    at = branches[k]
-    at.total, at.first, at.way, at.jump, at.repeat = branch
-    return min(n + 1, most)
+    totals[k], order[k], at = branch.total, number, beam.branches[number]
+    _, at.first, at.way, at.jump, at.repeat = branch
+    return min(n + 1, totals.size)
 
 
 @kernel_part
@@ -410,18 +413,22 @@ def start_next_leg(graph, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # t
     """
     film, runs = graph.film, leg * beam.ways.size
     for k in range(n):
-        branch, way = beam.branches[k], beam.spare[k]
+        branch, way = beam.branches[beam.order[k]], beam.spare[k]
         beam.spare[k] = beam.ways[branch.way]
         if branch.jump >= 0:
             jump, run = graph.jumps[branch.jump], beam.runs[runs + k]
             if film.body:
-                way.rot = wrap(film.rows[way.row].heading + way.rot - film.rows[jump.to].heading)
+                turned = film.rows[way.row].heading + way.rot - film.rows[jump.to].heading
+                turn_way(way, wrap(turned))
             run.row, run.tick, run.before = jump.to, tick + way.ticks, way.run
             way.row, way.run = jump.to, runs + k
             way.terms[SEAM] += jump.cost
         way.terms[REPEAT] += branch.repeat
         beam.rows[leg, k], beam.parents[leg, k] = way.row, branch.way
-    return Beam(beam.spare, beam.ways, beam.branches, beam.runs, beam.rows, beam.parents)
+    return Beam(
+        beam.spare, beam.ways, beam.branches, beam.order, beam.totals, beam.runs, beam.rows,
+        beam.parents,
+    )  # fmt: skip
 
 
 @kernel_part

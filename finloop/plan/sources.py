@@ -1,64 +1,47 @@
 """Two motion sources: the film, and the forecast's predictions.
 
-Each lists the rows that could be shown next, and how a run from one moves the fish.
+Each lists the rows that could be shown next, and moves the fish along a run from one of them.
 """
 
-from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
+from finloop.animate.kinematics import Target, rotate
 from finloop.animate.state import Fish, Run
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import FILM, FORECAST, TERMS
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow_row, next_row_weights, start_at_row
-from finloop.plan.advance import Pace, arrival, extend_by_film, predicted_way
+from finloop.plan.advance import Pace, advance, advance_film, extend_by_film, predicted_way
 from finloop.plan.cost import RARITY, Rarity
-from finloop.plan.graph import MotionGraph, prediction_graph
-from finloop.plan.search import Candidates, SearchStart, add_costs, film_candidates
+from finloop.plan.graph import prediction_graph
+from finloop.plan.objectives import Objective
+from finloop.plan.search import Candidates, SearchStart, add_costs, weigh_film_candidates
 from finloop.plan.search_graph import SearchGraph, search_graph
 from finloop.plan.world import FilmWorld
 
 
 class Passage(NamedTuple):
-    """How a run moves a fish, before steering.
+    """How a fish swims along a run: up to where it is done, or leaves the tank.
 
-    way (m + 1, 3): x, y px, heading, the fish's own place first, beyond the run as far as steering
-    looks ahead; speed (m,): body lengths/s; numbers (n,): rows that are shown; seam: discontinuity
-    of the first of them, natural steps; jumps: whether the first does not follow the row on screen;
-    past: states of a fish that swims as predicted, the oldest first, those of the run last.
+    way (n, 3): x, y px, heading; used (n, 2): steering corrections, degrees and px; along: px along
+    the path at its end; touched: whether its last place touches the goal; rows (n,): that are
+    shown; jumps: whether the first does not follow the row on screen; seam: its discontinuity then,
+    natural steps; past: states of a fish that swims as predicted, the oldest first, those of the
+    run last.
     """
 
     way: Floats
-    speed: Floats
-    numbers: Ints
-    seam: float
+    used: Floats
+    along: float
+    touched: bool
+    rows: Ints
     jumps: bool
+    seam: float = np.nan
     past: Floats | None = None
-
-
-class MotionSource(Protocol):
-    """Lists rows to show next, and moves a fish by them. state: FILM or FORECAST."""
-
-    state: int
-
-    @property
-    def graph(self) -> SearchGraph:
-        """Return the graph that the search follows."""
-
-    def candidates(
-        self, fish: Fish, lag: float, along: float
-    ) -> tuple[Candidates, SearchStart] | None:
-        """Return the rows that could be shown next, with costs, and the start; None without any.
-
-        lag: ticks that a tick on the spot costs; along: px along the path.
-        """
-
-    def passage(self, fish: Fish, run: Run) -> Passage:
-        """Return how a run of film, begun at the fish's next tick, moves it."""
 
 
 class FilmSource:
@@ -83,28 +66,26 @@ class FilmSource:
         lag: ticks that a tick on the spot costs; along: px along the path.
         """
         film = self.graph.film
-        if fish.row < 0 or not film.has_next[fish.row]:
+        if fish.row < 0 or not film.rows["has_next"][fish.row]:
             return None
-        made = film_candidates(film, fish.row + 1, fish.rot)
-        if not len(made.rows):
-            return None
-        x, y = arrival(film, fish.x, fish.y, fish.row, fish.rot)
-        start = _start(fish, (x, y, fish.tick + 1), lag, along)
-        add_costs(film, made, start, self._world.cost_weights)
-        return made, start
+        dx, dy = rotate(film.rows["dx"][fish.row], film.rows["dy"][fish.row], fish.rot)
+        start = _start(fish, (fish.x + dx, fish.y + dy, fish.tick + 1), lag, along)
+        weights = self._world.cost_weights
+        made = weigh_film_candidates(
+            film, fish.row + 1, fish.rot, start.recent, start.tick, weights
+        )
+        return (made, start) if len(made.rows) else None
 
-    def passage(self, fish: Fish, run: Run) -> Passage:
-        """Return how a run of film, begun at the fish's next tick, moves it."""
-        film, row = self.graph.film, run.row
-        seam, rot = _seam_to(film, fish, row)
-        begins = np.array([
-            [fish.x, fish.y, fish.heading],
-            [*arrival(film, fish.x, fish.y, fish.row, fish.rot), film.rows["heading"][row] + rot],
-        ])  # fmt: skip
-        way = extend_by_film(self.graph, begins, row, rot, run.ticks - 1 + self._world.reach)
-        ticks = min(run.ticks, len(way) - 1)
-        speed = np.append(film.speed[fish.row], film.speed[row : row + len(way) - 2])
-        return Passage(way, speed, np.arange(row, row + ticks), seam, row != fish.row + 1)
+    def advance(
+        self, fish: Fish, run: Run, along: float, objective: Objective, goal: Target
+    ) -> Passage:
+        """Move a fish along a run from its next tick on; along: px along the path, before."""
+        place = np.array([fish.x, fish.y, fish.heading, fish.rot])
+        way, used, along, touched, seam = advance_film(
+            self.graph, place, fish.row, run, (along, fish.tick), (objective, goal)
+        )
+        rows = np.arange(run.row, run.row + len(way))
+        return Passage(way, used, along, touched, rows, run.row != fish.row + 1, seam)
 
 
 class PredictionSource:
@@ -136,43 +117,50 @@ class PredictionSource:
 
         lag: ticks that a tick on the spot costs; along: px along the path.
         """
-        film = self.graph.film
-        fish, _ = self._with_past(fish)
-        rows = next_row_weights(self.sampler, fish.row)[0].astype(np.int64)
+        film, row = self.graph.film, self._row_of(fish)
+        rows = next_row_weights(self.sampler, row)[0].astype(np.int64)
         rows = rows[film.recurrent[rows]]
         if not len(rows):
             return None
-        rots = np.asarray(wrap_deg(fish.heading - film.heading[rows]), float)
+        rots = wrap_deg(fish.heading - film.heading[rows])
         terms = np.zeros((len(rows), len(TERMS)))
         codes = self.sampler.states[:, :-MOTION]
-        far = np.linalg.norm(codes[rows] - codes[fish.row], axis=1)
+        far = np.linalg.norm(codes[rows] - codes[row], axis=1)
         terms[:, RARITY] = self._rarity.transition_costs(rows, far)
-        made = Candidates(rows, rots, np.zeros(len(rows)), rows != fish.row, terms)
+        made = Candidates(rows, rots, np.zeros(len(rows)), rows != row, terms)
         start = _start(fish, (fish.x, fish.y, fish.tick), lag, along)
-        add_costs(film, made, start, self._world.cost_weights)
+        add_costs(made, start.recent, start.tick, self._world.cost_weights)
         return made, start
 
-    def passage(self, fish: Fish, run: Run) -> Passage:
-        """Return how the predictions of a run, begun at the fish's next tick, move it."""
+    def advance(
+        self, fish: Fish, run: Run, along: float, objective: Objective, goal: Target
+    ) -> Passage:
+        """Move a fish along a run from its next tick on; along: px along the path, before."""
         film, row = self.graph.film, run.row
-        fish, past = self._with_past(fish)
+        past = start_at_row(self.sampler, self._row_of(fish)).past
+        if fish.past is not None:
+            past = fish.past
         states = follow_row(self.sampler, past, row, run.ticks, self.sampler.control[row])
         states = np.ascontiguousarray(states[::-1])
         begins = predicted_way(states, np.array([fish.x, fish.y, fish.heading]), self._pace)
         last = row + len(states)
         rot = float(begins[-1, 2] - film.rows["heading"][last])
         way = extend_by_film(self.graph, begins, last, rot, self._world.reach)
-        speed = film.speed[row : row + len(way) - 1]
-        numbers = row + 1 + np.arange(len(states))
-        shown = np.concatenate([past[::-1], states])
-        return Passage(way, speed, numbers, np.nan, row != fish.row, shown)
+        speed = film.speed[row : row + len(way) - 1].copy()
+        rows, jumps = row + 1 + np.arange(len(states)), row != self._row_of(fish)
+        way, used, along, touched = advance(
+            way, speed, rows, (along, fish.tick), (objective, goal), self.graph
+        )
+        shown = np.concatenate([past[::-1], states[: len(way)]])
+        return Passage(way, used, along, touched, rows[: len(way)], jumps, past=shown)
 
-    def _with_past(self, fish: Fish) -> tuple[Fish, Floats]:
-        """Return the fish and its past; without one it takes that of the row on screen."""
-        if fish.past is not None:
-            return fish, fish.past
-        row = int(self._near[fish.row])
-        return replace(fish, row=row), start_at_row(self.sampler, row).past
+    def _row_of(self, fish: Fish) -> int:
+        """Return the row whose similar rows come next: that on screen, or one that has some."""
+        return int(self._near[fish.row]) if fish.past is None else fish.row
+
+
+MotionSource = FilmSource | PredictionSource
+"""Lists rows to show next, and moves a fish by them."""
 
 
 def _start(fish: Fish, place: tuple[float, float, int], lag: float, along: float) -> SearchStart:
@@ -181,17 +169,6 @@ def _start(fish: Fish, place: tuple[float, float, int], lag: float, along: float
     The first tick of the next stretch counts as `fish.tick` + 1.
     """
     company = fish.company
-    later = company._replace(start=company.start + 1, until=company.until + 1)
-    return SearchStart(*place, fish.recent, later, lag, along)
-
-
-def _seam_to(film: MotionGraph, fish: Fish, row: int) -> tuple[float, float]:
-    """Return the seam, in median steps, and the turn, degrees, of a row that is shown next."""
-    own = fish.row + 1
-    if row == own:
-        return np.nan, fish.rot
-    end = film.rows["jump_slot"][own]
-    jumps = slice(film.start[end], film.start[end + 1])
-    seam = float(film.seam[jumps][film.to[jumps] == row][0])
-    turned = film.rows["heading"][own] + fish.rot - film.rows["heading"][row]
-    return seam, float(wrap_deg(turned)) if film.body else fish.rot
+    if company.near:
+        company = company._replace(start=company.start + 1, until=company.until + 1)
+    return SearchStart(*place, fish.recent, company, lag, along)
