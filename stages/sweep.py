@@ -101,10 +101,13 @@ def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> s
     return "\n    ".join(text.splitlines()[-LAST_LINES:])
 
 
-def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str, str]:
+def sweep(
+    runs: dict[str, list[str]], stages: list[str], jobs: int, shared: bool = True
+) -> dict[str, str]:
     """Make the runs of a sweep; return the failed ones, name → cause.
 
-    runs: name → overrides; stages: to run; jobs: runs at a time.
+    runs: name → overrides; stages: to run, all if empty; jobs: runs at a time. shared: the runs
+    have stages in common, which the first makes for all.
     """
     root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
     there = experiments()
@@ -119,11 +122,11 @@ def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str,
     if not todo:
         return failures
     _, cache = dvc("cache", "dir", at=root)
-    _, status = dvc("status", *stages, at=root)
+    status = dvc("status", *stages, at=root)[1] if shared else "up to date"
     (root / ".dvc/tmp").mkdir(exist_ok=True)
     with (
         TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-") as apart,
-        progress("sweep", len(todo), "runs") as advance,
+        progress("runs", len(todo), "runs") as advance,
     ):
         folders = [Path(apart) / str(number) for number in range(min(jobs, len(todo)))]
         for folder in folders:
