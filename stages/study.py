@@ -53,15 +53,15 @@ EXAMPLE = "films: {mouse: /films/mouse.mp4, carp: {clip: carp, clip.frames: 600}
 Overrides = list[str]
 
 
-def films_of_study(text: str) -> dict[str, Overrides]:
-    """Return the films of a study: name → overrides.
+def films_of_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
+    """Return the films of a study, name → overrides, and the overrides of all films.
 
     text: paths of films, separated by spaces, or the path of one YAML file. FinloopError if a film
     is missing, stands twice, or the file is not a study.
     """
-    path = Path(text.strip()).expanduser()
+    path, common = Path(text.strip()).expanduser(), list[str]()
     if path.suffix.lower() in (".yaml", ".yml"):
-        films = read_study(path)
+        films, common = read_study(path)
     else:
         paths = [film for name in films_in(text) for film in list_films(name)]
         names = film_names(paths)
@@ -76,11 +76,14 @@ def films_of_study(text: str) -> dict[str, Overrides]:
             "each film once, or with settings of its own",
             "take one of them out",
         )
-    return films
+    return films, common
 
 
-def read_study(path: Path) -> dict[str, Overrides]:
-    """Return the films of a study file: name → overrides; FinloopError if it is not a study."""
+def read_study(path: Path) -> tuple[dict[str, Overrides], Overrides]:
+    """Return the films of a study file, name → overrides, and the overrides of all films.
+
+    FinloopError if it is not a study.
+    """
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -102,10 +105,10 @@ def read_study(path: Path) -> dict[str, Overrides]:
         if not isinstance(own, Mapping):
             problems.append(f"{name} is neither a path nor settings")
             continue
-        runs[str(name)] = [*_overrides(own, path.parent), *_overrides(common, path.parent)]
+        runs[str(name)] = _overrides(own, path.parent)
     if problems:
         raise FinloopError(f"{path} is not a study: {'; '.join(problems)}", EXAMPLE, "correct it")
-    return runs
+    return runs, _overrides(common, path.parent)
 
 
 def _overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
@@ -162,20 +165,18 @@ def main() -> None:
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every film")
     parser.add_argument("--jobs", type=int, default=THREADS, help="films at a time")
     arguments = parser.parse_args()
-    films = films_of_study(os.environ.get("FILMS", ""))
+    films, common = films_of_study(os.environ.get("FILMS", ""))
+    common += arguments.overrides
     head()  # raises if there is no commit for the experiments
     if LOCAL.is_file():
         print(f"finloop: a study does not use {LOCAL}", file=sys.stderr)
-    runs = {
-        PREFIX + name: ["~local", *settings, *arguments.overrides]
-        for name, settings in films.items()
-    }
+    runs = {PREFIX + name: ["~local", *common, *settings] for name, settings in films.items()}
     failures = sweep(runs, [], max(1, arguments.jobs), shared=False)
     with whole_folder(REPORTS) as folder:
         films_made = results(films, failures, folder)
     save_csv(TABLE, study_table(films_made), decimals=4)
     with whole_file(PAGE) as part:
-        part.write_text(study_page(films_made, "Study: one row for each film"), encoding="utf-8")
+        part.write_text(study_page(films_made, common), encoding="utf-8")
     print(f"\nDone: {PAGE}, {TABLE}")
     for name, why in failures.items():
         print(f"\n{name} failed:\n    {why}", file=sys.stderr)

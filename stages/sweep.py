@@ -98,7 +98,21 @@ def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> s
     if succeeds:
         keep(name, folder)
         return ""
-    return "\n    ".join(text.splitlines()[-LAST_LINES:])
+    return "\n    ".join(last_lines(text))
+
+
+def last_lines(text: str) -> list[str]:
+    """Return finloop's last message in the output of a failed run, or the output's last lines."""
+    lines = text.splitlines()
+    said = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
+    if not said:
+        return lines[-LAST_LINES:]
+    begin = max(number for number in range(said[-1]) if lines[number].startswith("finloop: "))
+    end = next(
+        (number for number in range(said[-1], len(lines)) if lines[number].startswith("ERROR:")),
+        len(lines),
+    )
+    return lines[begin:end]
 
 
 def sweep(

@@ -98,8 +98,11 @@ def study_table(films: Sequence[FilmResult]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("film").reset_index()
 
 
-def study_page(films: Sequence[FilmResult], title: str) -> str:
-    """Return the page of a study as one HTML text; its table can be sorted and filtered."""
+def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
+    """Return the page of a study as one HTML text; its table can be sorted and filtered.
+
+    common: the settings of all films, as overrides.
+    """
     rows = [
         {
             "film": film,
@@ -111,7 +114,7 @@ def study_page(films: Sequence[FilmResult], title: str) -> str:
         }
         for film in films
     ]
-    values = {"title": title, "rows": rows, "columns": COLUMNS, "number": number}
+    values = {"common": common, "rows": rows, "columns": COLUMNS, "number": number}
     return render_template("study.html.j2", values)
 
 
