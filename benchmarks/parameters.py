@@ -28,7 +28,7 @@ from finloop.base.settings import WORDS, variants
 from finloop.edit.modes import MODES
 from stages.code import module_of
 from stages.compose import compose_params
-from stages.settings import _literal
+from stages.settings import literal
 
 FILM = [
     "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
@@ -226,7 +226,7 @@ def acts(
         if other == value or tries == 4:
             continue
         with contextlib.suppress(Exception):
-            write_params(base, [*overrides, f"{name}={_literal(other)}"])
+            write_params(base, [*overrides, f"{name}={literal(other)}"])
             tries += 1
             for word in words:
                 kept = base / "kept"

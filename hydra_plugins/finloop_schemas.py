@@ -7,7 +7,7 @@ While `dvc exp run` or `make params` composes conf/, this registers
 - the schema `hydra/sweeper/finloop` of the sweeps in conf/experiment/;
 - the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/. It sees the whole
   composed config before anything is written, and refuses unknown keys (with a suggestion), values
-  out of range, and missing groups;
+  out of range, missing groups, and what cannot work together (`stages.conflicts`);
 - the resolvers `${film_stamp:}`, `${tracks_stamp:}`, `${path_stamp:}` and `${retarget_stamp:}`, of
   the files that the parameters name.
 
@@ -26,6 +26,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from finloop.base.settings import GROUPS, variants
 from finloop.io.parameters import refusal_error
+from stages.conflicts import conflicts
 from stages.experiment import Experiment
 from stages.settings import FILES, STAMP, STAMPS, all_problems, stamp
 from stages.stamps import file_stamp
@@ -49,6 +50,8 @@ def _simplified(hint: Any) -> Any:
         return type(get_args(hint)[0])
     if get_origin(hint) in (Union, UnionType):
         parts = tuple(_simplified(part) for part in get_args(hint))
+        if float in parts:  # OmegaConf takes 25 for a float, but not for one type of several
+            parts = (*parts, int)
         return Any if any(get_origin(part) for part in parts) else Union[parts]  # noqa: UP007
     if get_origin(hint) is tuple and get_origin(get_args(hint)[0]) is Literal:
         return tuple[str, ...]
@@ -57,7 +60,8 @@ def _simplified(hint: Any) -> Any:
 
 def checked_stamp(*, _root_: DictConfig) -> str:
     """Return the stamp of conf/; raise FinloopError unless every parameter is right."""
-    if problems := all_problems(_groups(_root_, {*map(str, _root_)} - {*STAMPS})):
+    values = _groups(_root_, {*map(str, _root_)} - {*STAMPS})
+    if problems := all_problems(values) or conflicts(values):
         raise refusal_error(problems)
     return stamp(CONF)
 

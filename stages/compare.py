@@ -64,7 +64,7 @@ def _parameters(commit: str) -> dict[str, Any]:
     }
 
 
-def _numbers(commits: list[str], stages: list[str]) -> dict[str, dict[str, float]]:
+def numbers_at(commits: list[str], stages: list[str]) -> dict[str, dict[str, float]]:
     """Return the numbers of some stages at some commits: commit → {`stage.number`: value}."""
     from dvc.repo import Repo  # not at the top: the import takes half a second
 
@@ -104,7 +104,7 @@ def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
     keys = [*measures, *(objective.key for objective in OBJECTIVES)]
     stages = sorted({key.partition(".")[0] for key in keys})
     parameters = {name: _parameters(commit) for name, commit in commits.items()}
-    found = _numbers([*{*commits.values()}], stages)
+    found = numbers_at([*{*commits.values()}], stages)
     values = {name: found.get(commit, {}) for name, commit in commits.items()}
     table = compare_experiments(pd.DataFrame(parameters).T, pd.DataFrame(values).T, measures)
     save_bytes(OUT, comparison_page(table, title, why).encode())

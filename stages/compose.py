@@ -9,7 +9,10 @@ the exit status is 1 where params.yaml is not the composition of conf/.
 from stages.run import run  # isort: skip
 
 import argparse
+import json
+import re
 import sys
+from difflib import get_close_matches
 from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
@@ -17,17 +20,18 @@ from tempfile import TemporaryDirectory
 import yaml
 from dvc.utils.hydra import compose_and_dump
 from hydra import compose, initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import check_values
+from finloop.base.settings import GROUPS, check_values
 from finloop.io.atomic import save_bytes
 from finloop.io.parameters import refusal_error
 from stages.experiment import FOLDER, Experiment
 from stages.parameters import terminal_table
-from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, all_problems
+from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, STAMPS, all_problems
 
 
 def compose_params(overrides: list[str]) -> str:
@@ -35,6 +39,8 @@ def compose_params(overrides: list[str]) -> str:
 
     overrides: in Hydra's syntax, `group.key=value`. FinloopError if one is refused.
     """
+    if quoting := quoting_error(overrides):
+        raise quoting
     root = Path.cwd()
     with TemporaryDirectory() as folder:
         output = Path(folder) / PARAMS.name
@@ -48,6 +54,59 @@ def compose_params(overrides: list[str]) -> str:
 def write_params(overrides: list[str]) -> None:
     """Compose conf/ with overrides, and write params.yaml."""
     save_bytes(PARAMS, compose_params(overrides).encode())
+
+
+def quoting_error(overrides: list[str]) -> FinloopError | None:
+    """Return the error that says what to type where a value needs quotes, or has too many values.
+
+    overrides: as the shell has split them. None where each is one `key=value`.
+    """
+    wrong = [text for text in overrides if not _is_override(text)]
+    if not wrong:
+        return None
+    keys = "|".join((*GROUPS, FOLDER))
+    whole = re.split(rf" (?=[+~]?(?:{keys})[.\w]*=)", " ".join(overrides))  # as before the shell
+    typed = [f"'{text if _is_override(text) else _quote(text)}'" for text in whole]
+    in_make = " ".join(typed).replace('"', '\\"')
+    return FinloopError(
+        f"{' '.join(wrong)} is no `key=value`: the shell ends it at a space, Hydra at one of "
+        "= , : ( ) [ ] { }",
+        "a text with such a character in double quotes, and all of it in single quotes",
+        f"dvc exp run {' '.join(f'-S {text}' for text in typed)}\n"
+        f'          or, after make: S="{in_make}"',
+    )
+
+
+def _is_override(text: str) -> bool:
+    """Return whether a text is `key=value` with one value, in Hydra's syntax."""
+    try:
+        override = OverridesParser.create().parse_override(text)
+    except HydraException:
+        return False
+    if override.is_sweep_override():
+        raise FinloopError(
+            f"{text} has several values",
+            "one value; a list stands in brackets: key=[1,2]",
+            f'for a run with each value: make sweep S="{text}"',
+        )
+    name = override.key_or_group.partition(".")[0]
+    if "/" in name and not name.startswith("hydra"):
+        return False  # the rest of a path after a space
+    known = [*GROUPS, FOLDER, LOCAL.parent.name, "hydra", *STAMPS]
+    if not (override.is_add() or override.is_delete()) and name.partition("/")[0] not in known:
+        near = get_close_matches(name, known, 1)
+        raise FinloopError(
+            f"{text}: there is no group {name}" + (f"; did you mean {near[0]}?" if near else ""),
+            f"one of {', '.join(GROUPS)}",
+            "correct the name; `make params S=help=bpn` prints the parameters of a group",
+        )
+    return True
+
+
+def _quote(override: str) -> str:
+    """Return `key=value` with the value as a text in double quotes."""
+    key, _, value = override.partition("=")
+    return f"{key}={json.dumps(value.strip(chr(34)), ensure_ascii=False)}"
 
 
 def experiment(name: str) -> Experiment:

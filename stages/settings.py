@@ -93,17 +93,17 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
             changes.append(f"{word}={option}")
         in_conf = values_of(word, option)
         changes += [
-            f"{word}.{key}={_literal(value)}"
+            f"{word}.{key}={literal(value)}"
             for key, value in group.items()
             if in_conf[key] != value
         ]
     return changes
 
 
-def _literal(value: Any) -> str:
+def literal(value: Any) -> str:
     """Return a value in the syntax of Hydra's overrides: JSON, but keys without quotes."""
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}:{_literal(item)}" for key, item in value.items()) + "}"
+        return "{" + ",".join(f"{key}:{literal(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ",".join(map(_literal, value)) + "]"
+        return "[" + ",".join(map(literal, value)) + "]"
     return json.dumps(value)

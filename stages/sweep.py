@@ -75,15 +75,35 @@ def _make_run(name: str, changes: list[str], stages: list[str], clone: Path) -> 
     values = [word for change in changes for word in ("-S", change)]
     succeeds, text = _run_dvc("exp", "run", "--name", name, *values, *stages, folder=clone)
     if not succeeds:
-        return "\n    ".join(text.splitlines()[-LAST_LINES:])
+        return "\n    ".join(last_lines(text))
     refs = git("for-each-ref", "--format=%(refname)", "refs/exps", at=clone).split()
     (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
     git("fetch", "--quiet", "--no-write-fetch-head", str(clone), f"+{ref}:{ref}")
     return ""
 
 
-def _make_runs(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str, str]:
-    """Make the runs of a sweep, some at a time; return the failed ones, name → cause."""
+def last_lines(text: str) -> list[str]:
+    """Return finloop's last message in the output of a failed run, or the output's last lines."""
+    lines = text.splitlines()
+    said = [number for number, line in enumerate(lines) if line.startswith("  wanted: ")]
+    if not said:
+        return lines[-LAST_LINES:]
+    begin = max(number for number in range(said[-1]) if lines[number].startswith("finloop: "))
+    end = next(
+        (number for number in range(said[-1], len(lines)) if lines[number].startswith("ERROR:")),
+        len(lines),
+    )
+    return lines[begin:end]
+
+
+def make_runs(
+    runs: dict[str, list[str]], stages: list[str], jobs: int, shared: bool = True
+) -> dict[str, str]:
+    """Make the runs of a sweep; return the failed ones, name → cause.
+
+    runs: name → overrides; stages: to run, all if empty; jobs: runs at a time. shared: the runs
+    have stages in common, which the first makes for all.
+    """
     root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
     there = experiments()
     for name, changes in runs.items():
@@ -97,11 +117,11 @@ def _make_runs(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict
     if not todo:
         return failures
     _, cache = _run_dvc("cache", "dir", folder=root)
-    _, status = _run_dvc("status", *stages, folder=root)
+    status = _run_dvc("status", *stages, folder=root)[1] if shared else "up to date"
     (root / ".dvc/tmp").mkdir(exist_ok=True)
     with (
         TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-") as apart,
-        progress("sweep", len(todo), "runs") as advance,
+        progress("runs", len(todo), "runs") as advance,
     ):
         clones = [Path(apart) / str(number) for number in range(min(jobs, len(todo)))]
         for clone in clones:
@@ -140,7 +160,7 @@ def main() -> None:
     plan = experiment(arguments.experiment)
     common = [f"+experiment={arguments.experiment}", *overrides(read()), *arguments.overrides]
     runs = {name: common + changes for name, changes in plan.runs(arguments.experiment).items()}
-    failures = _make_runs(runs, plan.stages, max(1, arguments.jobs))
+    failures = make_runs(runs, plan.stages, max(1, arguments.jobs))
     finished = [name for name in runs if name not in failures]
     if finished:
         print(compare(finished, list(plan.measures), plan.title, f"{plan.why} {plan.seen}"))

@@ -19,6 +19,7 @@ from finloop.io.parameters import refusal_error
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, VideoFacts, save_facts, save_mask
 from stages.compose import compose_params
 from stages.settings import CONF, PARAMS, all_problems
+from stages.stamps import file_stamp
 
 
 @cache  # composing takes Hydra a fifth of a second
@@ -33,19 +34,25 @@ def composed_once(overrides: Sequence[str]) -> str:
     return _compose(tuple(overrides))
 
 
+A_FILM = ROOT / "docs/pictures"  # a folder of pictures: what composing takes for a film
+
+
 @cache
-def _params(overrides: tuple[str, ...]) -> str:
-    """Options and the film, which is stamped, go by Hydra; plain values are laid over here."""
-    keys = {one: one.partition("=")[0] for one in overrides}
-    plain = [one for one, key in keys.items() if "." in key and key != "clip.path"]
-    values = yaml.load(
-        _compose(tuple(one for one in overrides if one not in plain)), yaml.CSafeLoader
-    )
+def _params(overrides: tuple[str, ...], folder: Path) -> str:
+    """Options go by Hydra; plain values are laid over here, the film with its stamp."""
+    plain = [one for one in overrides if "." in one.partition("=")[0]]
+    options = [one for one in overrides if one not in plain]
+    film = [f"clip.path={A_FILM}"] if "clip=file" in options else []
+    values = yaml.load(_compose((*options, *film)), yaml.CSafeLoader)
     parser = OverridesParser.create()
     for one in plain:
         asked = parser.parse_override(one)
         word, key = asked.key_or_group.split(".")
         values[word][key] = asked.value()
+    if film:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(folder)
+            values["film_stamp"] = file_stamp("film_stamp", values)
     if problems := all_problems(values):
         raise refusal_error(problems)
     return yaml.dump(values, Dumper=yaml.CSafeDumper, sort_keys=False)
@@ -53,7 +60,7 @@ def _params(overrides: tuple[str, ...]) -> str:
 
 def prepare(folder: Path, *overrides: str) -> None:
     """Give `folder` conf/ and the params.yaml that `overrides` compose to."""
-    (folder / PARAMS).write_text(_params(overrides), encoding="utf-8")
+    (folder / PARAMS).write_text(_params(overrides, folder), encoding="utf-8")
     if not (folder / CONF).exists():
         (folder / CONF).symlink_to(ROOT / CONF)
 

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from browser import chromium, visit
 from conftest import ROOT, TINY_CARP
+from scratch import A_FILM
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check_values, settings
@@ -58,6 +59,7 @@ def test_an_experiment_that_varies_nothing_is_no_sweep(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
     own = "# @package _global_\nbpn:\n  hidden_units: 7\n"
     (tmp_path / "conf/experiment/seven.yaml").write_text(own)
+    (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)
     assert compose_mapping("+experiment=seven")["bpn"]["hidden_units"] == 7
     with pytest.raises(FinloopError, match="has no sweep"):
@@ -121,7 +123,7 @@ def test_an_experiment_that_is_not_there_names_the_others():
 
 @pytest.mark.parametrize(
     "overrides",
-    [TINY_CARP, ["clip=file", "clip.path='a: b,c.mp4'", 'sprites.straight_frames="8:120-140"',
+    [TINY_CARP, ["clip=file", f"clip.path={A_FILM}", 'sprites.straight_frames="8: 120-140"',
                      "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.max_distance_steps=null", "tank.camera=top"]],
 )  # fmt: skip
 def test_what_was_changed_composes_to_the_same_again(overrides):

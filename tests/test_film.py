@@ -19,7 +19,7 @@ ODD = 'my "best" film\'s Fühler, 3 ${HOME} $x #1: [a].mp4'
 
 def put(folder: Path, *names: str) -> list[str]:
     for name in names:
-        (folder / name).write_bytes(b"film")
+        (folder / name).mkdir()  # of pictures
     return [str(folder / name) for name in names]
 
 
@@ -47,6 +47,7 @@ def test_what_is_no_film_is_said(text, said):
 def test_every_path_comes_out_of_params_as_it_went_in(tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / CONF, tmp_path / CONF, ignore=shutil.ignore_patterns("default.yaml.*"))
     (tmp_path / LOCAL).unlink(missing_ok=True)
+    (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)
     films = put(tmp_path, ODD, "b c.mp4")
     monkeypatch.setenv("FILM", films[0])

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 import pytest
 import yaml
 from pydantic import Field
+from scratch import A_FILM
 
 import stages.stamps
 from finloop.base.errors import FinloopError
@@ -22,6 +23,7 @@ from finloop.base.parameter_help import every_parameter, find_comment_problems
 from finloop.base.settings import GONE, GROUPS, check_values, settings, values_of, variants
 from finloop.edit.modes import MODES
 from finloop.io.parameters import refusal_error
+from finloop.report.headlines import HEADLINES
 from stages import settings as door
 from stages.compose import compare, compose_params
 from stages.experiment import FOLDER
@@ -30,7 +32,7 @@ from stages.settings import LOCAL, STAMP, all_problems, load, stamp
 from stages.stamps import file_stamp
 
 ROOT = Path(__file__).parents[1]
-TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
+TO_GIVE = {("clip", "file"): [f"clip.path={A_FILM}"]}  # what has no value in conf/
 VARIANTS = {word: variants(word) for word in GROUPS}
 EVERY = [(word, option) for word, options in VARIANTS.items() for option in options]
 
@@ -130,9 +132,10 @@ def test_a_mode_that_there_is_not_is_answered_by_those_that_there_are(mode):
 
 
 def test_no_text_names_a_parameter_by_a_group_that_lacks_it():
-    """What messages and docstrings advise can be taken as it is written."""
+    """What messages and docstrings advise can be taken as it is written; numbers are no advice."""
     keys = {
         word: {field.name for one in options.values() for field in fields(one)}
+        | {headline.name for headline in HEADLINES.get(word, [])}
         for word, options in VARIANTS.items()
     }
     every, wrong = set().union(*keys.values(), GONE), []
@@ -316,7 +319,7 @@ def test_the_whole_must_be_there_and_nothing_else():
         ("clip=carp clip.seed=1.5", "clip.seed"),
         ("clip=carp clip.frame_rate_hz=nan", "clip.frame_rate_hz: should be"),
         ("clip=carp clip.frame_rate_hz=-1e9", "clip.frame_rate_hz: should be"),
-        ("clip=[", "'['"),
+        ("clip=[", "clip=[ is no `key=value`"),
     ],
 )
 def test_an_override_is_refused_by_name_while_composing(override, named):
@@ -452,7 +455,9 @@ def test_a_path_that_has_changed_has_another_stamp(elsewhere):
     assert None not in seen and len({*seen}) == 2
     for none in (None, "track:8", str(elsewhere / "none.svg")):
         assert path_stamp({"path": none}) is None
-    whole = yaml.safe_load(compose_params(["~local", f"matching.path={file}"]))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        whole = yaml.safe_load(compose_params(["~local", f"matching.path={file}"]))
     assert whole["path_stamp"] == seen[-1]
 
 
@@ -494,7 +499,9 @@ def own_params(tmp_path_factory) -> str:
     root = tmp_path_factory.mktemp("own")
     for name in ("conf", "hydra_plugins"):
         shutil.copytree(ROOT / name, root / name)
-    shutil.copyfile(ROOT / f"{LOCAL}.example", root / LOCAL)
+    (root / "data").symlink_to(ROOT / "data")
+    example = (ROOT / f"{LOCAL}.example").read_text(encoding="utf-8")
+    (root / LOCAL).write_text(example.replace("/some/where.mp4", str(A_FILM)), encoding="utf-8")
     # A process of its own: the plugin that is loaded here looks at the repository's own conf/.
     env = os.environ | {"PYTHONPATH": str(ROOT)}
     subprocess.run([sys.executable, "-c", COMPOSE], cwd=root, env=env, check=True)
@@ -508,14 +515,15 @@ def own_params(tmp_path_factory) -> str:
 @pytest.fixture
 def own_folder(own_params, elsewhere):
     """The same conf/ and params.yaml, for this process."""
-    shutil.copyfile(f"{LOCAL}.example", LOCAL)
+    example = Path(f"{LOCAL}.example").read_text(encoding="utf-8")
+    LOCAL.write_text(example.replace("/some/where.mp4", str(A_FILM)), encoding="utf-8")
     (elsewhere / "params.yaml").write_text(own_params)
     return elsewhere
 
 
 def test_ones_own_film_and_settings_are_composed_every_time(own_folder):
     clip, extract = load("clip"), load("extract")
-    assert (clip.source, clip.path) == ("file", "/some/where.mp4")
+    assert (clip.source, clip.path) == ("file", str(A_FILM))
     assert extract == settings("extract", noise_sigmas=6.0)
     assert not subprocess.run(["git", "check-ignore", "-q", LOCAL], cwd=ROOT).returncode
 
@@ -546,3 +554,62 @@ def test_where_the_file_is_not_its_values_are_checked(own_folder, capsys):
     path.write_text(path.read_text().replace("noise_sigmas: 6.0", "noise_sigmas: -6.0"))
     with pytest.raises(FinloopError, match=r"extract\.noise_sigmas: should be greater"):
         compare([])
+
+
+# --- what cannot work together
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("clip=carp clip.frames=5", "clip.frames: 5 frames, and a track has at least 10"),
+        ("clip=file clip.path=/gone.mp4", "clip.path: there is nothing at /gone.mp4"),
+        ("clip=file clip.path=/gone/*.mp4", "matches no file"),
+        ("clip=file clip.path=README.md", "README.md cannot be read as a film"),
+        (f"clip=file clip.path={A_FILM} clip.arena=/gone.png", "clip.arena: there is nothing"),
+        ("matching.path=/gone.csv", "matching.path: there is nothing at /gone.csv"),
+        ("matching.path=[track:1,track:2]", "matching.path: 2 paths for 1 fish"),
+        ("matching.follow_pairs=[[2,1]]", "[2, 1] names fish 2 of 1"),
+        (
+            "matching.fish=2 matching.follow_pairs=[[2,1],[1,2]]",
+            "fish 2 follows fish 1 follows fish 2",
+        ),
+        ("morph.last_drawing=gone.svg", "morph.last_drawing: there is nothing"),
+        (
+            "gait.limbs=regions gait.regions=gone gait.regions_rate_hz=30",
+            "gait.regions: there is nothing",
+        ),
+        ("render.mode=retarget", "render.mode: retarget shows retarget.tracks, which names none"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_a_stage_runs(override, named, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(FinloopError) as refusal:
+        compose_params(["~local", *override.split()])
+    assert named in refusal.value.came
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["animate.goals=[[0.1,", "0.2]]"], "-S 'animate.goals=[[0.1, 0.2]]'"),
+        (["matching.path=/a b/c=d.csv"], "-S 'matching.path=\"/a b/c=d.csv\"'"),
+        (["clip=file", "clip.path=/a(1).mp4"], """S="'clip=file' 'clip.path=\\"/a(1).mp4\\"'\""""),
+        (["clip=file", "clip.path=/my", "film.mp4", "bpn.epochs=3"],
+         "-S 'clip=file' -S 'clip.path=/my film.mp4' -S 'bpn.epochs=3'"),
+        (["bpn.hidden_units=5,10"], 'make sweep S="bpn.hidden_units=5,10"'),
+        (["bp.epochs=3"], "make params S=help=bpn"),
+    ],
+)  # fmt: skip
+def test_the_line_to_type_is_named_where_quotes_are_missing(typed, said):
+    with pytest.raises(FinloopError) as refusal:
+        compose_params(typed)
+    assert said in refusal.value.do
+
+
+@pytest.mark.parametrize(
+    "name", ["features.turn_threshold_deg", "retarget.scale", "render.webp_seconds"]
+)
+def test_a_whole_number_is_a_number(name):
+    word, key = name.split(".")
+    assert yaml.safe_load(compose_params([f"{name}=25"]))[word][key] == 25

@@ -58,7 +58,7 @@ _BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
 
 @contextmanager
-def _open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
+def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
     """Open a film; yield its container and its first stream of moving pictures."""
     try:
         if path.stat().st_size == 0:
@@ -165,7 +165,7 @@ def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
         frames = _decode_film(container, stream, Loss())
         return islice((frame for frame in frames if frame is not None), count)
 
-    with _open_stream(path) as (container, stream):
+    with open_stream(path) as (container, stream):
         yield from good(1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
             try:
@@ -178,7 +178,7 @@ def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
     """Return a film's facts and its frames' times [s] from 0; rate, colour: None = as the film."""
-    with _open_stream(path) as (container, stream):
+    with open_stream(path) as (container, stream):
         stamps, promised = _time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
         aspect = stream.sample_aspect_ratio or Fraction(1)
@@ -252,7 +252,7 @@ def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded
     convert = _rgb if footage.colour else partial(_grey, levels=footage.levels)
-    with _open_stream(footage.path) as (container, stream):
+    with open_stream(footage.path) as (container, stream):
         stamps = _seek(container, stream, footage)
         time_s, damaged = -step, 0
         shot = _decode_film(container, stream, loss)
@@ -306,7 +306,7 @@ def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
     Packets are read, not decoded: an index only has decoding times.
     """
     stamps = []
-    with _open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):
+    with open_stream(path) as (container, stream), suppress(*_BROKEN_OFF):
         for packet in container.demux(stream):
             if packet.dts is not None and packet.dts >= last:
                 break

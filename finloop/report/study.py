@@ -1,0 +1,127 @@
+"""The page of a study: several films, one row each, with the numbers that say how each went."""
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.report.page import render_template
+from finloop.report.tables import format_number
+
+THUMBNAIL_WIDTH_PX = 240
+
+
+class StudyColumn(NamedTuple):
+    """A column of the table: `<stage>.<number>`, its heading, its meaning, its good direction."""
+
+    key: str
+    heading: str
+    meaning: str
+    good: str = ""
+
+
+COLUMNS = (
+    StudyColumn("clip.duration_s", "length (s)", "duration of the film"),
+    StudyColumn("clip.frame_rate_hz", "frames/s", "frame rate of the film"),
+    StudyColumn("clip.findings", "findings", "faults that the check of the film found", "0"),
+    StudyColumn("identity.identities", "animals", "tracks, joined to animals where they touched"),
+    StudyColumn("extract.tracks", "tracks", "tracks before they were joined"),
+    StudyColumn("features.body_length_median_px", "length (px)", "median body length"),
+    StudyColumn(
+        "features.headed_along_travel_pct",
+        "heads ahead (%)",
+        "moving animals whose head is in front: below 90 % heads and tails may be exchanged",
+        "high",
+    ),
+    StudyColumn("loops.loops", "loops", "video loops (§4.1)"),
+    StudyColumn(
+        "animate.hybrid_trials_film_pct",
+        "hybrid: film (%)",
+        "time for which mode hybrid plays film",
+        "high",
+    ),
+    StudyColumn(
+        "animate.hybrid_trials_goals_reached_pct",
+        "hybrid: goals (%)",
+        "random goals that mode hybrid reaches",
+        "high",
+    ),
+    StudyColumn(
+        "animate.matching_trials_goals_reached_pct",
+        "matching: goals (%)",
+        "random goals that mode matching reaches",
+        "high",
+    ),
+    StudyColumn(
+        "realism.hybrid_auc",
+        "hybrid: AUC",
+        "how well a classifier distinguishes the motion of mode hybrid from the film's",
+        "as halves",
+    ),
+    StudyColumn("realism.matching_auc", "matching: AUC", "the same for mode matching", "as halves"),
+    StudyColumn(
+        "realism.halves_auc",
+        "halves: AUC",
+        "the same for two halves of the film itself: what the film cannot tell apart",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class FilmResult:
+    """What a study has of one film.
+
+    name: of the film in the study; settings: its own, as overrides; numbers: `<stage>.<number>`;
+    thumbnails: name → PNG or JPEG; report: link to its report, "" if there is none; error: why its
+    run failed, "" if it did not.
+    """
+
+    name: str
+    settings: Sequence[str]
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    thumbnails: Mapping[str, bytes] = field(default_factory=dict)
+    report: str = ""
+    error: str = ""
+
+
+def study_table(films: Sequence[FilmResult]) -> pd.DataFrame:
+    """Return a row for each film: the numbers of COLUMNS by key, its error and its settings."""
+    rows = {
+        film.name: {column.key: film.numbers.get(column.key, np.nan) for column in COLUMNS}
+        | {"error": film.error, "settings": " ".join(film.settings)}
+        for film in films
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("film").reset_index()
+
+
+def study_page(films: Sequence[FilmResult], common: Sequence[str]) -> str:
+    """Return the page of a study as one HTML text; its table can be sorted and filtered.
+
+    common: the settings of all films, as overrides.
+    """
+    rows = [
+        {
+            "film": film,
+            "values": [film.numbers.get(column.key) for column in COLUMNS],
+            "thumbnails": {
+                name: b64encode(_shrink(picture)).decode()
+                for name, picture in film.thumbnails.items()
+            },
+        }
+        for film in films
+    ]
+    values = {"common": common, "rows": rows, "columns": COLUMNS, "number": format_number}
+    return render_template("study.html.j2", values)
+
+
+def _shrink(picture: bytes) -> bytes:
+    """Return a picture as a JPEG of the width of a thumbnail."""
+    whole = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+    assert whole is not None, "not a picture"
+    height = max(1, round(whole.shape[0] * THUMBNAIL_WIDTH_PX / whole.shape[1]))
+    small = cv2.resize(whole, (THUMBNAIL_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes()

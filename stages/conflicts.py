@@ -1,0 +1,103 @@
+"""What cannot work in composed parameters, found before the first stage runs.
+
+The schema checks each value alone. This checks values against each other, and against the files
+that they name: a missing film, more leaders than fish, a film shorter than a track.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from finloop.base.errors import FinloopError
+
+Groups = Mapping[str, Mapping[str, Any]]
+
+
+def conflicts(values: Groups) -> list[str]:
+    """Return what cannot work in these parameters, each as a sentence with the parameter's name.
+
+    values: content of params.yaml, each value right in itself.
+    """
+    return [*_films(values), *_files(values), *_fish(values["matching"]), *_modes(values)]
+
+
+def _films(values: Groups) -> Iterator[str]:
+    clip, shortest = values["clip"], values["extract"]["min_track_frames"]
+    if clip.get("frames", shortest) < shortest:
+        yield _too_short("clip.frames", clip["frames"], shortest)
+    if not clip.get("path"):
+        return
+    from finloop.io.footage import list_films
+
+    listed = clip["path"] if isinstance(clip["path"], list) else [clip["path"]]
+    for item in listed:
+        path = item if isinstance(item, str) else item["path"]
+        try:
+            for film in list_films(path):
+                yield from _film(film, shortest)
+        except FinloopError as error:
+            yield f"clip.path: {error.came}; {error.do}"
+
+
+def _film(film: Path, shortest: int) -> Iterator[str]:
+    """Yield why a film cannot be used; its pictures are not decoded.
+
+    shortest: least number of frames.
+    """
+    from finloop.io.footage.film import open_stream
+    from finloop.io.footage.pictures import SUFFIXES
+
+    if not film.exists():
+        yield f"clip.path: there is nothing at {film.absolute()}"
+    elif film.is_file() and film.suffix.lower() not in SUFFIXES:
+        with open_stream(film) as (_, stream):
+            if 0 < stream.frames < shortest:
+                yield _too_short(f"clip.path: {film}", stream.frames, shortest)
+
+
+def _too_short(what: str, frames: int, shortest: int) -> str:
+    return (
+        f"{what}: {frames} frames, and a track has at least {shortest}; take a longer film, or "
+        "lower extract.min_track_frames"
+    )
+
+
+def _files(values: Groups) -> Iterator[str]:
+    """Yield the files that are named and missing."""
+    limbs = values["gait"]["limbs"] == "regions"
+    named = {
+        "clip.arena": values["clip"].get("arena"),
+        "matching.path": values["matching"]["path"],
+        "retarget.tracks": values["retarget"]["tracks"],
+        "gait.regions": values["gait"]["regions"] if limbs else None,
+        "gait.walker_drawings": values["gait"]["walker_drawings"],
+        "gait.swimmer_drawings": values["gait"]["swimmer_drawings"],
+        "gait.swimmer_gait": values["gait"]["swimmer_gait"],
+        "morph.first_drawing": values["morph"]["first_drawing"],
+        "morph.last_drawing": values["morph"]["last_drawing"],
+    }
+    for name, paths in named.items():
+        for path in paths if isinstance(paths, list) else [paths]:
+            if isinstance(path, str) and not path.startswith("track:"):
+                file = Path(path).expanduser()
+                if not file.exists():
+                    yield f"{name}: there is nothing at {file.absolute()}"
+
+
+def _fish(matching: Mapping[str, Any]) -> Iterator[str]:
+    fish, paths = matching["fish"], matching["path"]
+    if isinstance(paths, list) and len(paths) > fish:
+        yield f"matching.path: {len(paths)} paths for {fish} fish (matching.fish)"
+    if matching["follow_pairs"]:
+        from finloop.social.leader import leaders
+
+        try:
+            leaders(matching["follow_pairs"], fish)
+        except FinloopError as error:
+            yield f"matching.follow_pairs: {error.came}; matching.fish is {fish}"
+
+
+def _modes(values: Groups) -> Iterator[str]:
+    for stage in ("render", "tank", "export"):
+        if values[stage]["mode"] == "retarget" and values["retarget"]["tracks"] is None:
+            yield f"{stage}.mode: retarget shows retarget.tracks, which names none"
