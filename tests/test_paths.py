@@ -38,6 +38,7 @@ from finloop.plan.path_measures import (
     path_table,
     swimming_limits,
 )
+from finloop.plan.search_graph import search_graph
 from finloop.plan.walls import bounds_of
 from finloop.plots.path import draw_path as figure
 
@@ -191,13 +192,10 @@ def steer(way, y=300.0, swims=2.0, **changes):
     usual = Steering(0.5, 0.2, 1.0, 10, LENGTH, 30.0, 10.0, 3.0, 0.1)
     speed = np.full(len(way) - 1, swims)
     begins = (100.0, 0)
-    by = bounds_of(open_tank()), usual._replace(**changes)
-    numbers = np.zeros(len(way) - 11, np.int64)
-    bounds, steering = by
-    return advance(
-        way, speed, numbers, begins, (along_path(route, steering), ANYWHERE),
-        (bounds, np.ones(len(numbers), bool)),
-    )[:3]  # fmt: skip
+    world, bounds, steering = film_world_of(), bounds_of(open_tank()), usual._replace(**changes)
+    graph = search_graph(world.film, bounds, world.cost_weights, world.reach)
+    rows = np.zeros(len(way) - 11, np.int64)
+    return advance(way, speed, rows, begins, (along_path(route, steering), ANYWHERE), graph)[:3]
 
 
 def test_a_way_along_the_path_is_left_as_it_is():

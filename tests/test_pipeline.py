@@ -471,7 +471,7 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
     assert all(name in page for name in ("quick-0.4", "quick-0.5", "straight pct"))
     assert not list((front.root / ".dvc/tmp").glob("sweep-*"))
     again = front.run("python", "-m", "stages.sweep", "quick", fails=True)
-    assert "sweep: " in text and "sweep: " not in again  # both experiments are there already
+    assert "runs: " in text and "runs: " not in again  # both experiments are there already
     assert "quick-0.4" in again and "quick-7.0 failed" in again
 
 
