@@ -249,7 +249,7 @@ class Project:
 
     @cached_property
     def look(self) -> Floats:
-        """Return looks (light, skin) of the n rows, (n, k), or (2 n, k): mirror images follow."""
+        """Return light and skin of each row, (n, k); with mirror images after them, (2 n, k)."""
         from finloop.jumps.table import LOOK
 
         return load_lists(self.data / "jumps/look.parquet", LOOK, "look")[0]

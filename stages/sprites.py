@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.distance.reel import sprite_row
-from finloop.features.table import delta_of, orientations_of
+from finloop.features.table import count_orientations, delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.table import save_csv, save_table
@@ -51,7 +51,10 @@ def _report_stand_ins(choices: dict[str, Choice], still: bool) -> None:
 def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
     """Write pages atlas-<n>.png, .json of the sprites in `folder`; return the number of pages."""
     with open_cutouts(folder / "sprites.arrow") as store:
-        pages, count = atlas.lay_out_pages(sprites, store.index, page_px), orientations_of(sprites)
+        pages, count = (
+            atlas.lay_out_pages(sprites, store.index, page_px),
+            count_orientations(sprites),
+        )
         for number, page in enumerate(pages):
             picture = atlas.draw_page(page, lambda s, o: store[sprite_row(s, o, count)].pixels)
             (folder / f"atlas-{number}.png").write_bytes(atlas.encode_png(picture))
@@ -72,7 +75,7 @@ def main() -> None:
         sprites = sprite_table(table, choices, settings)
         with (
             whole_folder(FOLDER) as folder,
-            progress("sprites", orientations_of(sprites) * len(sprites), "pictures") as advance,
+            progress("sprites", count_orientations(sprites) * len(sprites), "pictures") as advance,
         ):
             save_table(folder / "sprites.parquet", sprites, SPRITES)
             with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:

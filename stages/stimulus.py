@@ -257,6 +257,7 @@ def _make_announcer(
     asked: argparse.Namespace, listens: socket.socket, policy: AccessPolicy
 ) -> Callable[[], None]:
     def announce() -> None:
+        """Print the page's address, and open it if asked."""
         url = _address(asked, listens, policy)
         print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
         if asked.open:

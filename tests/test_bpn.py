@@ -34,7 +34,7 @@ from finloop.bpn.back_propagation import (
     train,
     unit_output,
 )
-from finloop.bpn.held_out import assessment, confusion, predict_linearly, state_errors
+from finloop.bpn.held_out import assessment, confusion_matrix, predict_linearly, state_errors
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
@@ -437,7 +437,7 @@ def test_errors_counted_by_hand():
     assert found["type_error_pct"] == pytest.approx(40)
     recalls = [found[f"{word}_recall_pct"] for word in ("straight", "left", "right")]
     assert recalls == pytest.approx([50, 50, 100])
-    assert confusion(said, true).tolist() == [[1, 0, 1], [1, 1, 0], [0, 0, 1]]
+    assert confusion_matrix(said, true).tolist() == [[1, 0, 1], [1, 1, 0], [0, 0, 1]]
     found = state_errors(np.zeros((4, 2)), np.zeros((4, 2)))
     assert found["straight_recall_pct"] == 100
     assert np.isnan(found["left_recall_pct"])  # this type does not occur
@@ -500,7 +500,7 @@ def test_the_figure_of_held_out_rows(tmp_path, count):
     left, right = figure.axes
     drawn = np.asarray(left.collections[-1].get_offsets())  # before it, those of the legend
     assert drawn == pytest.approx(np.column_stack([true[:, 0], said[:, 0]]))
-    for (row, column), number in np.ndenumerate(confusion(said, true)):
+    for (row, column), number in np.ndenumerate(confusion_matrix(said, true)):
         (cell,) = [text for text in right.texts if text.get_position() == (column, row)]
         assert f"({number})" in cell.get_text()
     save_figure(tmp_path / "a.png", figure)

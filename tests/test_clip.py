@@ -43,7 +43,7 @@ from finloop.io.footage.source import (
     nearest_turn,
     stretch_levels,
 )
-from finloop.io.footage.timing import Timing, estimate_frame_rate, nearest_in_time, split_at_cuts
+from finloop.io.footage.timing import Timing, estimate_frame_rate, resample_nearest, split_at_cuts
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 from finloop.io.video import FRAMES, load_facts, load_mask, read_frames
@@ -74,7 +74,7 @@ def test_dropped_frames_and_pauses_do_not_slow_the_rate_down():
 
 def retime(times, rate) -> tuple[list[int], Timing]:
     timing = Timing()
-    return list(nearest_in_time(zip(times, range(len(times)), strict=True), rate, timing)), timing
+    return list(resample_nearest(zip(times, range(len(times)), strict=True), rate, timing)), timing
 
 
 @given(st.lists(st.floats(-0.45, 0.45), min_size=2, max_size=40))
@@ -282,7 +282,7 @@ def read(footage: Footage, loss: Loss | None = None) -> tuple[list[float], list[
 def shown_at(footage: Footage, rate: int, loss: Loss, timing: Timing) -> list[int]:
     """Return the numbers that the pictures of a film show which is re-timed to a constant rate."""
     frames = footage.stream_numbered(loss)
-    return numbers(frame for _, frame in nearest_in_time(frames, Fraction(rate), timing))
+    return numbers(frame for _, frame in resample_nearest(frames, Fraction(rate), timing))
 
 
 @pytest.fixture(scope="module")
@@ -420,7 +420,7 @@ def test_variable_rate_becomes_constant(tmp_path, kind):
     assert shown == [0, 1, 2, 3, 3, 4, 4, 4, 5, 6, 8, 9]
     assert (timing.repeated, timing.dropped) == (3, 1)
     assert footage.frames_expected == pytest.approx(12, abs=1)
-    counted = nearest_in_time(footage.stream_numbered(Loss()), Fraction(30), Timing())
+    counted = resample_nearest(footage.stream_numbered(Loss()), Fraction(30), Timing())
     assert [number for number, _ in counted] == shown
     assert footage.frames_in_source == 10
 

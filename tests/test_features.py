@@ -46,9 +46,9 @@ from finloop.features.swimming_type import (
     STRAIGHT,
     Thresholds,
     heading_change,
-    score,
     swimming_type,
     thresholds,
+    turn_score,
 )
 from finloop.features.table import (
     FEATURES,
@@ -469,7 +469,7 @@ def test_a_slow_fish_turns_as_often_as_a_brisk_one(slower):
     assert set(swimming_type(*both, BRISK, 0.5)) == {STRAIGHT}
     limits = thresholds([heading_deg], [bent], 5)
     types = swimming_type(*both, limits, 0.5)
-    assert (np.abs(score(*both, limits)) >= 1).mean() == pytest.approx(0.1, abs=0.02)
+    assert (np.abs(turn_score(*both, limits)) >= 1).mean() == pytest.approx(0.1, abs=0.02)
     assert {LEFT, RIGHT} < set(types.tolist())
     # In its own units it turns just as a fish twice as slow does in its own.
     slow = thresholds([heading_deg / 2 + 7.0], [bent / 2], 5)

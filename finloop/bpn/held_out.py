@@ -53,7 +53,7 @@ def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
     occur.
     """
     area, kind = np.sqrt(np.mean((predicted - true) ** 2, axis=0))
-    counts = confusion(predicted, true)
+    counts = confusion_matrix(predicted, true)
     with np.errstate(invalid="ignore"):
         recall = 100 * np.diag(counts) / counts.sum(1)
     wrong = 100 * (1 - np.trace(counts) / len(true))
@@ -69,7 +69,7 @@ def state_errors(predicted: Floats, true: Floats) -> dict[str, float]:
     }
 
 
-def confusion(predicted: Floats, true: Floats) -> Ints:
+def confusion_matrix(predicted: Floats, true: Floats) -> Ints:
     """Count rows by true type (first axis) and predicted type (second axis): (3, 3).
 
     predicted, true: (n, 2), columns OUTPUTS. Types are rounded, in the order straight, left, right.

@@ -25,7 +25,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
 from finloop.io.footage import open_footage
 from finloop.io.footage.source import Footage, Loss, NumberedFrames, Order
-from finloop.io.footage.timing import Timing, nearest_in_time, split_at_cuts
+from finloop.io.footage.timing import Timing, resample_nearest, split_at_cuts
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
 from finloop.io.video import (
@@ -169,7 +169,7 @@ def _write_takes(
             source.truth.clear()
 
     for take in source.takes:
-        for number, frame in nearest_in_time(take, source.facts.frame_rate, timing):
+        for number, frame in resample_nearest(take, source.facts.frame_rate, timing):
             writer.write(frame)
             source_frames.append(number)
             tally.add(frame)

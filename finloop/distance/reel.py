@@ -16,7 +16,7 @@ from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import BODY, centre_cutout, successive_distances, typical_length
-from finloop.features.table import direction_deg, orientations_of, step_of
+from finloop.features.table import count_orientations, direction_deg, step_of
 
 Pictures = NDArray[np.float32]
 Rows = NDArray[np.intp]
@@ -84,7 +84,7 @@ class Reel:
     @property
     def orientations(self) -> int:
         """Return the number of orientations of every sprite in the store."""
-        return orientations_of(self.sprites)
+        return count_orientations(self.sprites)
 
     # --- rows
 

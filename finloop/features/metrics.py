@@ -7,10 +7,10 @@ from finloop.base.schema import lists_to_points
 from finloop.features.area import interpolate_lines
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import (
+    count_orientations,
     delta_of,
     head_tail_points,
     orient_backbones,
-    orientations_of,
     wrap_deg,
 )  # fmt: skip
 
@@ -26,7 +26,7 @@ def table1(features: pd.DataFrame) -> pd.DataFrame:
     of an orientation without frames are empty.
     """
     rows = []
-    for number in range(1, orientations_of(features) + 1):
+    for number in range(1, count_orientations(features) + 1):
         here = features[features["orientation"] == number]
         row: dict[str, float] = {"orientation": number}
         for word, kind in (("straight", STRAIGHT), ("right", RIGHT), ("left", LEFT)):

@@ -51,7 +51,7 @@ def thresholds(headings_deg: Sequence[Reals], bends: Sequence[Reals], span: int)
     turns = np.concatenate([heading_change(one, span) for one in headings_deg])
     bent = np.concatenate(list(bends))
     limits = Thresholds(*map(min, BRISK, (_seldom(turns), _seldom(bent))))
-    lower = min(1.0, _seldom(score(turns, bent, limits)))
+    lower = min(1.0, _seldom(turn_score(turns, bent, limits)))
     return Thresholds(lower * limits.turn_deg, lower * limits.bend)
 
 
@@ -60,8 +60,8 @@ def _seldom(values: Reals) -> float:
     return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
 
 
-def score(turn_deg: Reals, bend: Reals, limits: Thresholds) -> Floats:
-    """Return how much frames (n,) turn: 1 makes a turn to the left, −1 one to the right.
+def turn_score(turn_deg: Reals, bend: Reals, limits: Thresholds) -> Floats:
+    """Return the turn score of frames (n,): from 1 on a turn to the left, from −1 to the right.
 
     It is the mean of turn_deg (n,), the change of heading over Δ, and bend (n,), signed, each over
     its threshold in `limits`.
@@ -90,7 +90,7 @@ def swimming_type(
     turn_deg, bend (frames,): change of heading over Δ, and signed bend; limits: their thresholds. A
     turn is a run of frames whose `score` stays above `release` and somewhere reaches 1.
     """
-    scores = score(turn_deg, bend, limits)
+    scores = turn_score(turn_deg, bend, limits)
     left = skimage.filters.apply_hysteresis_threshold(scores, release, 1.0)
     right = skimage.filters.apply_hysteresis_threshold(-scores, release, 1.0)
     return (LEFT * left + RIGHT * right).astype(np.int8)

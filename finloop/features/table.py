@@ -91,7 +91,7 @@ def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> Float
     return (np.asarray(number, float) - 1) * (360 / orientations)
 
 
-def orientations_of(table: pd.DataFrame) -> int:
+def count_orientations(table: pd.DataFrame) -> int:
     """Return the number of orientations in a table of features or of sprites."""
     return int(table["orientations"].iloc[0])
 

@@ -171,7 +171,7 @@ def control_slopes(swim: Sampler, film: FilmStates, rng: np.random.Generator) ->
 
 
 def motion_area(postures: Floats) -> Floats:
-    """Return motion areas (k,) [squared body length] of postures (k, 2 + 2 n) (`puppet.pose`)."""
+    """Return the motion area (k,) [BL²] of postures (k, 2 + 2 n): between body and chord (§2.2)."""
     none = np.zeros(len(postures))
     lines = Pose(none, none, none, none + 1, postures).backbone_px()
     return np.abs(bend(lines, steps(postures).sum(1)))

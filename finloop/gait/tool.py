@@ -85,7 +85,7 @@ def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tu
 
 
 def _summary(result: Transfer, gait: Gait, seconds: float) -> str:
-    """Return some lines for the user: the size of a cycle, how far feet slide, and where it folds.
+    """Return lines for the user: size of a cycle, how far feet slide, which contours fold.
 
     seconds: duration of the cycle.
     """

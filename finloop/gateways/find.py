@@ -21,7 +21,7 @@ from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, distance
 from finloop.distance.reel import Reel
-from finloop.features.table import delta_of, direction_deg, orientations_of, wrap_deg
+from finloop.features.table import count_orientations, delta_of, direction_deg, wrap_deg
 from finloop.gateways.settings import GatewaysSettings
 
 IN, OUT = "in", "out"
@@ -86,7 +86,7 @@ def nearness(
         ahead_deg, own_deg = (_heading(sprites, heading[at]) for at in (after, row))
     else:
         orientation = features["orientation"].to_numpy()[rows]
-        pose_deg = direction_deg(orientation, orientations_of(features))
+        pose_deg = direction_deg(orientation, count_orientations(features))
         ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
         own_deg = np.zeros(len(sprites))
     ahead, own = np.empty((2, len(sprites), len(rows)))

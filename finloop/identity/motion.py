@@ -99,7 +99,7 @@ class Drift:
 
 
 def measure_drift(tracks: pd.DataFrame) -> Drift:
-    """Return the drift of a film's animals, measured by trial gaps in whole tracks.
+    """Return how far a predicted place is off after a gap, by gaps cut into complete tracks.
 
     tracks: track_id, frame, x, y (body lengths), sorted by track and frame. The gaps double from
     one frame on, while enough tracks are that long; beyond, an animal may be anywhere. The number

@@ -53,7 +53,7 @@ class LiveTank:
 
     @property
     def world(self) -> World:
-        """Return the tank, and what the film teaches of swimming, as the present mode has them."""
+        """Return the tank and the film's motion data for the present mode."""
         return self.players[self.mode].world
 
     @property

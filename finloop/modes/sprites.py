@@ -8,7 +8,7 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import ACCELERATE, DECELERATE, SLIDE, STRAIGHT
 from finloop.features.swimming_type import LEFT, RIGHT
-from finloop.features.table import orientations_of
+from finloop.features.table import count_orientations
 from finloop.modes.network_settings import NetworkSettings
 
 
@@ -172,7 +172,7 @@ def make_sprites(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
         {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)},
         float(np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"]).mean())
         * rate_hz,
-        orientations_of(table),
+        count_orientations(table),
     )
 
 

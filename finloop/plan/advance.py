@@ -154,7 +154,7 @@ def turn_way(way, rot):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _stride(graph, way, ticks, start, objective, weights):  # type: ignore[no-untyped-def]
-    """Swim `ticks` ticks in one step, steered along a path; return whether they stay in the tank.
+    """Add `ticks` ticks to a candidate route, steered to its goal; return whether all stay inside.
 
     `way` is changed in place.
     """

@@ -183,7 +183,7 @@ def _why(
 
 
 def _apart(at: Floats, path: Path) -> Floats:
-    """Return the px between the requested path and the steered one."""
+    """Return the distance [px] of places (n, 2) from the path at the same time."""
     both = [np.array([place(one, float(a)) for a in at]).reshape(-1, 2) for one in path]
     return np.hypot(*(both[0] - both[1]).T)
 

@@ -6,7 +6,7 @@ from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 
 from finloop.base.arrays import Floats
-from finloop.bpn.held_out import confusion
+from finloop.bpn.held_out import confusion_matrix
 from finloop.bpn.model import type_class
 from finloop.plots.features import TYPES
 
@@ -51,7 +51,7 @@ def held_out_figure(predicted: Floats, true: Floats) -> Figure:
     )  # fmt: skip
     left.legend(frameon=True, title="true type", loc="upper left", fontsize=8)
 
-    counts = confusion(predicted, true)
+    counts = confusion_matrix(predicted, true)
     share = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
     words = [word for word, _ in TYPES.values()]
     right.imshow(share, cmap="Blues", vmin=0, vmax=100)

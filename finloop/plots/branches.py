@@ -271,7 +271,7 @@ def lie_down(fish: ThinnedFish) -> ThinnedFish:
 
 
 def _draw_fish(part: SubFigure, fish: ThinnedFish) -> Axes:
-    """Draw the four panels of a fish; return the last one."""
+    """Draw the silhouette, skeleton, branches and backbone of a fish; return the last panel."""
     panels = part.subplots(2, 2).ravel()
     titles = (
         f"3 (a) {fish.label}: every pixel above the noise, and the silhouette (dashed)",

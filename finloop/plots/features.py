@@ -17,7 +17,7 @@ from finloop.features.area import closed_spline, control_points
 from finloop.features.head import tail_first
 from finloop.features.metrics import longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
-from finloop.features.table import direction_deg, orientations_of
+from finloop.features.table import count_orientations, direction_deg
 from finloop.plots.parts import Picture, arrows, convert_to_colour, in_rows, over_tank, write
 
 _WAYS = 200  # tracks drawn, at most; more hide one another
@@ -67,7 +67,7 @@ def draw_trajectories(features: pd.DataFrame, background: Picture) -> Figure:
 
 def draw_rose(features: pd.DataFrame) -> Figure:
     """Draw the share of frames in each orientation as a polar bar chart, by swimming type."""
-    count = orientations_of(features)
+    count = count_orientations(features)
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
     angle = np.radians(direction_deg(np.arange(1, count + 1), count))

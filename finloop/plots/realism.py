@@ -18,8 +18,8 @@ _GREY = {HALVES: "0.35", AGAIN: "0.65"}
 _SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 
 
-def draw_areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
-    """Draw ROC curves, and bars of the area for all channels and for each alone.
+def draw_roc(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
+    """Draw ROC curves, and bars of the area under them for each kind of measurement.
 
     table: from `compare.verdict_table`; roc: columns compared, false_alarms, hits.
     """

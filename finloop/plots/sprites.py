@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.cutout import Cutout
-from finloop.features.table import direction_deg, orientations_of
+from finloop.features.table import count_orientations, direction_deg
 from finloop.plots.parts import Picture, in_rows, on_grey, write
 
 _INK = (150, 30, 30)
@@ -25,7 +25,7 @@ def draw_sprites(
     pictures(sprite, orientation): the stored cut-out, orientations counted from 1. A cross marks
     the pivot. size: px of a tile. Returns (h, w, 3).
     """
-    count = orientations_of(sprites)
+    count = count_orientations(sprites)
     reach = 1
     for row in sprites.itertuples():
         for cutout in (pictures(row.sprite, 1), pictures(row.sprite, 1 + count // 4)):

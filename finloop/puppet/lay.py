@@ -244,7 +244,7 @@ def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _linear(film, u, v):  # type: ignore[no-untyped-def]
-    """Return red (or grey), green, blue, alpha, 0 … 1, at (u, v), by a linear filter."""
+    """Return red (or grey), green, blue, alpha, 0 … 1, at (u, v) [px], by linear interpolation."""
     column, row = math.floor(u), math.floor(v)
     du, dv = np.float32(u - column), np.float32(v - row)
     red, green, blue, alpha = _sum_pixels(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
@@ -253,7 +253,7 @@ def _linear(film, u, v):  # type: ignore[no-untyped-def]
 
 @finite_leaf
 def _cubic(film, u, v):  # type: ignore[no-untyped-def]
-    """Return the same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
+    """Return red (or grey), green, blue, alpha at (u, v) [px], by Keys' cubic interpolation."""
     column, row = math.floor(u), math.floor(v)
     across, down = keys_weights(u - column), keys_weights(v - row)
     red, green, blue, alpha = _sum_pixels(film, column - 1, row - 1, across, down)

@@ -15,7 +15,7 @@ from finloop.base.errors import FinloopError
 from finloop.distance.reel import sprite_row
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, SPRITE, RowPicture, row_partner, row_picture
-from finloop.features.table import orientations_of
+from finloop.features.table import count_orientations
 from finloop.puppet import PlacedBackbone
 from finloop.render.painter import Bent, Picture, Placed, Turned, picture
 
@@ -91,7 +91,7 @@ class Gallery:
         return Placed(row.x_px, row.y_px, drawn[0], partner, row.weight)
 
     def _bend_bodies(self, names: Sequence[RowPicture], codes: Floats) -> list[Bent]:
-        """Return pictures bent into one pose, with the heading and the size of the first."""
+        """Return the pictures bent into one pose, with heading and size of the first picture."""
         assert self.bodies is not None
         poses, shown = self.bodies.poses, [self.bodies.edit_row_body(name) for name in names]
         target = poses.pose_from_codes(int(shown[0].row), codes)
@@ -110,14 +110,14 @@ class Gallery:
 def shelves(
     stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
 ) -> dict[str, Shelf]:
-    """Return the cut-outs of each kind, FRAME and SPRITE, with their mass centres.
+    """Return the cut-outs and their mass centres, those of film frames and those of sprites.
 
     tracks: x_px, y_px of every cut-out; table: the same and orientations of every sprite, None
     without sprites. FinloopError if a table belongs to another store.
     """
     made = {FRAME: Shelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:
-        made[SPRITE] = Shelf(stores[SPRITE], table[PLACE].to_numpy(), orientations_of(table))
+        made[SPRITE] = Shelf(stores[SPRITE], table[PLACE].to_numpy(), count_orientations(table))
     for kind, (store, centres, orientations) in made.items():
         if len(store) != len(centres) * orientations:
             raise FinloopError(

@@ -51,7 +51,7 @@ class Track(NamedTuple):
 
 
 def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> Track:
-    """Return the track of one animal of a pose file.
+    """Return the track of the animal that the settings `p` name, from a file of poses.
 
     rate_hz: frames per second of the file; steps: of a backbone of the drawn film. FinloopError if
     the file has no such animal or point, or no usable values of them.

@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
-from finloop.features.table import orientations_of
+from finloop.features.table import count_orientations
 
 PADDING = 2  # px between pictures, so that an engine's filter reaches no neighbour
 BLEED = 2  # px that colour extends under transparent pixels
@@ -60,7 +60,7 @@ def lay_out_pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> l
     sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     groups = []
     for sequence, rows in sprites.groupby("sequence", sort=False):
-        for number in range(1, orientations_of(sprites) + 1):
+        for number in range(1, count_orientations(sprites) + 1):
             group = f"{sequence}/{number:02d}"
             groups.append([
                 AtlasSlot(sprite, number, f"{group}/{step:02d}", group, 0, 0, *map(int, size))

@@ -6,7 +6,7 @@ import pandas as pd
 from finloop.distance.picture import distance_pair_by_pair, successive_distances
 from finloop.features.metrics import table1
 from finloop.features.swimming_type import STRAIGHT
-from finloop.features.table import orientations_of
+from finloop.features.table import count_orientations
 from finloop.sprites.choice import SIDES, Choice, DrawPictures, closure, cycle_heading
 from finloop.sprites.settings import SpritesSettings
 
@@ -17,7 +17,7 @@ def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     sprites: schema `SPRITES`; features: the film's. Largest motion areas are shares of the film's
     largest one in turns to that side.
     """
-    count = orientations_of(sprites)
+    count = count_orientations(sprites)
     types = [SIDES.get(word, STRAIGHT) for word in sprites["sequence"]]
     pictures = pd.DataFrame({
         "orientation": np.tile(np.arange(1, count + 1), len(sprites)),
@@ -53,7 +53,7 @@ def sprite_metrics(
     after = table1_after(sprites, features)
     result: dict[str, float] = {
         "sprites": len(sprites),
-        "pictures": len(sprites) * orientations_of(sprites),
+        "pictures": len(sprites) * count_orientations(sprites),
         "picked_of_fish_frames_pct": 100 * len(used) / len(table),
         "picked_of_film_frames_pct": 100 * used["frame"].nunique() / frames,
         "tracks_used": sprites["track_id"].nunique(),

@@ -20,7 +20,7 @@ from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, SPRITE, row_picture
 from finloop.features.head import tail_first
-from finloop.features.table import direction_deg, orientations_of
+from finloop.features.table import count_orientations, direction_deg
 
 Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
@@ -157,7 +157,7 @@ def _find_bodies(
         row[is_sprite] = which["row"]
         axis[is_sprite], mirrored[is_sprite] = which["heading_deg"], which["mirrored"]
         orientation = edit[f"{prefix}orientation"][is_sprite].to_numpy(int)
-        turn[is_sprite] += direction_deg(orientation, orientations_of(sprites)) - axis[is_sprite]
+        turn[is_sprite] += direction_deg(orientation, count_orientations(sprites)) - axis[is_sprite]
     return BodyPlacement(row.astype(np.intp), turn, scale, mirrored, axis)
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
-from finloop.plots.realism import draw_areas, draw_false_windows
+from finloop.plots.realism import draw_false_windows, draw_roc
 from finloop.project import Project
 from finloop.realism.examples import CURVES, EXAMPLES, SIDES, draw_strip
 from finloop.render.painter import Painter
@@ -20,7 +20,7 @@ STRIP = 10, 130  # pictures, px
 def main() -> None:
     """Draw auc.png and contact_sheet.png in reports/realism/."""
     auc, roc = (pd.read_csv(REPORT / name) for name in ("auc.csv", "roc.csv"))
-    save_figure(REPORT / "auc.png", draw_areas(auc, roc))
+    save_figure(REPORT / "auc.png", draw_roc(auc, roc))
 
     table = load_table(OUT / "examples.parquet", EXAMPLES)
     titles, strips = [], []

@@ -5,7 +5,7 @@ from stages.run import run  # isort: skip  (before numpy)
 from pathlib import Path
 
 from finloop.distance.reel import sprite_row
-from finloop.features.table import orientations_of
+from finloop.features.table import count_orientations
 from finloop.io.picture import save_picture
 from finloop.plots.sprites import draw_sprites
 from finloop.project import Project
@@ -15,7 +15,7 @@ def main() -> None:
     """Draw reports/sprites/contact_sheet.png."""
     with Project() as project:
         sprites, store = project.sprites, project.sprite_cutouts
-        count = orientations_of(sprites)
+        count = count_orientations(sprites)
         sheet = draw_sprites(sprites, lambda s, o: store[sprite_row(s, o, count)])
     save_picture(Path("reports/sprites/contact_sheet.png"), sheet)
 

@@ -44,7 +44,7 @@ def half_width(s: Floats) -> Floats:
 
 @cache
 def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Floats, Floats]:
-    """Return a table of the body's width, three arrays (points,): s, squared half width, its slope.
+    """Return the squared half width of the body along it: (points,) of s, of h², of its slope in s.
 
     s runs from −beyond to 1 + beyond (0 snout, 1 tail end), where the table is extended linearly.
     Widths are in body lengths; the slope is against s.

@@ -49,7 +49,7 @@ class Timing:
     cuts: list[int] = field(default_factory=list)  # first frame of each segment without a cut
 
 
-def nearest_in_time(
+def resample_nearest(
     stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: Timing
 ) -> Iterator[T]:
     """Yield, for every tick of a constant rate, the item of (time [s], item) that is nearest.
