@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.errors import FinloopError
+from finloop.base.settings import values_of
 
 Groups = Mapping[str, Mapping[str, Any]]
 
@@ -63,7 +64,7 @@ def _too_short(what: str, frames: int, shortest: int) -> str:
 
 
 def _files(values: Groups) -> Iterator[str]:
-    """Yield the files that are named and missing."""
+    """Yield the files that are named and missing; those of conf/ itself are in the repository."""
     limbs = values["gait"]["limbs"] == "regions"
     named = {
         "clip.arena": values["clip"].get("arena"),
@@ -77,6 +78,9 @@ def _files(values: Groups) -> Iterator[str]:
         "morph.last_drawing": values["morph"]["last_drawing"],
     }
     for name, paths in named.items():
+        word, key = name.split(".")
+        if paths == values_of(word, "default").get(key):
+            continue
         for path in paths if isinstance(paths, list) else [paths]:
             if isinstance(path, str) and not path.startswith("track:"):
                 file = Path(path).expanduser()
