@@ -1,8 +1,8 @@
-"""Speed and error of moving wavelet curves: against scipy's integrator, a sparse product.
+"""Speed and error of the wavelet curves: against PyWavelets, scipy's integrator, a sparse product.
 
 `python -m benchmarks.curve` prints the tables and writes benchmarks/curve.csv. Ratios come from
 runs in turn. The exact solution is that of a bent hoop of 1024 points; peers get sparse K in the φ
-basis. Off-diagonal energies and the errors of all methods are printed only.
+basis. Round trips, off-diagonal energies and the errors of all methods are printed only.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
+import pywt
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
@@ -19,15 +20,65 @@ from benchmarks.pipeline import ROOT
 from benchmarks.speed import time_call, time_pairs
 from finloop.curve.dynamics import Material, Problem, SolverOptions, solve
 from finloop.curve.stiffness import off_diagonal, stiffness
-from finloop.curve.wavelet import wavelet_transform
+from finloop.curve.wavelet import CUBIC, inverse_transform, wavelet_transform
 
-POINTS = 1024
+CURVES, POINTS, LEVELS = 1000, 1024, 6
 LARGE, LIMIT_S = 4096, 0.1
 TIMES = np.linspace(0, 1, 61)  # the paper's τ: a swing of the slowest mode
 TIGHT = 1e-10
 MATERIAL = Material(1.0, 1.0, 0.5, 0.0)
 MASSLESS = Material(0.0, 1.0, 1.0, 0.01)
 WAVELETS = ("db3", "db4", "db6", "sym8", "coif1", "coif2", "coif5")
+
+
+def transform_one_by_one(points: NDArray, wavelet: pywt.Wavelet) -> list[list[NDArray]]:
+    """Transform by PyWavelets, one curve and one coordinate at a time."""
+    return [
+        pywt.wavedec(column, wavelet, mode="periodization", level=LEVELS)
+        for curve in points
+        for column in np.ascontiguousarray(curve.T)
+    ]
+
+
+def invert_one_by_one(coefficients: list[list[NDArray]], wavelet: pywt.Wavelet) -> list[NDArray]:
+    """Invert `transform_one_by_one`."""
+    return [pywt.waverec(one, wavelet, mode="periodization") for one in coefficients]
+
+
+def compare_transforms() -> list[tuple[str, float, float, float]]:
+    """Return the rows of the table on transforms; print the worst round trip."""
+    points = np.random.default_rng(0).normal(size=(CURVES, POINTS, 2))
+    rows, worst = [], 0.0
+    for name in ("db4", "coif2", "bior4.4"):
+        wavelet = pywt.Wavelet(name)
+        theirs = transform_one_by_one(points, wavelet)
+        ours = wavelet_transform(points, name, LEVELS)
+        there = time_pairs(
+            partial(wavelet_transform, points, name, LEVELS),
+            partial(transform_one_by_one, points, wavelet),
+        )
+        again = time_pairs(
+            partial(inverse_transform, ours, name, LEVELS),
+            partial(invert_one_by_one, theirs, wavelet),
+        )
+        at_once = time_pairs(
+            partial(wavelet_transform, points, name, LEVELS),
+            partial(pywt.wavedec, points, wavelet, "periodization", LEVELS, axis=1),
+        )
+        rows.append((f"{name} forward / PyWavelets, curve by curve", *there[:3]))
+        rows.append((f"{name} back / PyWavelets, curve by curve", *again[:3]))
+        rows.append((f"{name} forward / PyWavelets, all at once", *at_once[:3]))
+    for name in (*pywt.wavelist(kind="discrete"), CUBIC):
+        if name != "dmey":
+            few = points[:4]
+            worst = max(
+                worst,
+                float(
+                    np.abs(inverse_transform(wavelet_transform(few, name, 3), name, 3) - few).max()
+                ),
+            )
+    print(f"worst round trip of all wavelets but dmey: {worst:.1e}")
+    return rows
 
 
 def bend_hoop(n: int) -> tuple[NDArray, NDArray]:
@@ -63,7 +114,7 @@ def change_basis(k: csr_array, basis: csr_array) -> csr_array:
 
 def main() -> None:
     """Measure, print, write."""
-    rows = []
+    rows = compare_transforms()
     problem = Problem(*bend_hoop(POINTS), MATERIAL, TIMES)
     ours = solve(problem)
     mine, theirs, ratio, _ = time_pairs(

@@ -37,10 +37,10 @@ def main() -> None:
             table = identities(film)
             trial = _try_joins(film, table)
     save_table(OUT / "identities.parquet", table, IDENTITIES)
-    save_metrics(REPORT / "metrics.json", _numbers(features, table) | trial)
+    save_metrics(REPORT / "metrics.json", _identity_metrics(features, table) | trial)
 
 
-def _numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
+def _identity_metrics(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
     """Return the metrics of animals and joins: counts, and lengths of gaps in frames."""
     joins = table[table["after_track"] >= 0]
     sizes = features.merge(table, on="track_id").groupby("identity").size()

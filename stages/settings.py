@@ -101,9 +101,12 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
 
 
 def literal(value: Any) -> str:
-    """Return a value in the syntax of Hydra's overrides: JSON, but keys without quotes."""
+    """Return a value in the syntax of Hydra's overrides: JSON, but keys without quotes.
+
+    Letters stay as they are, and `${` is no reference to another value.
+    """
     if isinstance(value, Mapping):
         return "{" + ",".join(f"{key}:{literal(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ",".join(map(literal, value)) + "]"
-    return json.dumps(value)
+    return json.dumps(value, ensure_ascii=False).replace("${", "\\${")

@@ -18,7 +18,6 @@ FILMS names films, or a YAML file::
 from stages.run import THREADS, run  # isort: skip  (before numpy)
 
 import argparse
-import json
 import os
 import re
 import sys
@@ -102,7 +101,7 @@ def read_study(path: Path) -> tuple[dict[str, Overrides], Overrides]:
         if not NAME.fullmatch(str(name)):
             problems.append(f"the name {name!r} has more than letters, digits, _ and -")
         own = {"path": film} if isinstance(film, str) else film
-        if not isinstance(own, Mapping):
+        if not isinstance(own, Mapping) or not isinstance(own.get("path", ""), str):
             problems.append(f"{name} is neither a path nor settings")
             continue
         runs[str(name)] = _overrides(own, path.parent)
@@ -124,7 +123,7 @@ def _overrides(values: Mapping[str, Any], folder: Path) -> Overrides:
 
 def clip_overrides(path: str) -> Overrides:
     """Return the overrides that take the film at a path."""
-    return ["clip=file", f"clip.path={json.dumps(path, ensure_ascii=False)}"]
+    return ["clip=file", f"clip.path={literal(path)}"]
 
 
 def results(

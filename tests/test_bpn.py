@@ -146,6 +146,13 @@ def test_a_row_needs_everything_on_both_ends():
 # -- splits -----------------------------------------------------------------------------------------
 
 
+def test_the_seed_decides_the_split():
+    rows = motion_rows(table([500]), DELTA)
+    one, same, other = (split_by_blocks(rows, 25, 0.3, rng(seed))[1] for seed in (1, 1, 2))
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("block", [8, 25, 60])
 def test_no_window_reaches_from_one_side_into_the_other(seed, block):
@@ -218,6 +225,12 @@ def test_the_scaled_range_ignores_wild_frames():
     assert np.abs(scaled).max() == 1
     assert low[3] == -high[3]  # no turn stays in the middle
     assert scale_to_unit(np.array([[0.5, 0, 1, 0]]), low, high)[0, [0, 1, 3]] == pytest.approx(0)
+
+
+def test_what_does_not_change_is_learnt_without_nan():
+    inputs = np.tile([0.4, 0, 0.3, 0.0], (50, 1))
+    model, _ = learnt(inputs, inputs[:, :2])
+    assert model.predict(inputs[:1]) == pytest.approx(inputs[:1, :2], abs=0.01)
 
 
 @pytest.mark.parametrize("columns", [[0], [1], [2], [3], [0, 1, 2, 3]])
@@ -649,6 +662,17 @@ def test_every_parameter_changes_the_model(workspace, override):
     prepare(workspace, *SHORT, override)
     stages.bpn.main()
     assert content(workspace / "data/bpn") != once
+
+
+def test_the_seed_decides_the_split_and_the_first_weights(workspace):
+    models = []
+    for seed in (0, 1):
+        prepare(workspace, *SHORT, "bpn.learning_rate=1e-9", f"bpn.seed={seed}")
+        stages.bpn.main()
+        models.append(load_record(workspace / "data/bpn/model.json", motion_model, "bpn"))
+    one, two = models
+    assert one.input_high[3] != two.input_high[3]  # from other rows
+    assert np.abs(one.hidden_weights - two.hidden_weights).max() > 0.1
 
 
 def test_the_metrics_of_either_split_and_those_that_a_film_cannot_have(workspace):

@@ -613,7 +613,7 @@ def line_of(unit=PX, scale=(1.0, 1.0), heading=True, seconds=30.0):
     t = np.arange(round(seconds * 25)) / 25
     x, y = np.array([swim_place(one) for one in t]).T
     headings = 20 * t % 360 if heading else None
-    return Line("swum", x * scale[0], y * scale[1], unit, 3.0 + t, headings)
+    return Line("swimmer", x * scale[0], y * scale[1], unit, 3.0 + t, headings)
 
 
 def test_a_recorded_track_is_said_as_a_live_animal_would_be():

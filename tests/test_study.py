@@ -3,12 +3,13 @@
 import cv2
 import numpy as np
 import pytest
+import yaml
 from browser import chromium, visit
 
 from finloop.base.errors import FinloopError
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
 from stages.compose import compose_params
-from stages.study import films_of_study
+from stages.study import clip_overrides, films_of_study
 
 MOUSE = {"clip.duration_s": 20.0, "extract.tracks": 9, "realism.hybrid_auc": 0.71}
 PICTURE = cv2.imencode(".png", np.full((40, 60, 3), 200, np.uint8))[1].tobytes()
@@ -43,6 +44,13 @@ def test_a_file_names_films_with_settings_and_all_compose(tmp_path):
         assert "trials: 20" in compose_params(["~local", *common, *settings])
 
 
+def test_any_name_of_a_film_composes_as_it_is(tmp_path):
+    film = tmp_path / "Fühler, 3 ${HOME} #1 'a'.mp4"
+    film.mkdir()
+    text = compose_params(["~local", *clip_overrides(str(film))])
+    assert yaml.safe_load(text)["clip"]["path"] == str(film)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -51,6 +59,7 @@ def test_a_file_names_films_with_settings_and_all_compose(tmp_path):
         ("films: [", "cannot be read"),
         ("films: {a/b: x.mp4}", "more than letters"),
         ("films: {a: 3}", "neither a path nor settings"),
+        ("films: {a: {path: [x.mp4]}}", "neither a path nor settings"),
         ("films: {a: x.mp4}\nfilm: {}", "it has film"),
         ("films: {a: {clip: carp}, b: {clip: carp}}", "a and b are one film"),
     ],

@@ -48,6 +48,19 @@ def test_fish_that_cross_far_apart_in_time_or_space_keep_their_numbers(speed):
     assert link(film) == [[0, 1]] * frames
 
 
+def test_a_school_swims_through_with_its_numbers():
+    # Twelve fish on a lattice, each with its own way, a body length and more apart, never mixed up.
+    rng = np.random.default_rng(1)
+    home = 100.0 * np.stack(np.meshgrid(np.arange(4), np.arange(3)), -1).reshape(-1, 2)
+    phase = rng.uniform(0, 2 * np.pi, 12)
+    film = []
+    for k in range(60):
+        sway = 20 * np.stack([np.cos(0.5 * k + phase), np.sin(0.5 * k + phase)], -1)
+        areas = 400 + rng.uniform(-20, 20, 12)
+        film.append([spot(*at, area) for at, area in zip(home + sway, areas, strict=True)])
+    assert link(film) == [list(range(12))] * 60
+
+
 def test_where_a_fish_is_expected_counts_and_not_where_it_was():
     # One behind the other, soon so fast that each comes to where the other one has just been.
     place = np.cumsum([0, 6, 12, 18, 24, 25, 25, 25, 25])

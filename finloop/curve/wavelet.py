@@ -16,6 +16,7 @@ import pywt
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 
 CUBIC = "cubic"
 """The biorthogonal cubic B-spline wavelet of Fig. 2, which PyWavelets lacks: its bior3.* use the
@@ -161,41 +162,110 @@ def scales(n: int, levels: int) -> list[slice]:
 def wavelet_transform(points: Floats, wavelet: str, levels: int) -> Floats:
     """Return the wavelet coefficients (…, n, k) of curves of points (…, n, k) (Eq. 2.8).
 
-    The transform runs along n; k is 2 for plane curves. FinloopError as in `check_transform`.
+    The transform runs along n; k is 2 for plane curves. The approximation comes first, then the
+    details from coarse to fine. FinloopError as in `check_transform`.
     """
-    n = points.shape[-2]
-    filters = check_transform(n, wavelet, levels)[:2, ::-1]
-    out = np.array(points, np.float64)
-    for scale in reversed(scales(n, levels)[1:]):
-        size, reach = scale.stop, filters.shape[1] // 2
-        padded = out[..., np.arange(1 - reach, size + reach) % size, :]
-        low, high = np.zeros((2, *out.shape[:-2], size // 2, out.shape[-1]))
-        for i, (a, b) in enumerate(filters.T):
-            samples = padded[..., i : i + size : 2, :]
-            low += a * samples
-            high += b * samples
-        out[..., :size, :] = np.concatenate([low, high], axis=-2)
+    bank = check_transform(points.shape[-2], wavelet, levels)
+    out = np.array(points, np.float64, order="C")
+    # Written as Σ_i w[i] x[2n + i − before], the sum of Eq. 2.8 runs forward.
+    _analyse(out.reshape(-1, *points.shape[-2:]), bank[:2, ::-1].copy(), levels)
     return out
 
 
 def inverse_transform(coefficients: Floats, wavelet: str, levels: int) -> Floats:
-    """Return the points (…, n, k) of wavelet coefficients (…, n, k) (Eq. 2.9).
+    """Return the points (…, n, k) of wavelet coefficients (…, n, k), undoing `wavelet_transform`.
 
-    This undoes `wavelet_transform`. FinloopError as in `check_transform`.
+    This is Eq. 2.9. FinloopError as in `check_transform`.
     """
-    n = coefficients.shape[-2]
-    filters = check_transform(n, wavelet, levels)[2:]
-    out = np.array(coefficients, np.float64)
-    for scale in scales(n, levels)[1:]:
-        half = scale.start
-        low, high = out[..., :half, :], out[..., half : 2 * half, :]
-        points = np.zeros((*out.shape[:-2], half, 2, out.shape[-1]))  # even and odd points
-        for i, (a, b) in enumerate(filters.T):
-            shift, odd = divmod(i + 1 - filters.shape[1] // 2, 2)
-            row = (np.arange(half) - shift) % half
-            points[..., odd, :] += a * low[..., row, :] + b * high[..., row, :]
-        out[..., : 2 * half, :] = points.reshape(*out.shape[:-2], 2 * half, out.shape[-1])
+    bank = check_transform(coefficients.shape[-2], wavelet, levels)
+    out = np.array(coefficients, np.float64, order="C")
+    _synthesise(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
     return out
+
+
+@kernel
+def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
+    """Fill `padded` with rows of `source` (half · k,) from row `first` on, periodically."""
+    start = (first % half) * k
+    size = half * k
+    for i in range(len(padded)):
+        index = start + i
+        while index >= size:
+            index -= size
+        padded[i] = source[index]
+
+
+@kernel
+def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
+    """Transform curves (b, n, k) in place as `wavelet_transform` does, filters (2, taps).
+
+    Even and odd samples are stored separately. Every tap then adds one run of numbers to another,
+    which compilers make fast for every k.
+    """
+    count, n, k = curves.shape
+    taps = filters.shape[1]
+    before = taps // 2 - 1
+    first = -((before + 1) // 2)
+    last = (taps - 1 - before) // 2
+    split = np.empty((2, n // 2 * k))
+    padded = np.empty((2, (n // 2 + last - first) * k))
+    for c in range(count):
+        curve = curves[c].reshape(-1)
+        half = n
+        for _ in range(levels):
+            half //= 2
+            size = half * k
+            for r in range(half):
+                for j in range(k):
+                    split[0, r * k + j] = curve[2 * r * k + j]
+                    split[1, r * k + j] = curve[(2 * r + 1) * k + j]
+            for p in range(2):
+                _spread(padded[p, : (half + last - first) * k], split[p], half, k, first)
+            low, high = curve[:size], curve[size : 2 * size]
+            low[:] = 0.0
+            high[:] = 0.0
+            for i in range(taps):
+                p = (i - before) % 2
+                start = ((i - before - p) // 2 - first) * k
+                run = padded[p, start : start + size]
+                a, b = filters[0, i], filters[1, i]
+                for j in range(size):
+                    low[j] += a * run[j]
+                    high[j] += b * run[j]
+
+
+@kernel
+def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
+    """Transform curves (b, n, k) in place as `inverse_transform` does, filters (2, taps)."""
+    count, n, k = curves.shape
+    taps = filters.shape[1]
+    before = taps // 2 - 1
+    first = -(taps // 2)
+    last = taps // 2
+    split = np.empty((2, n // 2 * k))
+    padded = np.empty((2, (n // 2 + last - first) * k))
+    for c in range(count):
+        curve = curves[c].reshape(-1)
+        half = n >> levels
+        for _ in range(levels):
+            size = half * k
+            for p in range(2):
+                source = curve[p * size : (p + 1) * size]
+                _spread(padded[p, : (half + last - first) * k], source, half, k, first)
+            split[:, :size] = 0.0
+            for i in range(taps):
+                p = (i - before) % 2
+                start = (-((i - before - p) // 2) - first) * k
+                low, high = padded[0, start : start + size], padded[1, start : start + size]
+                a, b = filters[0, i], filters[1, i]
+                out = split[p]
+                for j in range(size):
+                    out[j] += a * low[j] + b * high[j]
+            for r in range(half):
+                for j in range(k):
+                    curve[2 * r * k + j] = split[0, r * k + j]
+                    curve[(2 * r + 1) * k + j] = split[1, r * k + j]
+            half *= 2
 
 
 def close_by_mirroring(points: Floats) -> Floats:

@@ -34,7 +34,7 @@ COLUMNS = (
     StudyColumn(
         "features.headed_along_travel_pct",
         "heads ahead (%)",
-        "moving animals whose head is in front: below 90 % heads and tails may be exchanged",
+        "moving animals that go where the head points: where it is low, heads may be tails",
         "high",
     ),
     StudyColumn("loops.loops", "loops", "video loops (§4.1)"),
