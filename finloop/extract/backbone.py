@@ -335,15 +335,23 @@ def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
     return resample(line, points + 1)[:-1].copy()
 
 
+@kernel
 def upper_level(patch: Picture, threshold: float, share: float) -> float:
     """Return the quantile `share` of the grey levels above `threshold` in a patch (h, w) uint8.
 
     It is a whole level; the one above the threshold if no pixel exceeds that.
     """
-    start = int(threshold) + 1
-    total = np.cumsum(np.bincount(patch.ravel(), minlength=256)[start:])
-    above = int(np.searchsorted(total, share * total[-1], side="right"))
-    return float(start + above if above < len(total) else start)
+    count = np.zeros(256, np.int64)
+    for y in range(patch.shape[0]):
+        for x in range(patch.shape[1]):
+            count[patch[y, x]] += 1
+    start = int(np.floor(threshold)) + 1
+    limit, total = share * count[start:].sum(), 0
+    for level in range(start, 256):
+        total += count[level]
+        if total > limit:
+            return float(level)
+    return float(start)
 
 
 @kernel

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats, Mask, Picture
+from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone
 
 _ALIKE = 1.2  # largest ratio of two means that count as equal: all fish may head the same way
@@ -52,25 +53,36 @@ def with_fins(
     alpha: of the silhouette alone; corner: x, y of its first pixel. levels: the fish's contrast,
     and the threshold, grey levels.
     """
-    contrast, threshold = levels
-    level = np.arange(256)
-    fading = np.clip(level / threshold - 1, 0, 1)
-    opacity = np.minimum(level * fading * (255 / contrast) + 0.5, 255).astype(np.uint8)
-    bounds = []  # of the result, in px of the mask: top, bottom, left, right
-    for axis, size in enumerate(fins.mask.shape):
-        first = corner[1 - axis] - (fins.y0, fins.x0)[axis]
-        fin = np.flatnonzero(fins.mask.any(axis=1 - axis))
-        low, high = (fin[0], fin[-1] + 1) if len(fin) else (size, 0)
-        bounds += [min(first, max(low - _RIM, 0))]
-        bounds += [max(first + alpha.shape[axis], min(high + _RIM, size))]
-    top, bottom, left, right = map(int, bounds)
-    window = np.s_[top:bottom, left:right]
-    shown = np.where(fins.mask[window], opacity[fins.field[window]], np.uint8(0))
-    x, y = left + fins.x0, top + fins.y0
-    h, w = alpha.shape
-    own = shown[corner[1] - y : corner[1] - y + h, corner[0] - x : corner[0] - x + w]
-    np.copyto(own, alpha, where=alpha > 0)
-    return shown, (x, y)
+    at = corner[0] - fins.x0, corner[1] - fins.y0
+    shown, x, y = _add_fins(alpha, at, fins.mask, fins.field, levels)
+    return shown, (x + fins.x0, y + fins.y0)
+
+
+@kernel
+def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
+    """Return alpha with fins and its first pixel x, y; at: first pixel of `alpha` in the mask."""
+    (left, top), (contrast, threshold) = at, levels
+    (h, w), (height, width) = alpha.shape, mask.shape
+    x, y, right, bottom = left, top, left + w, top + h
+    for v in range(height):
+        for u in range(width):
+            if mask[v, u]:
+                x, right = min(x, max(u - _RIM, 0)), max(right, min(u + 1 + _RIM, width))
+                y, bottom = min(y, max(v - _RIM, 0)), max(bottom, min(v + 1 + _RIM, height))
+    share = np.empty(256, np.uint8)
+    for level in range(256):
+        fading = min(max(level / threshold - 1, 0.0), 1.0)
+        share[level] = int(min(level * fading * (255 / contrast) + 0.5, 255.0))
+    shown = np.zeros((bottom - y, right - x), np.uint8)
+    for v in range(bottom - y):
+        for u in range(right - x):
+            if mask[y + v, x + u]:
+                shown[v, u] = share[field[y + v, x + u]]
+    for v in range(h):
+        for u in range(w):
+            if alpha[v, u]:
+                shown[top - y + v, left - x + u] = alpha[v, u]
+    return shown, x, y
 
 
 class Side(NamedTuple):

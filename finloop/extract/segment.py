@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
+from finloop.base.kernel import kernel
 from finloop.extract.backbone import (
     Backbone,
     pad_picture,
@@ -284,6 +285,7 @@ def measure_fish(
     )
 
 
+@kernel
 def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     """Return the soft alpha (h, w) uint8, 0 … 255, of a silhouette `mask` (h, w).
 
@@ -291,12 +293,26 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     divided by the largest difference within two pixels inside the fish, `floor` at least. Deep
     inside, where patterned skin may resemble the tank, alpha is 255; beyond the next pixel it is 0.
     """
-    fish, ring = mask.view(np.uint8), np.ones((3, 3), np.uint8)
-    most = cv2.dilate(fish * field, np.ones((5, 5), np.uint8))
-    alpha = np.rint(np.minimum(255.0 * field / np.maximum(most, max(floor, 1)), 255))
-    alpha[cv2.erode(fish, ring) > 0] = 255
-    alpha[cv2.dilate(fish, ring) == 0] = 0
-    return alpha.astype(np.uint8)
+    height, width = mask.shape
+    alpha = np.zeros((height, width), np.uint8)
+    fish = np.zeros((height, width + 2), np.uint8)  # pixels of it in rows y - 1 ... y + 1
+    for y in range(height):
+        for v in range(max(y - 1, 0), min(y + 2, height)):
+            for x in range(width):
+                fish[y, x + 1] += mask[v, x]
+        rows = min(y + 2, height) - max(y - 1, 0)
+        for x in range(width):
+            count = fish[y, x] + fish[y, x + 1] + fish[y, x + 2]
+            if count == rows * (min(x + 2, width) - max(x - 1, 0)):
+                alpha[y, x] = 255
+            elif count:
+                most = floor
+                for v in range(max(y - 2, 0), min(y + 3, height)):
+                    for u in range(max(x - 2, 0), min(x + 3, width)):
+                        if mask[v, u]:
+                            most = max(most, field[v, u])
+                alpha[y, x] = min(round(255 * field[y, x] / max(most, 1)), 255)
+    return alpha
 
 
 def _outline(alpha: Picture) -> Floats:
@@ -316,7 +332,20 @@ def premultiply(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     other picture it has no fringe of tank colour. `film` and `tank` are (h, w) or (h, w, 3),
     `alpha` (h, w).
     """
-    film, tank = (picture.reshape(*alpha.shape, -1) for picture in (film, tank))
-    through = ((255 - alpha[..., None].astype(np.uint16)) * tank + 127) // 255
-    colour = np.clip(film - through.astype(np.int16), 0, alpha[..., None])
-    return np.dstack([colour.astype(np.uint8), alpha])
+    deep = (*alpha.shape, film.size // alpha.size)
+    return _premultiply(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
+
+
+@kernel
+def _premultiply(film, tank, alpha):  # type: ignore[no-untyped-def]
+    """Return the cut-out (h, w, k + 1) of pictures (h, w, k) of k channels."""
+    height, width, channels = film.shape
+    out = np.empty((height, width, channels + 1), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            opaque = int(alpha[y, x])
+            for k in range(channels):
+                through = (tank[y, x, k] * (255 - opaque) + 127) // 255
+                out[y, x, k] = min(max(film[y, x, k] - through, 0), opaque)
+            out[y, x, channels] = opaque
+    return out
