@@ -48,11 +48,11 @@ from finloop.extract.table import tracks_schema
 from finloop.extract.write import load_sample_frames
 from finloop.features.table import FEATURES, measure_features
 from finloop.features.table import FeaturesSettings as FeatureSettings
-from finloop.io.cutouts import film_writer
+from finloop.io.cutouts import tracks_writer
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, save_facts
-from finloop.io.wheel import cache_folder, zebrafish_clips
+from finloop.io.wheel import cache_folder, fetch_zebrafish_clips
 from stages.extract import WORKERS_NEED
 from stages.run import THREADS
 
@@ -110,7 +110,7 @@ def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: Feat
     linked = link_tracks(
         fill_lost_frames(found, []), typical, how, [start for start, _ in facts.segments[1:]]
     )
-    with film_writer(out, tracks_schema(how.points)) as write:
+    with tracks_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):
             write(track_rows(lot), cutouts(lot))
     table = load_table(out / "tracks.parquet", tracks_schema(how.points))
@@ -193,7 +193,7 @@ def main() -> None:
         prepare(scratch, ["clip=zebrafish", "clip.parts=A"])
         how, then = settings("extract"), settings("features")
         stage(scratch, "clip")
-        clip, source = scratch / "data/clip", zebrafish_clips("A", cache_folder())[0]
+        clip, source = scratch / "data/clip", fetch_zebrafish_clips("A", cache_folder())[0]
         for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):
             mine, theirs, ratio, fish = time_pairs(
                 lambda: extract_and_features(clip, scratch, how, then), partial(decode, path)

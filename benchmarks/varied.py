@@ -24,7 +24,7 @@ from finloop.features.table import FEATURES
 from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import load_json, load_record, remake_hint
-from finloop.io.table import load_lists, load_table, table_writer
+from finloop.io.table import load_list_columns, load_table, table_writer
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, load_facts, save_facts
 from finloop.pose.film import POSES, FilmPoses, restore_poses
 from finloop.puppet.drawing import PosedPicture, place_backbone
@@ -54,7 +54,7 @@ class Base:
             width[::-1] if turn else width
             for width, turn in zip(tracks["half_width_px"], back, strict=True)
         ]
-        (codes,) = load_lists(home / "pose/poses.parquet", POSES, "codes")
+        (codes,) = load_list_columns(home / "pose/poses.parquet", POSES, "codes")
         poses = load_json(
             home / "pose/shapes.json",
             lambda facts: restore_poses(features, codes, facts),

@@ -20,10 +20,10 @@ from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.errors import FinloopError
 from finloop.io.cutouts import CutoutStore, open_cutouts
 from finloop.io.mapped import open_array
-from finloop.io.parameters import parameters, read_parameters
+from finloop.io.parameters import build_settings, read_parameters
 from finloop.io.picture import load_picture
 from finloop.io.record import load_json, load_record, load_records, remake_hint
-from finloop.io.table import load_lists, load_table
+from finloop.io.table import load_list_columns, load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, load_mask
 
 if TYPE_CHECKING:  # what members return; they import it themselves
@@ -90,7 +90,7 @@ class Project:
 
     def settings(self, word: str) -> Any:
         """Return the parameters of a stage word, from params.yaml, as its settings dataclass."""
-        return parameters(word, read_parameters(self.root / "params.yaml"))
+        return build_settings(word, read_parameters(self.root / "params.yaml"))
 
     # --- clip
 
@@ -168,7 +168,7 @@ class Project:
         from finloop.pose.film import POSES, restore_poses
 
         folder, features = self.data / "pose", self.features
-        (codes,) = load_lists(folder / "poses.parquet", POSES, "codes")
+        (codes,) = load_list_columns(folder / "poses.parquet", POSES, "codes")
         postures = open_array(folder / "postures.npy", (len(features), None), "float64")
         return load_json(
             folder / "shapes.json",
@@ -252,7 +252,7 @@ class Project:
         """Return light and skin of each row, (n, k); with mirror images after them, (2 n, k)."""
         from finloop.jumps.table import LOOK
 
-        return load_lists(self.data / "jumps/look.parquet", LOOK, "look")[0]
+        return load_list_columns(self.data / "jumps/look.parquet", LOOK, "look")[0]
 
     @cached_property
     def gateways(self) -> pd.DataFrame:

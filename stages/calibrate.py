@@ -15,7 +15,7 @@ from finloop.calibrate.settings import CalibrateSettings
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json
-from finloop.io.several import readable_parts
+from finloop.io.several import load_readable_parts
 from finloop.io.table import save_csv, save_table
 from finloop.project import Project
 from finloop.social.measures import SHOAL, compare_groups
@@ -31,7 +31,7 @@ def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
 
     The clip's arena is that film's.
     """
-    parts = readable_parts(clip)
+    parts = load_readable_parts(clip)
     return features[features["frame"] < parts[0].stop] if parts else features
 
 

@@ -17,10 +17,10 @@ from finloop.clip.settings import ClipSettings, File
 from finloop.clip.verdict import REPAIRS, findings
 from finloop.clip.write import ClipSource, open_source
 from finloop.io.atomic import whole_folder
-from finloop.io.footage import file_stamps, film_names, list_films, refuse_grown
-from finloop.io.several import FILMS, FilmPart, film_folders, join_clips
+from finloop.io.footage import list_films, read_file_stamps, refuse_changed_film, unique_film_names
+from finloop.io.several import FILMS, FilmPart, join_clips, list_film_folders
 from finloop.io.table import save_csv
-from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
+from finloop.io.video import CLIP_NAME, VideoFacts, read_chosen_frames
 from stages.reuse import code_digest, reuse_or_make
 from stages.settings import load
 
@@ -73,14 +73,14 @@ def _write_clip(
     """Write one film's clip to `folder`; return its metrics. Refuse a file that changes."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
-    before = file_stamps(p.film) if isinstance(p, File) else []
+    before = read_file_stamps(p.film) if isinstance(p, File) else []
     clip = make_clip(p, source, folder, watch)
     facts, tally = clip.facts, clip.tally
     for note in source.loss.notes:
         print(f"finloop: WARNING: {note}", file=sys.stderr)
     if isinstance(p, File):
-        refuse_grown(p.film, before)
-    coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
+        refuse_changed_film(p.film, before)
+    coded = read_chosen_frames(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
     return {
         **_fact_metrics(facts),
         **clip.numbers,
@@ -95,7 +95,7 @@ def _write_clip(
 def _report_findings(metrics: dict[str, float]) -> None:
     """Write reports/clip/findings.csv, what is doubtful in the films, and print it on stderr."""
     rows = []
-    for name, _ in film_folders(CLIP):
+    for name, _ in list_film_folders(CLIP):
         prefix = f"{name}_" if name else ""  # of several films
         repaired = {word for word in REPAIRS if metrics[f"{prefix}mended_{word}"]}
         now, filmed = (Quality.from_metrics(metrics, prefix + part) for part in ("", "filmed_"))
@@ -109,7 +109,7 @@ def _write_clips(films: list[File], folder: Path) -> dict[str, float]:
     """Write the clips of several films, a folder each, and join them; return all metrics."""
     code, parts = code_digest("clip"), list[FilmPart]()
     numbers: dict[str, float] = {}
-    named_films = list(zip(film_names(p.film for p in films), films, strict=True))
+    named_films = list(zip(unique_film_names(p.film for p in films), films, strict=True))
     with progress("clip", len(films), "films") as advance:
         for name, p in named_films:
             path, home = p.film, Path(FILMS) / name
@@ -117,7 +117,7 @@ def _write_clips(films: list[File], folder: Path) -> dict[str, float]:
             print(f"finloop: {name} is {path}", file=sys.stderr)
             try:
                 source = open_source(p)
-                key = {"clip": asdict(p), "code": code, "film": file_stamps(path)}
+                key = {"clip": asdict(p), "code": code, "film": read_file_stamps(path)}
                 make = partial(_write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
                 of_film = reuse_or_make(CLIP / home, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}

@@ -22,9 +22,9 @@ from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.write import Extraction, describe_lost_frames, extract
 from finloop.io.atomic import whole_folder
-from finloop.io.footage import Stamp, file_stamps
-from finloop.io.pieces import Pieces, remove_except
-from finloop.io.several import FILMS, FilmPart, all_parts, readable_parts
+from finloop.io.footage import Stamp, read_file_stamps
+from finloop.io.pieces import Pieces, remove_folders_except
+from finloop.io.several import FILMS, FilmPart, load_parts, load_readable_parts
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.cluster import workers
@@ -48,16 +48,16 @@ def main() -> None:
     """Write tracks, cut-outs and background to data/extract/, and reports/extract/."""
     settings: ExtractSettings = load("extract")
     with workers(WORKERS_NEED) as pool, whole_folder(EXTRACT) as folder:
-        if readable_parts(CLIP):
+        if load_readable_parts(CLIP):
             numbers, films = _extract_films(CLIP, settings, pool, folder)
         else:
             pieces = Pieces(PIECES / name_of(_track_inputs(CLIP, settings)))
-            remove_except(PIECES, [pieces.folder.name])
+            remove_folders_except(PIECES, [pieces.folder.name])
             numbers = _extract_film(CLIP, settings, pool, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             rows, tracks = int(numbers["fish_frames"]), int(numbers["tracks"])
             films = [_film_row(Contribution(name, rows, tracks, Likeness()))]
-    remove_except(PIECES, [])
+    remove_folders_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
 
@@ -66,7 +66,7 @@ def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
     """Return everything from which the tracks of a clip are made, as plain values for reuse."""
 
     def stamps_of(path: Path) -> list[Stamp] | None:
-        return file_stamps(path) if path.exists() else None
+        return read_file_stamps(path) if path.exists() else None
 
     key = clip / KEY_NAME  # exists for one of several films
     film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
@@ -82,7 +82,7 @@ def _extract_film(
     `pieces`, results of an interrupted run, are used.
     """
     facts = load_facts(clip / FACTS_NAME)
-    if pieces.size():
+    if pieces.stored_bytes():
         print("finloop: continues with the results of an interrupted run", file=sys.stderr)
     try:
         with progress("extract", facts.frames) as advance:
@@ -124,7 +124,7 @@ def _extract_films(
 
     Returns metrics, and a row of films.csv for each film.
     """
-    numbers, parts = dict[str, float](), all_parts(clip)
+    numbers, parts = dict[str, float](), load_parts(clip)
     errors = {part.name: part.error for part in parts if part.error}
     todo = []
     for part in parts:
@@ -135,7 +135,7 @@ def _extract_films(
                     path = tracks_of(Path(part.path), settings.tracks_path)
                     p = replace(settings, tracks_path=path)
                 todo.append((part, p, _track_inputs(clip / FILMS / part.name, p)))
-    remove_except(PIECES, [name_of(key) for _, _, key in todo])
+    remove_folders_except(PIECES, [name_of(key) for _, _, key in todo])
     for part, p, key in todo:
         home = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)

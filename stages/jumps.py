@@ -11,7 +11,7 @@ import pandas as pd
 
 from finloop.distance.reel import Reel
 from finloop.io.atomic import whole_folder
-from finloop.io.mapped import flush_array, new_array, open_array
+from finloop.io.mapped import create_array, flush_array, open_array
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.jumps.film import film_jumps
@@ -42,7 +42,7 @@ class StoredFilm:
     def create(self) -> None:
         """Create the file of pictures, in the process that will fill it; others only open it."""
         shape = shape_of(self.project.film_reel, self.size)
-        self._pictures = new_array(self.path, shape, "uint8")
+        self._pictures = create_array(self.path, shape, "uint8")
 
     @cached_property
     def _pictures(self) -> Pictures:

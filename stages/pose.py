@@ -9,9 +9,9 @@ import numpy as np
 
 from finloop.extract.table import OUTLINE_POINTS, tracks_schema
 from finloop.io.atomic import whole_folder
-from finloop.io.mapped import new_array, save_array
+from finloop.io.mapped import create_array, save_array
 from finloop.io.record import save_record
-from finloop.io.table import read_lists, save_table
+from finloop.io.table import read_list_blocks, save_table
 from finloop.pose import film_poses
 from finloop.pose.film import POSES, USED, restore_poses
 from finloop.pose.settings import PoseSettings
@@ -52,9 +52,9 @@ def main() -> None:
 
 def _save_outlines(path: Path, project: Project) -> None:
     """Write the outlines of all n rows to a .npy file, (n, k, 2) float32: x, y in px."""
-    outlines = new_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
+    outlines = create_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
     table, first = project.data / "extract/tracks.parquet", 0
-    for axes in read_lists(table, tracks_schema(project.scene.points), OUTLINE, ROWS):
+    for axes in read_list_blocks(table, tracks_schema(project.scene.points), OUTLINE, ROWS):
         outlines[first : first + len(axes[0])] = np.stack(axes, -1)
         first += len(axes[0])
 

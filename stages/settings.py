@@ -13,7 +13,7 @@ from typing import Any
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import GROUPS, check_values, default_variants, values_of, variants
-from finloop.io.parameters import parameters, read_parameters
+from finloop.io.parameters import build_settings, read_parameters
 
 PARAMS = Path("params.yaml")
 CONF = Path("conf")
@@ -28,7 +28,7 @@ def load(word: str) -> Any:
 
     FinloopError lists all wrong parameters, or says that conf/ was edited since.
     """
-    return parameters(word, read())
+    return build_settings(word, read())
 
 
 def read() -> dict[str, Any]:

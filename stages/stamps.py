@@ -32,10 +32,10 @@ def file_stamp(name: str, groups: Groups) -> str | None:
         files = _LISTS[name](groups)
         if not files:
             return None
-        from finloop.io.footage import file_stamps
+        from finloop.io.footage import read_file_stamps
 
         # A folder stands for its files.
-        content = [(str(file.absolute()), *file_stamps(file)) for file in files]
+        content = [(str(file.absolute()), *read_file_stamps(file)) for file in files]
         return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
     except (FinloopError, OSError):
         return None

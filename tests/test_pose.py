@@ -8,7 +8,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.features.memory import memory_frames
 from finloop.io.record import load_json, remake_hint, save_record
-from finloop.io.table import load_lists, save_table
+from finloop.io.table import load_list_columns, save_table
 from finloop.pose import film_poses
 from finloop.pose.film import POSES, restore_poses
 from finloop.puppet.pose import mirror_posture
@@ -49,7 +49,7 @@ def test_postures_come_back_from_files_as_they_were(tmp_path):
     poses = film_poses(tracks, features, settings("pose"))
     save_table(tmp_path / "poses.parquet", poses.table(features), POSES)
     save_record(tmp_path / "shapes.json", poses.facts)
-    (codes,) = load_lists(tmp_path / "poses.parquet", POSES, "codes")
+    (codes,) = load_list_columns(tmp_path / "poses.parquet", POSES, "codes")
     again = load_json(
         tmp_path / "shapes.json",
         lambda facts: restore_poses(features, codes, facts),

@@ -20,7 +20,7 @@ from finloop.extract.table import tracks_schema
 from finloop.io import atomic
 from finloop.io.atomic import require_free_space
 from finloop.io.numbers import load_numbers
-from finloop.io.pieces import Pieces, remove_except
+from finloop.io.pieces import Pieces, remove_folders_except
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, KEY_FRAME_EVERY, load_facts, load_mask
 from finloop.verbs import Film, track
@@ -36,10 +36,10 @@ Usage = namedtuple("Usage", "total used free")
 
 def test_a_piece_that_is_kept_is_not_made_again(tmp_path):
     pieces = Pieces(tmp_path / "a")
-    assert pieces.size() == 0
+    assert pieces.stored_bytes() == 0
     assert pieces.load_or_make("1", lambda: [1, "b"]) == [1, "b"]
     assert pieces.load_or_make("1", lambda: 1 / 0) == [1, "b"]
-    assert pieces.size() == (tmp_path / "a/1").stat().st_size
+    assert pieces.stored_bytes() == (tmp_path / "a/1").stat().st_size
 
 
 @pytest.mark.parametrize("left", [0, 4, 12, -1])
@@ -54,9 +54,9 @@ def test_a_piece_that_is_damaged_is_made_again(tmp_path, left):
 def test_pieces_of_something_else_are_removed(tmp_path):
     for name in "abc":
         Pieces(tmp_path / name).load_or_make("1", lambda: 1)
-    remove_except(tmp_path, ["b"])
+    remove_folders_except(tmp_path, ["b"])
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
-    remove_except(tmp_path, [])
+    remove_folders_except(tmp_path, [])
     assert not tmp_path.exists()
 
 

@@ -22,10 +22,10 @@ from finloop.extract.join_films import Likeness, join_extractions, likeness, mat
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
-from finloop.io.footage import film_names, list_films
+from finloop.io.footage import list_films, unique_film_names
 from finloop.io.movie import VideoWriter
 from finloop.io.numbers import load_numbers
-from finloop.io.several import frames_at_rate, readable_parts
+from finloop.io.several import frames_at_rate, load_readable_parts
 from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
 
@@ -65,9 +65,9 @@ def test_a_pattern_gives_what_it_fits(tmp_path):
 
 def test_names_are_all_different_and_plain(tmp_path):
     paths = [tmp_path / one for one in ("a/Tank 1.mp4", "b/tank_1.avi", "b/tank 1.avi", "'ü'.mov")]
-    made = film_names(paths)
+    made = unique_film_names(paths)
     assert made == ["Tank-1", "tank_1", "tank-1-2", "-ü-"]
-    assert film_names(paths[:2]) == made[:2]  # a further film renames none
+    assert unique_film_names(paths[:2]) == made[:2]  # a further film renames none
 
 
 def test_a_film_that_is_named_twice_is_taken_once(tmp_path, capsys):
@@ -204,7 +204,10 @@ def test_the_frames_of_all_films_are_one_count_at_the_lowest_rate(joined_run):
     facts = load_facts(joined_run / "data/clip/facts.json")
     assert facts.segments == ((0, FRAMES), (FRAMES, 2 * FRAMES))
     assert (facts.frames, facts.frame_rate, facts.width_px) == (2 * FRAMES, 25, SIZE[1])
-    assert [part.name for part in readable_parts(joined_run / "data/clip")] == ["1-first", "2-fine"]
+    assert [part.name for part in load_readable_parts(joined_run / "data/clip")] == [
+        "1-first",
+        "2-fine",
+    ]
     picture = cv2.imread(str(joined_run / "reports/extract/detections.png"))
     assert picture.shape[0] > 2 * SIZE[0]  # it shows both
 

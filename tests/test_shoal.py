@@ -56,7 +56,7 @@ from finloop.edit.measures import average_measures
 from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT, PATH, Goal, by_fish
 from finloop.io.numbers import load_numbers
-from finloop.io.parameters import parameters, read_parameters
+from finloop.io.parameters import build_settings, read_parameters
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.live.tank import LiveTank
@@ -424,7 +424,7 @@ def open_mode(project, mode=stages.modes.matching, **changes):
     """A mode of a run, some of its parameters changed."""
 
     def change_settings(word):
-        p = parameters(word, read_parameters(project.root / "params.yaml"))
+        p = build_settings(word, read_parameters(project.root / "params.yaml"))
         return replace(p, **{name: one for name, one in changes.items() if hasattr(p, name)})
 
     with pytest.MonkeyPatch.context() as patch:

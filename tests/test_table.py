@@ -8,7 +8,7 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.base.schema import ANY, Column, Schema, columns, lists_to_array
-from finloop.io.table import load_lists, load_table, read_lists, save_csv, save_table
+from finloop.io.table import load_list_columns, load_table, read_list_blocks, save_csv, save_table
 
 SCHEMA = Schema(
     Column("frame", "int32", "1"),
@@ -64,13 +64,13 @@ def test_lists_are_read_some_rows_at_a_time(tmp_path):
     path, lines = tmp_path / "a.parquet", np.arange(30, dtype=np.float32).reshape(10, 3)
     schema = Schema(*SCHEMA.columns[:1], SCHEMA.columns[-1])
     save_table(path, pd.DataFrame({"frame": range(10), "line_px": list(lines)}), schema)
-    lots = [some for (some,) in read_lists(path, schema, ["line_px"], 4)]
+    lots = [some for (some,) in read_list_blocks(path, schema, ["line_px"], 4)]
     assert [len(some) for some in lots] == [4, 4, 2]
     assert np.array_equal(np.concatenate(lots), lines)
     with pytest.raises(FinloopError, match="other: missing"):
-        list(read_lists(path, schema, ["other"], 4))
+        list(read_list_blocks(path, schema, ["other"], 4))
     with pytest.raises(FinloopError, match="cannot be read"):
-        list(read_lists(tmp_path / "b.parquet", schema, ["line_px"], 4))
+        list(read_list_blocks(tmp_path / "b.parquet", schema, ["line_px"], 4))
 
 
 def test_columns_are_put_in_order(tmp_path):
@@ -155,7 +155,7 @@ def test_lists_are_loaded_as_one_array_and_refused_where_their_lengths_differ(tm
     even = np.arange(6, dtype=np.float32).reshape(2, 3)
     table = pd.DataFrame({"even": list(even), "odd": [even[0], even[1, :2]]})
     save_table(tmp_path / "lists.parquet", table, schema)
-    (back,) = load_lists(tmp_path / "lists.parquet", schema, "even")
+    (back,) = load_list_columns(tmp_path / "lists.parquet", schema, "even")
     np.testing.assert_array_equal(back, even)
     with pytest.raises(FinloopError, match="odd: lists of 2 to 3"):
-        load_lists(tmp_path / "lists.parquet", schema, "even", "odd")
+        load_list_columns(tmp_path / "lists.parquet", schema, "even", "odd")

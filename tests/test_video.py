@@ -20,8 +20,8 @@ from finloop.io.video import (
     VideoFacts,
     load_facts,
     load_mask,
+    read_chosen_frames,
     read_frames,
-    read_spread,
     save_facts,
     save_mask,
 )
@@ -121,9 +121,9 @@ def test_any_range_is_exact_and_frames_outlive_the_reading(film, start, stop):
 def test_spread_frames_are_exact(film):
     path, frames = film
     wanted = [0, 0, 3, 31, 32, 90, 99]
-    np.testing.assert_array_equal(list(read_spread(path, wanted)), frames[wanted])
+    np.testing.assert_array_equal(list(read_chosen_frames(path, wanted)), frames[wanted])
     with pytest.raises(ValueError, match="ascend"):
-        next(read_spread(path, [3, 1]))
+        next(read_chosen_frames(path, [3, 1]))
 
 
 def test_spread_frames_are_jumped_to(film, monkeypatch):
@@ -137,7 +137,7 @@ def test_spread_frames_are_jumped_to(film, monkeypatch):
         return number(frame, step)
 
     monkeypatch.setattr(video, "_frame_number", count_frames)
-    list(read_spread(path, [0, 60, 99]))
+    list(read_chosen_frames(path, [0, 60, 99]))
     assert decoded <= 1 + 1 + 10
 
 

@@ -25,7 +25,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.io.atomic import require_free_space
 from finloop.io.footage import open_footage
 from finloop.io.footage.source import Footage, Loss, NumberedFrames, Order
-from finloop.io.footage.timing import Timing, resample_nearest, split_at_cuts
+from finloop.io.footage.timing import FrameCounts, resample_nearest, split_at_cuts
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
 from finloop.io.video import (
@@ -41,7 +41,7 @@ from finloop.io.video import (
     save_facts,
     save_mask,
 )
-from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
+from finloop.io.wheel import TANK_PX, cache_folder, fetch_zebrafish_clips
 
 _SAMPLE = 2 * KEY_FRAME_EVERY  # frames from which the size of the clip is estimated
 _ROWS = 512  # rows of truth that are written at a time
@@ -90,7 +90,7 @@ def write_clip(
         segments=split_at_cuts(timing.cuts, timing.frames),
         frames_repeated=timing.repeated,
         frames_dropped=timing.dropped,
-        frames_missing=source.loss.frames,
+        frames_missing=source.loss.lost_frames,
         mm_per_px=p.mm_per_px,
         notes=(*facts.notes, *source.loss.notes),
     )
@@ -128,7 +128,7 @@ def _open_carp(p: Carp) -> ClipSource:
 
 def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
     if isinstance(p, Zebrafish):
-        paths = zebrafish_clips(p.parts, cache_folder())
+        paths = fetch_zebrafish_clips(p.parts, cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
     else:
         colour = {"auto": None, "always": True, "never": False}[p.colour]
@@ -139,7 +139,7 @@ def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
         films = [replace(footage, fields=fields)]
     lengths = [f.frames_in_source for f in films]
     facts = replace(
-        films[0].facts(p.source, p.crf),
+        films[0].clip_facts(p.source, p.crf),
         frames=sum(f.frames_expected for f in films),
         source_frames=sum(lengths),
     )
@@ -156,12 +156,12 @@ def _open_films(p: Zebrafish | File, fields: Order) -> ClipSource:
 
 def _write_takes(
     writer: VideoWriter, source: ClipSource, truth: WriteRows | None, advance: Callable[[], None]
-) -> tuple[Timing, Tally, array]:
+) -> tuple[FrameCounts, Tally, array]:
     """Write the takes one after the other, re-timed to a constant rate from their first frames.
 
     Return the timing, the tally, and the source's numbers of the frames that were written.
     """
-    timing, tally, source_frames = Timing(), Tally(), array("i")
+    timing, tally, source_frames = FrameCounts(), Tally(), array("i")
 
     def flush_truth(least: int) -> None:
         if truth and len(source.truth) >= least:

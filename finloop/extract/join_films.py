@@ -22,7 +22,7 @@ from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.extract.write import BACKGROUND_NAME, SCENE_NAME
 from finloop.io.cutouts import CUTOUTS_NAME, TRACKS_NAME, CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.record import load_record
-from finloop.io.several import FILMS, FilmPart, frames_at_rate, readable_parts
+from finloop.io.several import FILMS, FilmPart, frames_at_rate, load_readable_parts
 from finloop.io.table import load_table, table_writer
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 
@@ -85,7 +85,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
     errors: by name of each film without tracks, the reason. FinloopError if the first film is among
     them: the animation is shown in its tank.
     """
-    parts, whole = readable_parts(clip), load_facts(clip / FACTS_NAME)
+    parts, whole = load_readable_parts(clip), load_facts(clip / FACTS_NAME)
     if parts[0].name in errors:
         raise FinloopError(
             f"{parts[0].path}, the first film, cannot be followed: {errors[parts[0].name]}",
@@ -165,7 +165,7 @@ def _copy(
     """Write the cut-outs of these rows under the keys of the table."""
     keys = table[["track_id", "frame"]].to_numpy()
     if like.none:
-        writer.copy(store, rows, keys)
+        writer.copy_cutouts(store, rows, keys)
         return
     for row, (track_id, frame) in zip(rows.tolist(), keys.tolist(), strict=True):
         writer.write(match_cutout(store[row], like)._replace(track_id=track_id, frame=frame))

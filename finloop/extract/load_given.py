@@ -24,7 +24,7 @@ from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.io.cutouts import TRACKS_NAME
 from finloop.io.poses import load_poses
 from finloop.io.table import load_table, save_table
-from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_spread
+from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_chosen_frames
 
 
 def tracks_of(film: Path, pattern: str) -> str:
@@ -75,7 +75,7 @@ def check_given(
     there = np.flatnonzero(given.stop > given.start)
     spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
     sample = there[np.unique(spread.round().astype(int))].tolist()
-    frames = read_spread(clip / CLIP_NAME, sample, colour=facts.colour)
+    frames = read_chosen_frames(clip / CLIP_NAME, sample, colour=facts.colour)
     spots = [detector(frame, scene).spots for frame in frames]
     agreement = fit_to_silhouettes(given, sample, spots, detector.typical.length_px)
     refuse_other_film(given, agreement)

@@ -24,9 +24,9 @@ from finloop.extract.samples import Typical, Verdict, survey
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import require_free_space
-from finloop.io.cutouts import film_writer, packed_size
+from finloop.io.cutouts import compressed_size, tracks_writer
 from finloop.io.picture import save_picture
-from finloop.io.pieces import Pieces, pack_piece
+from finloop.io.pieces import Pieces, pack_result
 from finloop.io.record import save_record
 from finloop.io.table import arrow_table
 from finloop.io.video import (
@@ -38,9 +38,9 @@ from finloop.io.video import (
     VideoFacts,
     load_facts,
     load_mask,
+    read_chosen_frames,
     read_frames,
-    read_spread,
-    refuse_other_length,
+    require_frame_count,
 )
 
 SCENE_NAME, BACKGROUND_NAME = "scene.json", "background.png"
@@ -105,7 +105,7 @@ def extract(
             advance()
             yield fish
 
-    with film_writer(folder, tracks_schema(p.points)) as write:
+    with tracks_writer(folder, tracks_schema(p.points)) as write:
         for fish in film.batches(track_frames()):
             write(film.track_rows(fish), film.cutouts(fish))
     if not lengths:
@@ -139,11 +139,11 @@ def load_sample_frames(path: Path, facts: VideoFacts, samples: int) -> list[Pict
 
     path: of the clip's film; facts: about it. UndecodableError if none can be decoded.
     """
-    refuse_other_length(path, facts.frames)
+    require_frame_count(path, facts.frames)
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
     numbers = film.sample_frames(samples, facts.frames, shape, KEY_FRAME_EVERY)
     # One thread per decoder: several threads would decode frames after a key frame in vain.
-    read = partial(read_spread, path, colour=facts.colour, threads=1)
+    read = partial(read_chosen_frames, path, colour=facts.colour, threads=1)
 
     def read_pictures(part: NDArray[np.intp]) -> list[Picture]:
         return list(read(part.tolist()))
@@ -176,10 +176,10 @@ def _refuse_small_disk(
         table = arrow_table(
             film.track_rows(fish), tracks_schema(len(fish[0].fish.backbone.points_px)), ""
         )
-        size = 2 * (table.nbytes + sum(map(packed_size, film.cutouts(fish))))
+        size = 2 * (table.nbytes + sum(map(compressed_size, film.cutouts(fish))))
     written = 0
     if pieces is not None:
-        size += len(pack_piece(list(sample)))
-        written = pieces.size()
+        size += len(pack_result(list(sample)))
+        written = pieces.stored_bytes()
     wanted = size / len(sample) * frames - written
     require_free_space(folder, wanted, f"the results of {frames} frames", "take a shorter film")

@@ -13,7 +13,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.tool import format_frame_counts, frame_rate, run_tool
 from finloop.gait.model import DO, WANTED, Gait, gait_of
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer
-from finloop.io.animation import ENDINGS, find_writer, save_animation
+from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.record import load_json
 from finloop.io.svg import load_svg
 from finloop.morph.layers import MOST_FRAMES
@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _write(options: argparse.Namespace) -> str:
     """Write the cycle and return its summary."""
-    find_writer(options.output)  # check the ending first
+    find_morph_writer(options.output)  # check the ending first
     gait = load_gait(gait_path(options.gait, SHIPPED))
     frames, rate = timing(gait.frequency_hz, options.frames, options.rate)
     if options.cycles < 1 or options.cycles * frames > MOST_FRAMES:

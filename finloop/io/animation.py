@@ -30,26 +30,30 @@ LARGEST_PX = 2048
 Json = dict[str, Any]
 
 
-def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 512) -> None:
-    """Write a morph as SVG, Lottie JSON, plain JSON, WebP or MP4: the ending of `path` says which.
+def save_animation(
+    path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int = 512
+) -> None:
+    """Write a morph to `path`: as SVG, Lottie JSON, plain JSON, WebP or MP4, by the path's ending.
 
-    frame_rate: frames per second. size: the longer side [px] of WebP and MP4. FinloopError if the
-    ending is not one of `ENDINGS`, or rate or size are out of their ranges.
+    frame_rate: frames per second. longer_side_px: of the pictures in WebP and MP4. FinloopError if
+    the ending is not one of `ENDINGS`, or if rate or side are out of their ranges.
     """
-    write = find_writer(path)
+    write = find_morph_writer(path)
     if not SLOWEST <= frame_rate <= FASTEST:
         raise FinloopError(
             f"{float(frame_rate):g} frames per second",
             f"{SLOWEST:g} … {FASTEST} frames per second",
             "set --fps 30",
         )
-    if not 16 <= size <= LARGEST_PX:
-        raise FinloopError(f"a film {size} px large", f"16 … {LARGEST_PX} px", "set --size 512")
-    write(path, morph, frame_rate, size)
+    if not 16 <= longer_side_px <= LARGEST_PX:
+        raise FinloopError(
+            f"a film {longer_side_px} px large", f"16 … {LARGEST_PX} px", "set --size 512"
+        )
+    write(path, morph, frame_rate, longer_side_px)
 
 
-def find_writer(path: Path) -> "Writer":
-    """Return the function that writes a morph in the format that the ending of `path` names.
+def find_morph_writer(path: Path) -> "Writer":
+    """Return the function that writes morphs in the file format that the ending of `path` names.
 
     FinloopError if no format has this ending.
     """
@@ -64,8 +68,12 @@ def find_writer(path: Path) -> "Writer":
     )
 
 
-def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    """Write a morph as `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`."""
+def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
+    """Write a morph as plain JSON: the points of every contour in every frame.
+
+    The content is `{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`. Rate and side are not
+    used.
+    """
     layers = {name: frames.tolist() for name, frames in morph.layers.items()}
     frames = [
         {"tau": float(tau), "layers": {name: frames[k] for name, frames in layers.items()}}
@@ -75,6 +83,7 @@ def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> No
 
 
 def _save_json(path: Path, content: Json) -> None:
+    """Write plain values (dictionaries, lists, numbers, text) to a file as compact JSON."""
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     save_bytes(path, f"{text}\n".encode())
 
@@ -82,8 +91,8 @@ def _save_json(path: Path, content: Json) -> None:
 # --- animated SVG (SMIL): it plays by itself in every browser, without a script
 
 
-def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    """Write a morph as an SVG with an animated path for every shape, repeated for ever.
+def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
+    """Write a morph as an SVG that plays by itself, with one animated path for every shape.
 
     Points are whole numbers on the morph's grid, each after the first relative to the previous one.
     That is exact, and half as long as decimals.
@@ -99,29 +108,32 @@ def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None
         f'<g transform="scale({1 / grid:.10g})" stroke-linejoin="round" stroke-linecap="round"'
         ' fill-rule="evenodd">',
     ]
-    for shape in _shapes(morph):
+    for shape in _painted_shapes(morph):
         parts = [np.round(morph.layers[name] * grid).astype(np.int64) for name in shape.layers]
         frames = [
-            "".join(map(_svg_path, frame, shape.closed)) for frame in zip(*parts, strict=True)
+            "".join(map(_svg_path_data, frame, shape.closed)) for frame in zip(*parts, strict=True)
         ]
         lines.append(
-            f"<path id={quoteattr(shape.name)} {_svg_style(shape.paint, grid)}"
+            f"<path id={quoteattr(shape.name)} {_svg_paint_attributes(shape.paint, grid)}"
             f' d={quoteattr(frames[0])}><animate attributeName="d" dur="{float(seconds):.6g}s"'
             f' repeatCount="indefinite" values="{";".join([*frames, frames[after]])}"/></path>'
         )
     save_bytes(path, "\n".join([*lines, "</g>", "</svg>", ""]).encode())
 
 
-def _shapes(morph: Morph) -> list[Shape]:
+def _painted_shapes(morph: Morph) -> list[Shape]:
+    """Return the painted shapes of a morph, bottom first; one shape can hold several contours."""
     return group_contours(morph.closed, morph.styles, max(morph.width, morph.height))
 
 
-def _svg_path(points: Ints, closed: bool) -> str:
+def _svg_path_data(points: Ints, closed: bool) -> str:
+    """Return the `d` attribute of an SVG path through points (n, 2) on the morph's grid."""
     text = " ".join(map(str, np.diff(points, axis=0).ravel().tolist())).replace(" -", "-")
     return f"M{points[0, 0]} {points[0, 1]}l{text}{'z' if closed else ''}"
 
 
-def _svg_style(paint: Paint, grid: float) -> str:
+def _svg_paint_attributes(paint: Paint, grid: float) -> str:
+    """Return the SVG attributes that paint a shape; grid: units of the path per px."""
     style = {
         kind: "none" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
         for kind, colour in (("fill", paint.fill), ("stroke", paint.stroke))
@@ -138,12 +150,15 @@ def _svg_style(paint: Paint, grid: float) -> str:
 # --- Lottie (version 5.7), the vector animation of apps and web pages
 
 
-def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    """Write a morph as Lottie JSON: a layer for each shape, a keyframe for each frame.
+def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
+    """Write a morph as Lottie JSON, with a layer for each shape and a keyframe for each frame.
 
-    The topmost shape is first. Players interpolate linearly between keyframes.
+    The topmost shape is first. Players interpolate linearly between keyframes. The side is not
+    used.
     """
-    layers = [_lottie_layer(morph, shape, k) for k, shape in enumerate(_shapes(morph)[::-1], 1)]
+    layers = [
+        _lottie_layer(morph, shape, k) for k, shape in enumerate(_painted_shapes(morph)[::-1], 1)
+    ]
     _save_json(path, {
         "v": "5.7.0", "fr": float(frame_rate), "ip": 0, "op": len(morph.tau),
         "w": ceil(morph.width), "h": ceil(morph.height), "nm": "morph", "ddd": 0, "assets": [],
@@ -152,8 +167,9 @@ def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> N
 
 
 def _lottie_layer(morph: Morph, shape: Shape, index: int) -> Json:
+    """Return the Lottie layer of one shape; index: the layer's number, 1 = topmost."""
     transform = {"o": 100, "r": 0, "p": [0, 0], "a": [0, 0], "s": [100, 100]}  # changes nothing
-    still = {key: _constant(value) for key, value in transform.items()}
+    still = {key: _lottie_constant(value) for key, value in transform.items()}
     items = [
         *(_lottie_path(morph, *part) for part in zip(shape.layers, shape.closed, strict=True)),
         *_lottie_paints(shape.paint),
@@ -167,6 +183,10 @@ def _lottie_layer(morph: Morph, shape: Shape, index: int) -> Json:
 
 
 def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
+    """Return the Lottie path of one contour of a morph, with a keyframe for each frame.
+
+    name: of the contour in `morph.layers`. closed: whether its end joins its beginning.
+    """
     frames = morph.layers[name].tolist()
     straight = [[0, 0]] * len(frames[0])
     keys: list[Json] = [
@@ -179,30 +199,33 @@ def _lottie_path(morph: Morph, name: str, closed: bool) -> Json:
 
 
 def _lottie_paints(paint: Paint) -> list[Json]:
-    """Return stroke before fill: the first lies on top."""
+    """Return the Lottie items that paint a shape: stroke before fill, as the first lies on top."""
 
     def paint_item(kind: str, colour: Colour, opacity: float) -> Json:
+        """Return one Lottie stroke ("st") or fill ("fl"); opacity: 0 … 1."""
         rgb = [round(c / 255, 4) for c in colour]
-        return {"ty": kind, "c": _constant([*rgb, 1]), "o": _constant(100 * opacity)}
+        return {"ty": kind, "c": _lottie_constant([*rgb, 1]), "o": _lottie_constant(100 * opacity)}
 
     paints: list[Json] = []
     if paint.stroke is not None:
         stroke = paint_item("st", paint.stroke, paint.stroke_opacity)
-        paints.append(stroke | {"w": _constant(paint.width), "lc": 2, "lj": 2})
+        paints.append(stroke | {"w": _lottie_constant(paint.width), "lc": 2, "lj": 2})
     if paint.fill is not None:
         paints.append(paint_item("fl", paint.fill, paint.fill_opacity) | {"r": 2})
     return paints
 
 
-def _constant(value: object) -> Json:
+def _lottie_constant(value: object) -> Json:
+    """Return the Lottie form of a value that does not change during the animation."""
     return {"a": 0, "k": value}
 
 
 # --- films
 
 
-def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    scale = size / max(morph.width, morph.height)
+def _save_film(path: Path, morph: Morph, frame_rate: Fraction, longer_side_px: int) -> None:
+    """Write a morph as a film: MP4 if the ending of `path` is .mp4, else animated WebP."""
+    scale = longer_side_px / max(morph.width, morph.height)
     # Both formats need even sides.
     height, width = (2 * max(1, round(s * scale / 2)) for s in (morph.height, morph.width))
     shape = height, width, 3
@@ -215,10 +238,14 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> Non
 
 
 def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterator[Picture]:
-    """Yield the picture (h, w, 3) of every frame; paint equal frames once."""
-    forms = _shapes(morph)
+    """Yield the picture (h, w, 3) of every frame of a morph; equal frames are painted only once.
+
+    shape: height and width of the pictures [px]. scale: px of the picture per px of the drawing.
+    """
+    forms = _painted_shapes(morph)
 
     def paint_frame(frame: int) -> Picture:
+        """Return the picture (h, w, 3) of the frame with a number."""
         contours = [(form, [morph.layers[name][frame] for name in form.layers]) for form in forms]
         return paint_layers(contours, shape, scale)
 

@@ -27,11 +27,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     After an exception `path` is unchanged. FinloopError if the disk is full.
     """
-    with _temporary(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
+    with _temporary_path(path, f".{path.stem}.{_process_tag()}.part{path.suffix}") as part:
         yield part
-        _flush(part)
+        _flush_to_disk(part)
         part.replace(path)
-    _flush(path.parent)
+    _flush_to_disk(path.parent)
 
 
 @contextmanager
@@ -40,28 +40,31 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
     After an exception `path` is unchanged. FinloopError if the disk is full.
     """
-    with _temporary(path, f".{path.name}.{_process_tag()}.part") as part:
+    with _temporary_path(path, f".{path.name}.{_process_tag()}.part") as part:
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
         yield part
         for inner in part.rglob("*"):
-            _flush(inner)
-        _flush(part)
+            _flush_to_disk(inner)
+        _flush_to_disk(part)
         shutil.rmtree(path, ignore_errors=True)
         part.replace(path)
-    _flush(path.parent)
+    _flush_to_disk(path.parent)
 
 
 @contextmanager
 def temporary_file(path: Path) -> Iterator[Path]:
     """Yield a hidden temporary path beside `path`; remove its file when the block ends."""
-    with _temporary(path, f".{path.name}.{_process_tag()}.part") as part:
+    with _temporary_path(path, f".{path.name}.{_process_tag()}.part") as part:
         yield part
 
 
 @contextmanager
-def _temporary(path: Path, name: str) -> Iterator[Path]:
-    """Yield the temporary path that has a name beside `path`; remove what then still lies there."""
+def _temporary_path(path: Path, name: str) -> Iterator[Path]:
+    """Yield the path of a hidden file or folder beside `path`; remove it when the block ends.
+
+    name: of that file or folder. FinloopError if the disk is full.
+    """
     part = path.with_name(name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -76,16 +79,16 @@ def _temporary(path: Path, name: str) -> Iterator[Path]:
             do="free some space (old cache entries: `dvc gc -w`), then run the same command again",
         ) from error
     finally:
-        _remove(part)
+        _remove_path(part)
 
 
 def _process_tag() -> str:
-    """Return a tag of this process: its machine and its process number."""
+    """Return a text that identifies this process: its machine's name and its process number."""
     return f"{socket.gethostname().partition('.')[0]}-{os.getpid()}"
 
 
 def _remove_leftovers(folder: Path) -> None:
-    """Remove the unfinished files that ended processes of this machine left in a folder."""
+    """Remove from a folder the unfinished files of processes of this machine that have ended."""
     host = _process_tag().rpartition("-")[0]
     for path in folder.glob(f".*.{glob.escape(host)}-*.part*"):
         number = path.name.rpartition(".part")[0].rpartition("-")[2]
@@ -94,19 +97,20 @@ def _remove_leftovers(folder: Path) -> None:
         try:
             os.kill(int(number), 0)  # asks whether the process runs
         except ProcessLookupError:
-            _remove(path)
+            _remove_path(path)
         except (PermissionError, OverflowError):
             pass  # it runs, or there is no such number
 
 
-def _remove(path: Path) -> None:
+def _remove_path(path: Path) -> None:
+    """Remove a file, or a folder with all it holds; do nothing if it does not exist."""
     shutil.rmtree(path, ignore_errors=True)
     with suppress(OSError):
         path.unlink(missing_ok=True)
 
 
-def _flush(path: Path) -> None:
-    """Flush a file's or folder's bytes to the disk before the rename."""
+def _flush_to_disk(path: Path) -> None:
+    """Wait until a file's or folder's content is on the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -120,17 +124,19 @@ def save_bytes(path: Path, content: bytes) -> None:
         part.write_bytes(content)
 
 
-def require_free_space(folder: Path, size: float, what: str, do: str) -> None:
-    """Raise FinloopError if a folder's disk has less than `size` bytes free.
+def require_free_space(folder: Path, size_bytes: float, content: str, advice: str) -> None:
+    """Raise FinloopError if the disk of `folder` has less than `size_bytes` free.
 
-    what, do: for the message: what needs the space, and what the user can do instead of freeing it.
+    content: what needs the space; advice: what the user can do instead of freeing some. Both go
+    into the message.
     """
     above = (folder.absolute(), *folder.absolute().parents)
     home = next(path for path in above if path.exists() and path.suffix != ".part")
     free = shutil.disk_usage(home).free
-    if free < size:
+    if free < size_bytes:
         raise FinloopError(
-            f"{what} will take about {decimal(int(size))}, and {decimal(free)} are free in {home}",
+            f"{content} will take about {decimal(int(size_bytes))}, "
+            f"and {decimal(free)} are free in {home}",
             "enough free space for all of it",
-            f"free some space (`dvc gc --workspace` drops unused results), or {do}",
+            f"free some space (`dvc gc --workspace` drops unused results), or {advice}",
         )

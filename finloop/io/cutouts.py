@@ -55,16 +55,18 @@ Write = Callable[[pd.DataFrame, Iterable[Cutout]], None]
 
 
 class CutoutWriter:
-    """A new store of cut-outs; the file appears at `path` when the `with` block succeeds.
+    """Writer of a new store of cut-outs; the file appears at `path` when the `with` block succeeds.
 
-    With `sprites`, the index also has the columns sprite and orientation.
+    sprites: whether each cut-out also has a sprite number and an orientation.
     """
 
     def __init__(self, path: Path, sprites: bool = False) -> None:
+        """Prepare a writer of the store at `path`; nothing is written before the `with` block."""
         self._path, self._schema = path, _SPRITES if sprites else _FILM
         self._rows: list[tuple[Any, ...]] = []
 
     def __enter__(self) -> "CutoutWriter":
+        """Open a temporary file beside the path and return this writer."""
         self._stack = ExitStack()
         part = self._stack.enter_context(whole_file(self._path))
         self._file = self._stack.enter_context(pa.ipc.new_file(str(part), self._schema))
@@ -78,10 +80,11 @@ class CutoutWriter:
         key = cutout[5:] if self._schema is _SPRITES else ()
         self._append((*cutout[:4], *pixels.shape, *key, packed))
 
-    def copy(self, store: "CutoutStore", rows: Rows, keys: Keys | None = None) -> None:
-        """Append some rows (k,) of another store without decompressing their pixels.
+    def copy_cutouts(self, store: "CutoutStore", rows: Rows, keys: Keys | None = None) -> None:
+        """Append cut-outs of another store, without decompressing their pixels.
 
-        keys (k, 2): their new track_id and frame; None keeps the old.
+        rows (k,): which cut-outs of `store`. keys (k, 2): their new track_id and frame; None keeps
+        the old.
         """
         index = store.index.to_numpy()[rows]
         if keys is not None:
@@ -90,11 +93,16 @@ class CutoutWriter:
             self._append((*of_row, store.pixel_buffer(row).to_pybytes()))
 
     def _append(self, row: tuple[Any, ...]) -> None:
+        """Add one cut-out's index values and compressed pixels.
+
+        Write a batch if enough are waiting.
+        """
         self._rows.append(row)
         if len(self._rows) >= _BATCH:
             self._flush()
 
     def _flush(self, error: Any = None, *_: Any) -> None:
+        """Write the waiting cut-outs as one batch, unless the `with` block has failed."""
         if self._rows and error is None:
             columns = zip(*self._rows, strict=True)
             arrays = [pa.array(c, f.type) for c, f in zip(columns, self._schema, strict=True)]
@@ -102,17 +110,18 @@ class CutoutWriter:
             self._rows = []
 
     def __exit__(self, *error: Any) -> bool | None:
+        """Write the rest and let the file appear at its path, or remove it after an error."""
         return self._stack.__exit__(*error)
 
 
-def packed_size(cutout: Cutout) -> int:
-    """Return the compressed size [bytes] of a cut-out's pixels in a store."""
+def compressed_size(cutout: Cutout) -> int:
+    """Return the size [bytes] that a cut-out's compressed pixels take in a store."""
     return len(_CODEC.compress(np.ascontiguousarray(cutout.pixels), asbytes=True))
 
 
 @dataclass(frozen=True)
 class CutoutStore:
-    """An open store of cut-outs; `store[row]` loads one.
+    """An open store of cut-outs; `store[row]` loads one of them.
 
     index: a row per cut-out: track_id, frame, x0_px, y0_px, height_px, width_px, channels. In the
     store of `extract` it is also the cut-out's row in the tables of tracks and features.
@@ -122,14 +131,15 @@ class CutoutStore:
     _pixels: pa.ChunkedArray
 
     def __len__(self) -> int:
+        """Return the number of cut-outs in the store."""
         return len(self.index)
 
     def pixel_buffer(self, row: int) -> pa.Buffer:
-        """Return the compressed (zstd) pixels of cut-out number `row` of the index."""
+        """Return the compressed (zstd) pixels of the cut-out in row `row` of the index."""
         return self._pixels[row].as_buffer()
 
     def __getitem__(self, row: int) -> Cutout:
-        """Load cut-out number `row` of the index; FinloopError if it is damaged."""
+        """Load the cut-out in row `row` of the index; FinloopError if it is damaged."""
         track_id, frame, x0, y0, *shape = self._index_values[row, :7].tolist()
         try:
             raw = _CODEC.decompress(self.pixel_buffer(row), decompressed_size=int(np.prod(shape)))
@@ -141,13 +151,16 @@ class CutoutStore:
 
     @cached_property
     def _index_values(self) -> NDArray[np.integer[Any]]:
-        """Return the index as one array, which is read much faster row by row."""
+        """Return the index as an integer array, of which single rows can be read quickly."""
         return self.index.to_numpy()
 
 
 @contextmanager
 def open_cutouts(path: Path) -> Iterator[CutoutStore]:
-    """Open a store of cut-outs for a block; FinloopError if it is missing, damaged, or none."""
+    """Open a store of cut-outs for reading; close it when the block ends.
+
+    FinloopError if the file is missing, damaged, or not a store of cut-outs.
+    """
     with ExitStack() as stack:
         try:
             source = stack.enter_context(pa.memory_map(str(path)))
@@ -165,11 +178,12 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
 
 
 @contextmanager
-def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
-    """Yield write(rows, cut-outs); at the end, sort both into tracks.parquet and cutouts.arrow.
+def tracks_writer(folder: Path, schema: Schema) -> Iterator[Write]:
+    """Yield a function that appends rows of the table of tracks together with their cut-outs.
 
-    schema: of the table of tracks. A track's rows must come in the order of their frames. Only a
-    few thousand rows are in memory at a time.
+    At the end of the block, both are sorted by track and written to `folder` as tracks.parquet and
+    cutouts.arrow. schema: of the table of tracks. A track's rows must come in the order of their
+    frames. Only a few thousand rows are in memory at a time.
     """
     table, store = folder / "unsorted-tracks.arrow", folder / f"unsorted-{CUTOUTS_NAME}"
     tracks: list[NDArray[np.int32]] = []
@@ -179,6 +193,7 @@ def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
     ):
 
         def write(lot: pd.DataFrame, pictures: Iterable[Cutout]) -> None:
+            """Append rows of the table of tracks, and one cut-out for each of them."""
             rows.write_table(arrow_table(lot, schema, TRACKS_NAME))
             tracks.append(lot["track_id"].to_numpy(np.int32))
             for cutout in pictures:
@@ -205,7 +220,10 @@ def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
 
 
 def _reorder(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
-    """Yield the rows of an Arrow file in another order, `lot` at a time."""
+    """Yield the rows of an Arrow file in a given order, as tables of `lot` rows.
+
+    order: row numbers of the file, in the wanted order.
+    """
     file = pa.ipc.open_file(source)
     batches = [file.get_batch(k) for k in range(file.num_record_batches)]
     start = np.cumsum([0, *(batch.num_rows for batch in batches)])

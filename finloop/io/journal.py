@@ -1,7 +1,7 @@
 """A journal: a table that grows while it is written, and survives a power failure.
 
-It is an Arrow stream. Each part is on the disk when `keep` returns, so after a failure everything
-up to the last `keep` can be read. `read_journal` stops at a part that was cut off.
+It is an Arrow stream. Each part is on the disk when `append` returns, so after a failure everything
+up to the last `append` can be read. `read_journal` stops at a part that was cut off.
 """
 
 import os
@@ -27,6 +27,7 @@ class Journal:
     """
 
     def __init__(self, path: Path, schema: Schema, header: str) -> None:
+        """Create the file with its header; FinloopError if there is a file at `path` already."""
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             self._file = path.open("xb")
@@ -40,13 +41,14 @@ class Journal:
         self._writer = pa.ipc.new_stream(self._file, self.schema)
         self._sync()
 
-    def keep(self, parts: list[pa.RecordBatch]) -> None:
+    def append(self, parts: list[pa.RecordBatch]) -> None:
         """Append record batches of rows; return when they are on the disk."""
         for part in parts:
             self._writer.write_batch(part)
         self._sync()
 
     def _sync(self) -> None:
+        """Wait until all written bytes are on the disk."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
@@ -74,10 +76,11 @@ def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatc
                 "the journal of a session",
                 "name another .journal file: one cut off at its start holds no rows to recover",
             ) from error
-        yield reader.schema, _whole_parts(reader)
+        yield reader.schema, _complete_batches(reader)
 
 
-def _whole_parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
+def _complete_batches(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
+    """Yield the record batches of a journal up to the first that is cut off or damaged."""
     while True:
         try:
             part = reader.read_next_batch()
@@ -88,7 +91,7 @@ def _whole_parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]
 
 
 def save_journal(journal: Path, path: Path, schema: Schema) -> int:
-    """Convert a journal to the Parquet file `path`, completely or not at all; return its rows."""
+    """Convert a journal to the Parquet file `path`, whole or not at all; return its row count."""
     rows, coding = 0, parquet_coding(schema)
     with (
         read_journal(journal) as (arrow, parts),
@@ -101,7 +104,7 @@ def save_journal(journal: Path, path: Path, schema: Schema) -> int:
     return rows
 
 
-def header_text(metadata: Mapping[bytes, bytes] | None) -> str | None:
-    """Return the header of a journal, or its Parquet file, from its Arrow schema's metadata."""
+def read_header(metadata: Mapping[bytes, bytes] | None) -> str | None:
+    """Return the header text of a journal from its Arrow schema's metadata; None if it has none."""
     text = (metadata or {}).get(_HEADER)
     return None if text is None else text.decode()

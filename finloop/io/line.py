@@ -19,7 +19,7 @@ _WANTED = (
 
 
 def load_line(path: Path, unit: str) -> Line:
-    """Load the path that a fish follows from a file: .csv, .parquet or .svg.
+    """Load the path that a fish shall follow from a file: .csv, .parquet or .svg.
 
     unit: PX, TANK or MM, of columns x and y; columns such as x_mm name their own. An SVG's path is
     in px, or in shares of the viewport if the unit is TANK. FinloopError if the file cannot be
@@ -46,6 +46,10 @@ def load_line(path: Path, unit: str) -> Line:
 
 
 def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
+    """Return the path in a table's columns x and y, with times and headings if the table has them.
+
+    path: of the table's file, for messages. unit: of x and y, unless the columns' names say it.
+    """
     names = {name.strip().lower(): name for name in table.column_names}
     x, y = "x", "y"
     for named in (TANK, MM, PX):
@@ -59,6 +63,7 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
         )
 
     def column(name: str) -> Floats:
+        """Return the numbers of a column; FinloopError if it holds anything else."""
         try:
             values = table.column(names[name]).cast(pa.float64())
         except pa.ArrowException as error:
@@ -73,6 +78,7 @@ def _line_from_table(path: Path, table: pa.Table, unit: str) -> Line:
 
 
 def _line_from_drawing(path: Path, unit: str) -> Line:
+    """Load the only path of an SVG file; unit: PX, or TANK for shares of the drawing's size."""
     drawing = load_svg(path)
     if len(drawing.curves) != 1:
         raise FinloopError(

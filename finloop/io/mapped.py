@@ -20,8 +20,8 @@ def save_array(path: Path, array: NDArray[Any]) -> None:
         np.save(part, array, allow_pickle=False)
 
 
-def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """Create an .npy file of zeros and return its array, mapped into memory, to be filled.
+def create_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
+    """Create an .npy file of zeros and return it as an array whose changes reach the file.
 
     The file appears at once, so use it inside `whole_folder`. kind: its dtype. OSError if the disk
     is full: the file takes all its space from the beginning, because the system kills a process
@@ -35,16 +35,16 @@ def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
 
 
 def flush_array(array: NDArray[Any]) -> None:
-    """Write an array of `new_array` out to its file, so that other processes can open it."""
+    """Write the content of a `create_array` array to its file, for other processes to open."""
     assert isinstance(array.base, np.memmap)
     array.base.flush()
 
 
 def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[Any]:
-    """Open an .npy file as an array mapped into memory. Writing to it does not change the file.
+    """Open an .npy file as an array whose rows are read only when they are used.
 
-    FinloopError if the file is missing, damaged, or has another shape (None for any length) or
-    dtype (kind).
+    Writing to the array does not change the file. FinloopError if the file is missing, damaged, or
+    has another shape (None for any length) or dtype (kind).
     """
     again = "run the stage that makes it again: `dvc repro`"
     wanted = f"an array of {kind} of shape {shape}, None for any length"

@@ -45,16 +45,18 @@ _SMALL_CRF, _SMALL_WIDTHS = 28, (960, 640, 426)  # coding and px of a film made 
 
 
 class Movie(ABC):
-    """A film file written frame by frame; it appears at `path` when the `with` block succeeds.
+    """Writer of a film file, frame by frame.
 
-    A thread codes frames while the caller makes the next ones; a later `write`, or the end of the
-    block, raises its errors: FinloopError if the disk is full. shape: of every frame. frame_rate:
-    frames per second. quality: a number on the scale that the subclass names.
+    The film appears at `path` when the `with` block succeeds. A thread codes frames while the
+    caller makes the next ones; a later `write`, or the end of the block, raises its errors:
+    FinloopError if the disk is full. shape: of every frame. frame_rate: frames per second. quality:
+    a number on the scale that the subclass names.
     """
 
     def __init__(
         self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, quality: int
     ) -> None:
+        """Prepare a writer; the file is opened by the `with` block."""
         self.path, self._shape, self._rate = path, shape, frame_rate
         self._quality = str(quality)
         self._stack = ExitStack()
@@ -62,10 +64,14 @@ class Movie(ABC):
         self.frames = 0  # frames written
         self._bytes, self._broken = 0, False
 
-    def _begin(
+    def _open_stream(
         self, kind: str, container: dict[str, str], coder: str, options: dict[str, str]
     ) -> Any:
-        """Open the file with a stream that has its rate, but no size or pixel format yet."""
+        """Open the film file and return its video stream, which has no size or pixel format yet.
+
+        kind: FFmpeg's name of the file format. container, options: FFmpeg's options of file and
+        coder. coder: FFmpeg's name of the coder.
+        """
         with ExitStack() as stack:
             part = stack.enter_context(whole_file(self.path))
             self._file = stack.enter_context(
@@ -80,7 +86,10 @@ class Movie(ABC):
         return self._stream
 
     def _set_half_chroma(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
-        """Set the stream to colours of half the size: even sides, limited range."""
+        """Set a stream to even sides and limited range, with colours at half the resolution.
+
+        pixels: FFmpeg's name of the pixel format. matrix: how RGB becomes brightness and colours.
+        """
         height, width = self._shape[:2]
         self._odd = height % 2, width % 2
         stream.height, stream.width = height + self._odd[0], width + self._odd[1]
@@ -91,13 +100,14 @@ class Movie(ABC):
         coder.color_primaries, coder.color_trc = _COLOURS[matrix]
 
     def _pad_to_even(self, frame: Picture, border: int) -> Picture:
-        """Pad the frame to even sides; `border` is OpenCV's border type."""
+        """Return a frame padded to an even width and height; border: OpenCV's border type."""
         if not any(self._odd):
             return frame
         return cv2.copyMakeBorder(frame, 0, self._odd[0], 0, self._odd[1], border)
 
     @abstractmethod
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        """Open the file and return this writer."""
 
     @abstractmethod
     def _convert_frame(self, frame: Picture) -> VideoFrame:
@@ -107,16 +117,17 @@ class Movie(ABC):
         """Append one frame, uint8, of the film's shape; ValueError for any other."""
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
-        self._wait(_WAITING)
+        self._wait_until_fewer(_WAITING)
         self._waiting.append(self._coder.submit(self._encode, frame.copy(), self.frames))
         self.frames += 1
 
     def bytes_per_frame(self) -> float:
-        """Return the mean coded size of a frame [bytes]; wait until all are coded."""
-        self._wait(1)
+        """Return the mean coded size of a frame [bytes]; wait until all frames are coded."""
+        self._wait_until_fewer(1)
         return self._bytes / self.frames
 
     def _encode(self, frame: Picture, number: int) -> None:
+        """Code one frame and write it to the file; number: of the frame, from 0."""
         if self._broken:  # writing after an error crashes the library
             return
         self._broken = True
@@ -127,25 +138,32 @@ class Movie(ABC):
         self._bytes += sum(packet.size for packet in packets)
         self._broken = False
 
-    def _wait(self, most: int) -> None:
+    def _wait_until_fewer(self, most: int) -> None:
+        """Wait until fewer than `most` frames are waiting to be coded."""
         while len(self._waiting) >= most:
             self._waiting.popleft().result()
 
     def _finish(self, error: Any, *_: Any) -> None:
+        """Code the last frames at the end of the `with` block; after an error, drop them."""
         if error is None:
-            self._wait(1)
+            self._wait_until_fewer(1)
             self._file.mux(self._stream.encode(None))
         for coding in self._waiting:
             coding.cancel()
 
     def __exit__(self, *error: Any) -> bool | None:
+        """Close the file and let it appear at its path, or remove it after an error."""
         return self._stack.__exit__(*error)
 
 
 def _subsample_chroma(
     frame: Picture, matrix: Colorspace, size: tuple[int, int] | None = None
 ) -> VideoFrame:
-    """Convert a frame to 4:2:0, limited range, of an even size (width, height) or its own."""
+    """Convert a frame, grey or RGB, to YUV 4:2:0 of limited range.
+
+    matrix: how RGB becomes brightness and colours. size: even width and height of the result [px];
+    None: those of the frame.
+    """
     width, height = frame.shape[1::-1] if size is None else size
     if frame.ndim == 2:  # swscale gives grey a tint that varies
         if size is not None:
@@ -178,23 +196,25 @@ class VideoWriter(Movie):
         colour: bool = False,
         crf: int = 0,
     ) -> None:
+        """Prepare a writer of frames (height, width) grey or, if `colour`, RGB."""
         super().__init__(path, (height, width, 3) if colour else (height, width), frame_rate, crf)
         even = height % 2 == 0 and width % 2 == 0
         self._format = ("yuv420p" if even else "yuv444p") if colour else "gray"
 
     @classmethod
     def from_facts(cls, path: Path, facts: VideoFacts) -> Self:
-        """Create the writer of a clip with the size, rate, colour and quality that facts state."""
+        """Return a writer of a clip with the size, frame rate, colour and quality in `facts`."""
         size = facts.width_px, facts.height_px
         return cls(path, *size, facts.frame_rate, facts.colour, facts.crf)
 
     def __enter__(self) -> Self:
+        """Open an MP4 file with a H.264 stream and return this writer."""
         options = (
             {"qp": "0", "preset": "ultrafast"}
             if self._quality == "0"
             else {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE
         )
-        stream = self._begin("mp4", {}, "libx264", options)
+        stream = self._open_stream("mp4", {}, "libx264", options)
         stream.height, stream.width = self._shape[:2]
         stream.pix_fmt = self._format
         coder = stream.codec_context
@@ -203,6 +223,7 @@ class VideoWriter(Movie):
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
+        """Convert a grey or RGB frame to the clip's pixel format, full range."""
         if frame.ndim == 2:
             picture = VideoFrame.from_ndarray(frame, format="gray")
             picture.color_range = ColorRange.JPEG
@@ -222,12 +243,14 @@ class Mp4Writer(Movie):
     """
 
     def __enter__(self) -> Self:
+        """Open an MP4 file with a H.264 stream and return this writer."""
         options = {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE
-        stream = self._begin("mp4", {"movflags": "+faststart"}, "libx264", options)
+        stream = self._open_stream("mp4", {"movflags": "+faststart"}, "libx264", options)
         self._set_half_chroma(stream, "yuv420p", Colorspace.ITU709)
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
+        """Convert an RGB frame to YUV 4:2:0, BT.709, limited range."""
         return _subsample_chroma(self._pad_to_even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
@@ -241,18 +264,21 @@ class WebpWriter(Movie):
     def __init__(
         self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, width: int, quality: int
     ) -> None:
+        """Prepare a writer of RGB frames of a shape (h, w, 3), scaled down to `width` px."""
         super().__init__(path, shape, frame_rate, quality)
         wide = min(width, shape[1])
         self._size = 2 * max(1, wide // 2), 2 * max(1, round(shape[0] * wide / shape[1] / 2))
 
     def __enter__(self) -> Self:
+        """Open an animated WebP file and return this writer."""
         # Method 2 is as fast as 0; method 4 makes 3 % smaller files and takes three times as long.
         options = {"quality": self._quality, "compression_level": "2"}
-        stream = self._begin("webp", {"loop": "0"}, "libwebp_anim", options)
+        stream = self._open_stream("webp", {"loop": "0"}, "libwebp_anim", options)
         (stream.width, stream.height), stream.pix_fmt = self._size, "yuv420p"
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
+        """Convert an RGB frame to the size of the file and to YUV 4:2:0, BT.601."""
         return _subsample_chroma(frame, Colorspace.ITU601, self._size)  # as WebP is defined
 
 
@@ -264,6 +290,7 @@ class WebmWriter(Movie):
     """
 
     def __enter__(self) -> Self:
+        """Open a WebM file with a VP9 stream and return this writer."""
         # Speed 8 of "realtime" is four times as fast as "good", for files of the same size. Coded
         # as a screen, where little moves, a fish leaves fewer traces in the alpha behind it. A
         # hidden frame (auto-alt-ref, lag) would be in only one of the two pictures.
@@ -272,12 +299,12 @@ class WebmWriter(Movie):
             "tune-content": "screen", "auto-alt-ref": "0", "lag-in-frames": "0",
         }  # fmt: skip
         container = {"fflags": "bitexact"}  # else a random number names the file
-        stream = self._begin("webm", container, "libvpx-vp9", options)
+        stream = self._open_stream("webm", container, "libvpx-vp9", options)
         self._set_half_chroma(stream, "yuva420p", Colorspace.ITU601)
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
-        """Convert a frame to 4:2:0 of limited range, BT.601; alpha stays unchanged.
+        """Convert an RGBA frame to YUV 4:2:0 of limited range, BT.601; alpha does not change.
 
         OpenCV does it: swscale takes three times as long, and changes alpha by 1.
         """
@@ -300,27 +327,30 @@ class AlphaWebpWriter(Movie):
     """
 
     def __enter__(self) -> Self:
+        """Open an animated WebP file and return this writer."""
         options = {"quality": self._quality, "compression_level": "2"}
-        stream = self._begin("webp", {"loop": "0"}, "libwebp_anim", options)
+        stream = self._open_stream("webp", {"loop": "0"}, "libwebp_anim", options)
         stream.height, stream.width = self._shape[:2]
         stream.pix_fmt = "bgra"  # the coder's own order: it makes 4:2:0 itself, and respects alpha
         return self
 
     def _convert_frame(self, frame: Picture) -> VideoFrame:
+        """Convert an RGBA frame to BGRA, the order that the WebP coder reads."""
         return VideoFrame.from_ndarray(cv2.cvtColor(frame, cv2.COLOR_RGBA2BGRA), format="bgra")
 
 
-def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
-    """Return an MP4 file's bytes, coded again with a smaller width if needed, and its first frame.
+def load_small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
+    """Load an MP4 film for a web page; return its bytes and its first frame.
 
-    most_bytes: upper limit. The first frame (h, w, 3), RGB uint8, keeps its size. FinloopError if
-    the film cannot be read, or is too long to become so small.
+    A film of more than `most_bytes` is coded again, with a smaller width. The first frame
+    (h, w, 3), RGB uint8, keeps its size. FinloopError if the film cannot be read, or is too long to
+    become so small.
     """
     poster = next(iter(read_frames(path, colour=True)))
     film = path.read_bytes()
     for width in _SMALL_WIDTHS:
         if len(film) > most_bytes:
-            film = _narrower(path, poster.shape, width)
+            film = _recode_narrower(path, poster.shape, width)
     if len(film) > most_bytes:
         raise FinloopError(
             f"{path} has {len(film) / 1e6:.1f} MB even at a width of {_SMALL_WIDTHS[-1]} px",
@@ -330,7 +360,11 @@ def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
     return film, poster
 
 
-def _narrower(path: Path, shape: tuple[int, ...], width: int) -> bytes:
+def _recode_narrower(path: Path, shape: tuple[int, ...], width: int) -> bytes:
+    """Return the bytes of an MP4 film coded again, at most `width` px wide.
+
+    path: of the film. shape: height and width of its frames first [px].
+    """
     wide = min(width, shape[1])
     size = wide, max(2, round(shape[0] * wide / shape[1]))
     with av.open(str(path)) as container:

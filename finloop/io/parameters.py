@@ -22,10 +22,11 @@ def read_parameters(path: Path) -> dict[str, Any]:
     return values
 
 
-def parameters(word: str, values: Mapping[str, Any]) -> Any:
-    """Return the settings dataclass of a stage word, such as "extract", from params.yaml's values.
+def build_settings(word: str, values: Mapping[str, Any]) -> Any:
+    """Return the checked settings of one stage as a dataclass, from the values of params.yaml.
 
-    FinloopError lists all parameters that are refused, by dotted name.
+    word: the stage's key in params.yaml, such as "extract". FinloopError lists all parameters that
+    are refused, by dotted name.
     """
     group, problems = check_values(word, variants(word), values.get(word, {}))
     if problems:
@@ -34,7 +35,7 @@ def parameters(word: str, values: Mapping[str, Any]) -> Any:
 
 
 def refusal_error(problems: list[str]) -> FinloopError:
-    """Return one error that lists the problems of all refused parameters, a sentence each."""
+    """Return the error that lists all refused parameters; problems: a sentence about each."""
     count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
     return FinloopError(
         f"{count} refused:\n    " + "\n    ".join(problems),

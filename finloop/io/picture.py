@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
 
 
 def save_picture(path: Path, picture: Picture) -> None:
-    """Write a picture, (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, as the ending says."""
+    """Write a picture, (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, in its ending's format."""
     if picture.ndim == 3:
         code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         picture = cv2.cvtColor(picture, code)

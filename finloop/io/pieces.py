@@ -23,14 +23,17 @@ _SIZE = 8  # bytes of the size in front of a piece
 
 @dataclass(frozen=True)
 class Pieces:
-    """The stored pieces of one run, a file each in `folder`; it can be sent to another process."""
+    """The stored results of the pieces of one run, a file each in `folder`.
+
+    An object of this class can be sent to another process.
+    """
 
     folder: Path
 
     def load_or_make(self, name: str, make: Callable[[], T]) -> T:
-        """Return the piece with a name from its file; if missing or damaged, make and store it.
+        """Return the result with a name from its file; if missing or damaged, compute and store it.
 
-        FinloopError if the disk is full.
+        make: computes the result. FinloopError if the disk is full.
         """
         path = self.folder / name
         try:
@@ -39,28 +42,28 @@ class Pieces:
             return pickle.loads(plain)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):
             piece = make()
-        save_bytes(path, pack_piece(piece))
+        save_bytes(path, pack_result(piece))
         return piece
 
-    def size(self) -> int:
-        """Return the size [bytes] of all stored pieces together."""
+    def stored_bytes(self) -> int:
+        """Return the size of all stored results together [bytes]."""
         return sum(path.stat().st_size for path in self.folder.glob("*"))
 
     def remove(self) -> None:
-        """Remove all stored pieces and their folder."""
+        """Remove all stored results and their folder."""
         shutil.rmtree(self.folder, ignore_errors=True)
         with suppress(OSError):  # another run has pieces there
             self.folder.parent.rmdir()
 
 
-def pack_piece(piece: object) -> bytes:
-    """Pickle and compress a result to the bytes of a piece: its plain size first, then zstd."""
+def pack_result(piece: object) -> bytes:
+    """Convert a result to the content of its file: its plain size, then its compressed pickle."""
     plain = pickle.dumps(piece, pickle.HIGHEST_PROTOCOL)
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 
-def remove_except(folder: Path, names: Iterable[str]) -> None:
-    """Remove the folders in `folder` except some names, and `folder` itself if it is then empty."""
+def remove_folders_except(folder: Path, names: Iterable[str]) -> None:
+    """Remove the folders in `folder` whose names are not in `names`, and `folder` if then empty."""
     names = set(names)
     for path in folder.glob("*"):
         if path.name not in names:

@@ -22,7 +22,7 @@ def save_json(path: Path, content: Any, indent: int = 2) -> None:
 def load_json(
     path: Path, build: Callable[[Any], T], wanted: str, do: str, most_bytes: int = MOST_BYTES
 ) -> T:
-    """Read a JSON file and return `build(content)`.
+    """Read a JSON file, give its content to `build`, and return what `build` makes of it.
 
     FinloopError, with the lines `wanted` and `do`, if the file is missing, larger than
     `most_bytes`, no JSON, or `build` raises ValueError, TypeError, KeyError or AttributeError.
@@ -41,9 +41,10 @@ def save_record(path: Path, record: Any) -> None:
 
 
 def load_record(path: Path, kind: Callable[..., T], stage: str) -> T:
-    """Read a JSON object that a stage wrote and return `kind(**content)`, such as a dataclass.
+    """Read a JSON object that a stage wrote into a dataclass.
 
-    FinloopError, which names the stage, if the file is missing or `kind` refuses it.
+    kind: the dataclass, or a function of the object's keys. FinloopError, which names the stage, if
+    the file is missing or `kind` refuses it.
     """
     return load_json(path, lambda content: kind(**content), *remake_hint(stage))
 
@@ -54,9 +55,10 @@ def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
 
 
 def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
-    """Read a JSON list of objects that a stage wrote; return `kind(**object)` for each.
+    """Read a JSON list of objects that a stage wrote into dataclasses or named tuples.
 
-    FinloopError, which names the stage, if the file is missing or `kind` refuses an object.
+    kind: their class. FinloopError, which names the stage, if the file is missing or `kind` refuses
+    an object.
     """
     return load_json(
         path, lambda content: [kind(**record) for record in content], *remake_hint(stage)
@@ -64,6 +66,6 @@ def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
 
 
 def remake_hint(stage: str) -> tuple[str, str]:
-    """Return the texts `wanted` and `do` of the error about a damaged file of a stage."""
+    """Return what an error about a damaged file of a stage says: what is wanted, and what to do."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

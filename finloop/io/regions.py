@@ -35,9 +35,9 @@ class Regions(NamedTuple, Generic[T]):
 
 
 def save_masks(folder: Path, frames: Iterable[Mapping[str, Mask]]) -> None:
-    """Write each frame's boolean masks (h, w) by limb as `folder`/<id>/<frame>.png, from frame 0.
+    """Write the masks of limbs as pictures `folder`/<limb>/<frame>.png; the folder is replaced.
 
-    The folder is replaced.
+    frames: for each frame, from 0, the boolean mask (h, w) of each limb by name.
     """
     with whole_folder(folder) as part:
         for k, frame in enumerate(frames):
@@ -52,11 +52,12 @@ def load_regions(
     convert_mask: Callable[[Mask], T],
     convert_trace: Callable[[Curve, float, float], T],
 ) -> Regions[T]:
-    """Load each limb's region in each frame from masks (h, w) or traces, converted to values.
+    """Load the region of each limb in each frame from a folder of masks or of SVG traces.
 
-    convert_trace gets a closed path and the width and height of its picture [px]. FinloopError if
-    there is no folder or nothing in it, masks and traces are mixed, a file's name has no number,
-    two have the same, a picture cannot be read, masks are dark, or sizes differ.
+    convert_mask turns a boolean mask (h, w) into what is kept of a region. convert_trace does so
+    from a closed path and the width and height of its picture [px]. FinloopError if there is no
+    folder or nothing in it, masks and traces are mixed, a file's name has no number, two have the
+    same, a picture cannot be read, masks are dark, or sizes differ.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
@@ -78,6 +79,7 @@ def load_regions(
 
 
 def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], T]) -> Regions[T]:
+    """Load the regions of limbs from mask pictures; paths: of each limb's pictures, by limb."""
     numbered = {name: _paths_by_number(files) for name, files in paths.items()}
     numbers = [number for files in numbered.values() for number in files]
     first, last = min(numbers), max(numbers)
@@ -88,7 +90,7 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
         for k, path in files.items():
             mask = load_picture(path)
             mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)
-            _note_size(sizes, mask.shape, path)
+            _require_one_size(sizes, mask.shape, path)
             brightest = max(brightest, int(mask.max()))
             frames[k - first][name] = convert_mask(mask >= BRIGHT)
         if 0 < brightest < BRIGHT:
@@ -103,13 +105,14 @@ def _load_masks(paths: Mapping[str, list[Path]], convert_mask: Callable[[Mask], 
 def _load_traces(
     paths: list[Path], convert_trace: Callable[[Curve, float, float], T]
 ) -> Regions[T]:
+    """Load the regions of limbs from SVG files, one for each frame."""
     numbered = _paths_by_number(paths)
     first, last = min(numbered), max(numbered)
     frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
     for k, path in numbered.items():
         drawing = load_svg(path)
-        _note_size(sizes, (round(drawing.height), round(drawing.width)), path)
+        _require_one_size(sizes, (round(drawing.height), round(drawing.width)), path)
         for name, curve in drawing.curves.items():
             if not curve.closed:
                 raise FinloopError(
@@ -123,6 +126,7 @@ def _load_traces(
 
 
 def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
+    """Return files by the last number in their names; FinloopError if it lacks or is repeated."""
     out = dict[int, Path]()
     for path in paths:
         numbers = re.findall(r"\d+", path.stem)
@@ -136,8 +140,13 @@ def _paths_by_number(paths: list[Path]) -> dict[int, Path]:
     return out
 
 
-def _note_size(sizes: dict[tuple[int, ...], Path], size: tuple[int, ...], path: Path) -> None:
-    """Add a picture's size, with the first path that has it; refuse a second size."""
+def _require_one_size(
+    sizes: dict[tuple[int, ...], Path], size: tuple[int, ...], path: Path
+) -> None:
+    """Add a picture's size to the known sizes; FinloopError if there is then more than one.
+
+    sizes: by (height, width), the first file of that size. path: of the picture.
+    """
     sizes.setdefault(size, path)
     if len(sizes) > 1:
         came = ", ".join(f"{path} {shape[1]}×{shape[0]}" for shape, path in sizes.items())

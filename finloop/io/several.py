@@ -25,7 +25,7 @@ Frames = NDArray[np.intp]
 
 
 class FilmPart(NamedTuple):
-    """One of several films that a clip joins, with its frames in the count of all frames."""
+    """One of several films that a clip joins, and its range of frames in the clip."""
 
     name: str  # of its folder below films/
     path: str  # of its file
@@ -34,30 +34,36 @@ class FilmPart(NamedTuple):
     error: str = ""  # why it is left out; "" if it is used
 
 
-def readable_parts(clip: Path) -> list[FilmPart]:
-    """Return the readable films that the clip in a folder joins; none if it is a single film."""
-    return [part for part in all_parts(clip) if not part.error]
+def load_readable_parts(clip: Path) -> list[FilmPart]:
+    """Return the films that the clip in folder `clip` joins and that could be read.
+
+    The list is empty for a clip of a single film.
+    """
+    return [part for part in load_parts(clip) if not part.error]
 
 
-def all_parts(clip: Path) -> list[FilmPart]:
-    """Return all films that the clip in a folder joins, also those that could not be read."""
+def load_parts(clip: Path) -> list[FilmPart]:
+    """Return all films that the clip in folder `clip` was to join, also unreadable ones."""
     return load_records(clip / PARTS_NAME, FilmPart, "clip") if (clip / PARTS_NAME).exists() else []
 
 
-def film_folders(clip: Path) -> list[tuple[str, Path]]:
-    """Return each readable film's name and its folder, relative to that of the clip or the tracks.
+def list_film_folders(clip: Path) -> list[tuple[str, Path]]:
+    """Return the name and the folder of each readable film of the clip in folder `clip`.
 
-    A single film has the name "" and the path ".": it lies in those folders themselves.
+    Folders are relative to that of the clip, or of the tracks. A single film has the name "" and
+    the folder ".".
     """
-    return [(part.name, Path(FILMS) / part.name) for part in readable_parts(clip)] or [("", Path())]
+    return [(part.name, Path(FILMS) / part.name) for part in load_readable_parts(clip)] or [
+        ("", Path())
+    ]
 
 
 def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
-    """Write facts.json, arena.png and films.json of several films as one clip; return its facts.
+    """Join the clips of several films: write their common facts, arena and list of films.
 
-    clip: the folder that holds films/<name>/. parts: all films. The common rate is the lowest, so
-    no frame is shown twice; a faster film is thinned. The arena is that of the first film.
-    FinloopError if no film could be read.
+    clip: the folder that holds films/<name>/. parts: all films. Returns the facts of the joined
+    clip. Its rate is the lowest of all, so no frame is shown twice; a faster film is thinned. Its
+    arena is that of the first film. FinloopError if no film could be read.
     """
     facts = {
         part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -100,12 +106,12 @@ def join_clips(clip: Path, parts: Sequence[FilmPart]) -> VideoFacts:
     return whole
 
 
-def frames_at_rate(frames: int, rate: Fraction, common: Fraction) -> Frames:
-    """Return the numbers of a film's frames that the ticks of a lower, common rate show.
+def frames_at_rate(frames: int, rate: Fraction, lower_rate: Fraction) -> Frames:
+    """Return the numbers of a film's frames that are shown when it plays at a lower rate.
 
-    frames: of the film. rate, common: frames per second of the film, and ticks per second.
+    frames: of the film. rate, lower_rate: frames per second of the film, and of the result.
     """
-    step = float(rate / common)
+    step = float(rate / lower_rate)
     if abs(step - 1) <= _SAME_RATE:
         return np.arange(frames)
     return np.rint(np.arange(int((frames - 1) / step) + 1) * step).astype(np.intp)

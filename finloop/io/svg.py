@@ -56,11 +56,11 @@ def load_svg(path: Path) -> Drawing:
     several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
     no SVG that may be read, has no contour, an invalid one (see `clean_curve`), or two with one id.
     """
-    tree = _load_tree(path)
+    tree = _load_safe_tree(path)
     try:
         source = io.BytesIO(ElementTree.tostring(tree))
         picture = svg.SVG.parse(source, reify=True, on_error="raise")
-        contours = list(_contours(picture)) if isinstance(picture, svg.SVG) else []
+        contours = list(_shown_contours(picture)) if isinstance(picture, svg.SVG) else []
     except _MISREAD as error:
         raise FinloopError(
             f"{path} cannot be understood ({error!r})",
@@ -95,7 +95,10 @@ def load_svg(path: Path) -> Drawing:
 
 
 def _unique_names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
-    """Return unique names; ids of contours stay unchanged."""
+    """Return a unique name for each contour; names that are XML ids do not change.
+
+    path: of the file, for messages. ids: each contour's name, and whether it is its XML id.
+    """
     own = Counter(name for name, is_id in ids if is_id)
     if twice := [name for name, count in own.items() if count > 1]:
         raise FinloopError(
@@ -114,39 +117,47 @@ def _unique_names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
     return names
 
 
-def _shapes(group: Any, name: str) -> Iterator[tuple[str, bool, Any]]:
-    """Yield the shapes below a group, with their names and whether these are their own ids."""
+def _named_shapes(group: Any, default_name: str) -> Iterator[tuple[str, bool, Any]]:
+    """Yield (name, whether the name is its own XML id, shape) for every shape in an SVG group.
+
+    default_name: given to shapes that neither have an id nor lie in a group with one.
+    """
     for part in group:
         own = part.id if part.id is not None else ""
         if isinstance(part, svg.Use):
-            yield from ((own or n, False, shape) for n, _, shape in _shapes(part, own or name))
+            yield from (
+                (own or n, False, shape) for n, _, shape in _named_shapes(part, own or default_name)
+            )
         elif isinstance(part, list) and not isinstance(part, svg.Shape):
-            yield from _shapes(part, own or name)
+            yield from _named_shapes(part, own or default_name)
         elif isinstance(part, svg.Shape):
-            yield own or name, bool(own), part
+            yield own or default_name, bool(own), part
 
 
 # --- contours
 
 
-def _contours(picture: Any) -> Iterator[tuple[tuple[str, bool], Curve, str]]:
-    """Yield (name, whether it is an id), contour and style of everything shown."""
+def _shown_contours(picture: Any) -> Iterator[tuple[tuple[str, bool], Curve, str]]:
+    """Yield (name, whether it is an id), contour and style of everything that a drawing shows."""
     flat = FLATNESS * max(float(picture.width), float(picture.height))
-    for name, is_id, shape in _shapes(picture, "contour"):
+    for name, is_id, shape in _named_shapes(picture, "contour"):
         if shape.values.get("visibility") in ("hidden", "collapse"):
             continue
-        style = _style(shape)
-        for number, curve in enumerate(_subpaths(shape, flat), 1):
+        style = _paint_style(shape)
+        for number, curve in enumerate(_shape_contours(shape, flat), 1):
             part = f"{name}{PART}{number}" if number > 1 else name
             yield (part, is_id), curve, style
 
 
-def _subpaths(shape: Any, flat: float) -> Iterator[Curve]:
-    """Yield the polylines of a shape; closed where it says so or ends where it began."""
+def _shape_contours(shape: Any, flat: float) -> Iterator[Curve]:
+    """Yield a shape's contours as polylines; flat: largest distance from the exact curve [px].
+
+    A contour is closed if the shape says so, or if it ends where it began.
+    """
     pieces: list[Points] = []
     before: Any = None
     for segment in [*shape.segments(), svg.Move(0j)]:
-        _mirror(before, segment)
+        _correct_smooth_control(before, segment)
         before = segment
         if isinstance(segment, svg.Move) and pieces:
             points = np.concatenate(pieces)
@@ -160,22 +171,26 @@ def _subpaths(shape: Any, flat: float) -> Iterator[Curve]:
             pieces.append(_polyline(segment, flat))
 
 
-def _mirror(before: Any, segment: Any) -> None:
-    """Set the first control point of S and T, which mirrors that of a segment of the same kind.
+def _correct_smooth_control(previous: Any, segment: Any) -> None:
+    """Set the first control point of a smooth SVG segment (S or T) as the standard says.
 
-    svgelements also mirrors that of the other kind, where the standard takes the start.
+    The point mirrors the last control point of the previous segment if both are of the same kind;
+    else it is the segment's start. svgelements mirrors in both cases.
     """
     if not getattr(segment, "smooth", False):
         return
-    alike = type(before) is type(segment)
+    alike = type(previous) is type(segment)
     if isinstance(segment, svg.CubicBezier):
-        segment.control1 = 2 * segment.start - before.control2 if alike else segment.start
+        segment.control1 = 2 * segment.start - previous.control2 if alike else segment.start
     elif isinstance(segment, svg.QuadraticBezier):
-        segment.control = 2 * segment.start - before.control if alike else segment.start
+        segment.control = 2 * segment.start - previous.control if alike else segment.start
 
 
 def _polyline(segment: Any, flat: float) -> Points:
-    """Return points along a segment, both ends exact: no piece is farther than `flat` from it."""
+    """Return points (n, 2) along a curved segment, both ends exact.
+
+    flat: largest distance of the polyline from the curve [px].
+    """
     if isinstance(segment, svg.Arc):
         radius, sweep = max(segment.rx, segment.ry), abs(float(segment.sweep))
         turn = 2 * np.arccos(np.clip(1 - flat / max(radius, flat), -1, 1))
@@ -202,21 +217,28 @@ def _polyline(segment: Any, flat: float) -> Points:
 
 
 def _piece_count(count: float) -> int:
+    """Round a number of pieces up to a whole number from 1 to `_MOST_PIECES`.
+
+    Infinity and NaN become 1.
+    """
     return int(np.ceil(np.clip(count, 1, _MOST_PIECES))) if np.isfinite(count) else 1
 
 
 def _to_points(*points: Any) -> Points:
+    """Convert svgelements points to an array (n, 2)."""
     return np.array([[p.x, p.y] for p in points], np.float64)
 
 
 # --- styles
 
 
-def _style(shape: Any) -> str:
-    """Return what is needed to paint a shape again, "" if nothing is."""
+def _paint_style(shape: Any) -> str:
+    """Return the SVG style that paints a shape (fill, stroke, width, opacity); "" if none."""
     values = shape.values
-    whole = _opacity(values.get("opacity"))
-    style = {kind: _paint(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")}
+    whole = _parse_opacity(values.get("opacity"))
+    style = {
+        kind: _css_colour(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")
+    }
     if set(style.values()) == {"none"}:
         return ""
     for kind, colour in (("fill", shape.fill), ("stroke", shape.stroke)):
@@ -227,7 +249,11 @@ def _style(shape: Any) -> str:
     return ";".join(f"{key}:{value}" for key, value in style.items())
 
 
-def _paint(colour: Any, text: object) -> str:
+def _css_colour(colour: Any, text: object) -> str:
+    """Return a colour as #rrggbb, or "none".
+
+    text: as the file writes the colour, to recognise gradients.
+    """
     if str(text).startswith("url("):
         return _GRADIENT
     if colour is None or colour.value is None:
@@ -235,7 +261,8 @@ def _paint(colour: Any, text: object) -> str:
     return f"#{colour.red:02x}{colour.green:02x}{colour.blue:02x}"
 
 
-def _opacity(text: str | None) -> float:
+def _parse_opacity(text: str | None) -> float:
+    """Return the opacity, 0 … 1, that a text states; 1 if it states none."""
     try:
         return min(max(float(text or 1), 0), 1)
     except ValueError:
@@ -245,8 +272,8 @@ def _opacity(text: str | None) -> float:
 # --- what may be read
 
 
-def _load_tree(path: Path) -> ElementTree.Element:
-    """Load an SVG file's root element without what is no contour, such as text and pictures.
+def _load_safe_tree(path: Path) -> ElementTree.Element:
+    """Load an SVG file's XML tree without elements that draw no contour, such as text and pictures.
 
     FinloopError if the file is missing, huge, no SVG, declares entities, points to another file for
     a shape, or would draw more than MOST_DRAWN.
@@ -270,9 +297,11 @@ def _load_tree(path: Path) -> ElementTree.Element:
     root = ElementTree.fromstring(data)
     if _tag(root) != "svg":
         raise FinloopError(
-            f"{path} holds <{_tag(root)}>, no SVG", "an SVG drawing", "save the drawing as SVG"
+            f"{path} holds <{_tag(root)}>, no SVG",
+            "an SVG drawing",
+            "save the drawing as SVG",
         )
-    _remove_others(root)
+    _keep_contours(root)
     style = sum(len(element.text or "") for element in root.iter() if _tag(element) == "style")
     if style > MOST_STYLE:
         raise FinloopError(
@@ -285,10 +314,11 @@ def _load_tree(path: Path) -> ElementTree.Element:
 
 
 def _refuse_entities(path: Path, data: bytes) -> None:
-    """Parse the XML once, building nothing; FinloopError if it is none, or declares entities."""
+    """Raise FinloopError if the bytes of a file are not XML, or declare XML entities."""
     parser = expat.ParserCreate()
 
     def entity(name: str, *rest: object) -> NoReturn:
+        """Raise FinloopError for a declared entity."""
         raise FinloopError(
             f"{path} declares the entity {name!r}, which may stand for any amount of text",
             "an SVG without entities",
@@ -306,11 +336,12 @@ def _refuse_entities(path: Path, data: bytes) -> None:
 
 
 def _tag(element: ElementTree.Element) -> str:
+    """Return an element's name without the SVG namespace."""
     return element.tag.removeprefix(_SVG)
 
 
-def _remove_others(root: ElementTree.Element) -> None:
-    """Remove what is no contour; hide symbols, which only a `use` shows, among definitions."""
+def _keep_contours(root: ElementTree.Element) -> None:
+    """Remove elements that draw no contour; move symbols, which only a `use` shows, to `defs`."""
     hidden = ElementTree.Element(f"{_SVG}defs")
     for parent in list(root.iter()):
         for child in list(parent):
@@ -349,6 +380,7 @@ def _refuse_large(path: Path, root: ElementTree.Element) -> None:
     unfinished = set[int]()
 
     def measure(element: ElementTree.Element, depth: int) -> int:
+        """Return how much geometry [characters] an element draws, with all its parts."""
         key = id(element)
         if key in sizes:
             return sizes[key]

@@ -25,6 +25,7 @@ _AGAIN = "run the stage that makes it again: `dvc repro`"
 
 
 def _arrow_type(column: Column) -> pa.DataType:
+    """Return the Arrow data type of a column: a number, or a list of numbers."""
     inner = pa.type_for_alias(column.dtype)
     return pa.list_(inner, column.length) if column.length else inner  # ANY = -1 is Arrow's, too
 
@@ -38,7 +39,7 @@ def arrow_schema(schema: Schema) -> pa.Schema:
 
 
 def parquet_coding(schema: Schema) -> dict[str, Any]:
-    """Return keyword arguments for pyarrow's Parquet writers: compression, coding of columns.
+    """Return keyword arguments for pyarrow's Parquet writers: how each column is compressed.
 
     Measured floats rarely repeat: a dictionary of them would take three quarters of the writing
     time. Splitting their bytes into streams halves their size.
@@ -52,7 +53,7 @@ def parquet_coding(schema: Schema) -> dict[str, Any]:
 
 
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
-    """Write a table as Parquet, completely or not at all.
+    """Check a table against its schema and write it as Parquet, completely or not at all.
 
     Numbers of another width are converted if that loses only floating-point precision; NaN in a
     nullable column becomes null. A list column has rows of arrays. FinloopError lists every
@@ -64,9 +65,9 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
 
 
 def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
-    """Convert a whole table to Arrow, checked against its schema as in `save_table`.
+    """Check a data frame against its schema and convert it to an Arrow table, as `save_table` does.
 
-    FinloopError, which names the table, lists all faults at once.
+    name: of the table, for messages. FinloopError lists all faults at once.
     """
     problems = _name_problems(list(frame.columns), schema)
     arrays, empty_cells = [], list[str]()
@@ -85,12 +86,12 @@ def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
 
 
 def apply_schema(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
-    """Return a table as `load_table` would after `save_table`: converted and checked."""
+    """Check a data frame against a schema and convert it as saving and loading it would."""
     return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
 def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Read a table that `save_table` wrote, or only some `columns` of it.
+    """Read a table that `save_table` wrote, with all columns or those named.
 
     Nullable whole numbers come back as pandas' `Int32` and its like, nulls of floats as NaN, list
     columns as rows of arrays. FinloopError if the file is missing or unreadable; or it lists every
@@ -99,7 +100,7 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
     return _to_frame(*_read_columns(path, schema, columns))
 
 
-def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
+def load_list_columns(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
     """Read list columns of a table, each as one array (rows, length), in the order of `names`.
 
     This is faster than `load_table`. FinloopError as there, and if the lists of a column have
@@ -119,13 +120,13 @@ def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
     return arrays
 
 
-def read_lists(
+def read_list_blocks(
     path: Path, schema: Schema, names: Sequence[str], rows: int
 ) -> Iterator[list[NDArray[Any]]]:
-    """Yield a table's list columns in blocks of `rows` rows: for each name an array (k, length).
+    """Yield list columns of a long table in blocks of rows: for each name an array (k, length).
 
-    All lists of a column must have the schema's length; only the columns' names are checked.
-    FinloopError if the file is missing, unreadable, or lacks a column.
+    rows: most rows of a block, k. All lists of a column must have the schema's length; only the
+    columns' names are checked. FinloopError if the file is missing, unreadable, or lacks a column.
     """
     try:
         with pq.ParquetFile(path) as file:
@@ -138,23 +139,24 @@ def read_lists(
                     for name, length in zip(names, lengths, strict=True)
                 ]
     except (OSError, pa.ArrowException) as error:
-        raise _unreadable(path, error) from error
+        raise _unreadable_error(path, error) from error
 
 
-def _unreadable(path: Path, error: Exception) -> FinloopError:
+def _unreadable_error(path: Path, error: Exception) -> FinloopError:
+    """Return the error for a file that is not a readable Parquet table."""
     return FinloopError(f"{path} cannot be read as a table ({error})", "a Parquet file", _AGAIN)
 
 
 def _read_columns(
     path: Path, schema: Schema, columns: Sequence[str] | None
 ) -> tuple[pa.Table, Schema]:
-    """Return a table's columns, or some of them, after every check, and their schema."""
+    """Read all or some columns of a table and check them; return them with their schema."""
     if columns is not None:
         schema = Schema(*(column for column in schema.columns if column.name in columns))
     try:
         table = pq.read_table(path, columns=None if columns is None else list(columns))
     except (OSError, pa.ArrowException) as error:
-        raise _unreadable(path, error) from error
+        raise _unreadable_error(path, error) from error
     problems = _name_problems(table.column_names, schema)
     for column in schema.columns:
         if column.name not in table.column_names:
@@ -189,18 +191,23 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False
 
 
 def _describe(column: Column) -> str:
+    """Return a column's type and unit in words, such as "lists of 3 float32 in 'px'"."""
     size = "" if column.length == ANY else f"{column.length} "
     kind = f"lists of {size}{column.dtype}" if column.length else column.dtype
     return f"{kind}{' or null' if column.nullable else ''} in {column.unit!r}"
 
 
 def _name_problems(names: list[str], schema: Schema) -> list[str]:
+    """Return a message for each column that is missing, or not in the schema."""
     missing = [f"{name}: missing" for name in schema.names if name not in names]
     return missing + [f"{name}: not in the schema" for name in names if name not in schema.names]
 
 
 def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
-    """Convert one column, refusing what would change whole numbers or lengths."""
+    """Convert one column to Arrow; raise ValueError or ArrowInvalid where that would change it.
+
+    Only the rounding of floats is allowed.
+    """
     if column.length == ANY:
         cells = [None if cell is None else np.asarray(cell, column.dtype) for cell in values]
         return pa.array(cells, _arrow_type(column))
@@ -220,7 +227,7 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
 
 
 def _null_problems(array: pa.Array, column: Column) -> list[str]:
-    """Report how many cells of a column that must be full are null or NaN."""
+    """Return a message if a column that must be full has null or NaN cells; else no message."""
     count = array.null_count
     flat = array.flatten() if column.length else array.drop_null()
     if pa.types.is_floating(flat.type):
@@ -231,12 +238,14 @@ def _null_problems(array: pa.Array, column: Column) -> list[str]:
 
 
 def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:
+    """Convert an Arrow table to a data frame, with the schema's columns."""
     return pd.DataFrame(
         {c.name: _to_pandas(table.column(c.name).combine_chunks(), c) for c in schema.columns}
     )
 
 
 def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
+    """Convert an Arrow column to a pandas column, with lists as arrays."""
     if column.length == ANY:
         return array.to_pandas()
     if column.length:
@@ -247,18 +256,22 @@ def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
     return array.to_pandas()
 
 
-def _schema_error(what: str, problems: list[str], do: str) -> FinloopError:
+def _schema_error(table: str, problems: list[str], advice: str) -> FinloopError:
+    """Return the error that lists why a table does not fit its schema.
+
+    table: its name, in words. problems: a message each. advice: what the user can do.
+    """
     return FinloopError(
-        came=f"{what} does not fit its schema:\n    " + "\n    ".join(problems),
+        came=f"{table} does not fit its schema:\n    " + "\n    ".join(problems),
         wanted="every column of the schema, with its type and unit, and no other",
-        do=do,
+        do=advice,
     )
 
 
 def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int) -> None:
-    """Write a long table with its index as CSV, block after block, completely or not at all.
+    """Write a long table with its index as CSV, block by block, completely or not at all.
 
-    blocks: tables of the same columns. decimals: of every float.
+    blocks: data frames of the same columns. decimals: of every float.
     """
     with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         for number, block in enumerate(blocks):
@@ -269,9 +282,10 @@ def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int
 
 @contextmanager
 def table_writer(path: Path, schema: Schema) -> Iterator[Callable[[pd.DataFrame], None]]:
-    """Yield a function that appends a data frame to a Parquet file, which may exceed the memory.
+    """Yield a function that appends a data frame to a Parquet file.
 
-    The file appears at `path` when the block succeeds. FinloopError as in `save_table`.
+    So the table may be larger than the memory. The file appears at `path` when the block succeeds.
+    FinloopError as in `save_table`.
     """
     coding = parquet_coding(schema)
     with whole_file(path) as part, pq.ParquetWriter(part, arrow_schema(schema), **coding) as file:

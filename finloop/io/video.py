@@ -40,7 +40,7 @@ another, frames are counted on."""
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """Facts about the normalised clip, kept beside it as `facts.json`."""
+    """Facts about a normalised clip, stored beside it as `facts.json`."""
 
     source: str  # "zebrafish", "carp" or "file"
     width_px: int  # size of the clip
@@ -82,6 +82,7 @@ def load_facts(path: Path) -> VideoFacts:
 
 
 def _parse_facts(record: dict[str, Any]) -> VideoFacts:
+    """Convert the content of facts.json to `VideoFacts`."""
     record.pop("frame_rate_hz")
     record |= {key: Fraction(record[key]) for key in ("frame_rate", "pixel_aspect")}
     record["segments"] = tuple((int(a), int(b)) for a, b in record["segments"])
@@ -90,7 +91,10 @@ def _parse_facts(record: dict[str, Any]) -> VideoFacts:
 
 @contextmanager
 def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStream, Fraction]]:
-    """Open a normalised clip; yield container, stream, ticks from one frame to the next."""
+    """Open a clip; yield its container, its video stream and the time from frame to frame.
+
+    That time is in the stream's ticks. threads: of the decoder.
+    """
     try:
         with av.open(str(path)) as container:
             stream = container.streams.video[0]
@@ -102,6 +106,7 @@ def _open_clip(path: Path, threads: int) -> Iterator[tuple[InputContainer, Video
 
 
 def _clip_error(path: Path, why: str, kind: type[FinloopError] = UndecodableError) -> FinloopError:
+    """Return the error for a clip that cannot be read; why: the reason, in words."""
     return kind(
         came=f"{path} cannot be read as a normalised clip ({why})",
         wanted="the clip as the stage `clip` wrote it",
@@ -112,7 +117,10 @@ def _clip_error(path: Path, why: str, kind: type[FinloopError] = UndecodableErro
 def _decode_clip(
     path: Path, container: InputContainer, stream: VideoStream
 ) -> Iterator[VideoFrame]:
-    """Yield the frames from the present position on; UndecodableError at a damaged one."""
+    """Yield the frames of an open clip from its present position on.
+
+    UndecodableError at a damaged frame; path: of the clip, for its message.
+    """
     try:
         yield from container.decode(stream)
     except av.error.InvalidDataError as error:
@@ -120,11 +128,12 @@ def _decode_clip(
 
 
 def _frame_number(frame: VideoFrame, step: Fraction) -> int:
+    """Return the number of a decoded frame in its clip, from 0; step: ticks from frame to frame."""
     return round(Fraction(frame.pts or 0) / step)
 
 
-def luma(frame: VideoFrame) -> np.ndarray:
-    """Return the grey levels of a decoded frame: its Y plane (h, w) uint8, a read-only view.
+def view_grey_levels(frame: VideoFrame) -> np.ndarray:
+    """Return the grey levels (h, w) uint8 of a decoded frame, as a read-only view of its Y plane.
 
     The decoder predicts later frames from this memory.
     """
@@ -135,12 +144,12 @@ def luma(frame: VideoFrame) -> np.ndarray:
 
 
 def _rgb(frame: VideoFrame) -> np.ndarray:
-    """Convert to (h, w, 3) uint8 RGB, by the range and matrix that the frame states."""
+    """Convert a decoded frame to (h, w, 3) uint8 RGB, by the range and matrix that it states."""
     return frame.to_ndarray(format="rgb24", threads=THREADS)
 
 
-def refuse_other_length(path: Path, frames: int) -> None:
-    """Raise FinloopError if a normalised clip cannot be read, or does not have `frames` frames."""
+def require_frame_count(path: Path, frames: int) -> None:
+    """Raise FinloopError if a clip cannot be read, or does not have `frames` frames."""
     with _open_clip(path, 1) as (_, stream, _):
         if stream.frames != frames:
             raise _clip_error(path, f"it has {stream.frames} frames, not {frames}", FinloopError)
@@ -154,14 +163,14 @@ def read_frames(
     stop: int | None = None,
     threads: int = THREADS,
 ) -> Iterator[np.ndarray]:
-    """Yield the frames `start` … `stop` − 1 of a normalised clip, one after the other.
+    """Yield the frames from `start` to before `stop` of a normalised clip, one after the other.
 
-    They are (h, w, 3) RGB, or (h, w) grey as from `luma`, uint8; `stop` None = to the end. threads:
+    They are (h, w, 3) RGB if `colour`, else (h, w) grey, uint8; `stop` None = to the end. threads:
     of the decoder. FinloopError if the clip cannot be read; UndecodableError if a frame cannot, or
     the clip ends early.
     """
     with _open_clip(path, threads) as (container, stream, step):
-        convert = _rgb if colour else luma
+        convert = _rgb if colour else view_grey_levels
         stop = stream.frames if stop is None else min(stop, stream.frames)
         if start >= stop:
             return
@@ -181,17 +190,17 @@ def read_frames(
         raise _clip_error(path, f"it ends before frame {number}")
 
 
-def read_spread(
+def read_chosen_frames(
     path: Path, frames: Sequence[int], *, colour: bool = False, threads: int = THREADS
 ) -> Iterator[np.ndarray]:
-    """Yield single frames of a normalised clip by ascending numbers; repeats are allowed.
+    """Yield chosen frames of a normalised clip; `frames`: their numbers, ascending, also repeated.
 
     Pictures and errors are those of `read_frames`; ValueError if `frames` does not ascend.
     """
     if any(b < a for a, b in pairwise(frames)):
         raise ValueError("frames must ascend")
     with _open_clip(path, threads) as (container, stream, step):
-        convert = _rgb if colour else luma
+        convert = _rgb if colour else view_grey_levels
         decoded: Iterator[VideoFrame] = iter(())
         position, current = -KEY_FRAME_EVERY, None
         for number in frames:

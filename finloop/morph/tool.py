@@ -10,7 +10,7 @@ from pathlib import Path
 
 from finloop.base.drawing import Morph
 from finloop.base.tool import format_frame_counts, frame_rate, run_tool
-from finloop.io.animation import ENDINGS, find_writer, save_animation
+from finloop.io.animation import ENDINGS, find_morph_writer, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
 
@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _write(options: argparse.Namespace) -> str:
     """Write the morph and return its summary."""
-    find_writer(options.output)  # check the ending first
+    find_morph_writer(options.output)  # check the ending first
     drawings = load_svg(options.a), load_svg(options.b)
     physics = Physics(options.elastic, options.damping, options.mass)
     result = morph(

@@ -101,7 +101,7 @@ class Log:
             if frames:
                 parts += [self._frame_rows(frames), *self._fish_rows(frames)]
             if parts:
-                self._journal.keep(parts)
+                self._journal.append(parts)
 
     def close(self) -> None:
         """Write all remaining entries, and close the journal."""

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from finloop.base.errors import FinloopError
-from finloop.io.journal import header_text
+from finloop.io.journal import read_header
 from finloop.stimulus.animals import TAKEN, LiveAnimals
 from finloop.stimulus.drawn import FIELDS, States
 from finloop.stimulus.log import FORMAT, SESSION, digest_states
@@ -54,7 +54,7 @@ def open_record(path: Path) -> Record:
         raise FinloopError(
             f"{path} cannot be read ({str(error).splitlines()[0]})", _WANTED, do
         ) from error
-    text = header_text(file.schema_arrow.metadata)
+    text = read_header(file.schema_arrow.metadata)
     if text is None or file.schema_arrow.names != SESSION.names:
         raise FinloopError(f"{path} is no session", _WANTED, "name another file")
     header = json.loads(text)

@@ -10,9 +10,9 @@ from finloop.base.arrays import Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, grey
 from finloop.clip.light import measure_gain, undo_gain
 from finloop.io.picture import load_picture, save_picture
-from finloop.io.several import film_folders
+from finloop.io.several import list_film_folders
 from finloop.io.table import load_table
-from finloop.io.video import CLIP_NAME, FACTS_NAME, load_facts, read_spread
+from finloop.io.video import CLIP_NAME, FACTS_NAME, load_facts, read_chosen_frames
 from finloop.plots.clip import film_check
 from finloop.plots.parts import one_below_another
 
@@ -21,7 +21,7 @@ CLIP = Path("data/clip")
 
 def main() -> None:
     """Draw reports/clip/check.png, with the pictures of several films one below another."""
-    pictures = [_draw_film(name, CLIP / home) for name, home in film_folders(CLIP)]
+    pictures = [_draw_film(name, CLIP / home) for name, home in list_film_folders(CLIP)]
     save_picture(Path("reports/clip/check.png"), one_below_another(pictures))
 
 
@@ -29,8 +29,8 @@ def _draw_film(name: str, clip: Path) -> Picture:
     """Draw a frame of one film, its difference from the tank, and curves over time."""
     facts = load_facts(clip / FACTS_NAME)
     middle = [facts.frames // 2]
-    (frame,) = read_spread(clip / CLIP_NAME, middle, colour=facts.colour)
-    (plain,) = read_spread(clip / CLIP_NAME, middle)
+    (frame,) = read_chosen_frames(clip / CLIP_NAME, middle, colour=facts.colour)
+    (plain,) = read_chosen_frames(clip / CLIP_NAME, middle)
     tank = grey(load_picture(clip / TANK_NAME))
     table = load_table(clip / CHECK_NAME, CHECK)
     even = undo_gain(plain, measure_gain(plain, tank))

@@ -16,7 +16,7 @@ from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record
-from finloop.io.several import film_folders
+from finloop.io.several import list_film_folders
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
@@ -24,7 +24,7 @@ from finloop.io.video import (
     VideoFacts,
     load_facts,
     load_mask,
-    read_spread,
+    read_chosen_frames,
 )
 from finloop.plots.branches import ThinnedFish, choose_fish, figure3_4, thin_fish
 from finloop.plots.extract import detections_picture
@@ -50,7 +50,7 @@ class ExtractedFilm(NamedTuple):
         """Yield at most `count` frames spread over the film, as pairs (label, picture)."""
         numbers = np.linspace(0, self.facts.frames - 1, min(count, self.facts.frames))
         frames = numbers.round().astype(int).tolist()
-        pictures = read_spread(self.clip / CLIP_NAME, frames, colour=self.facts.colour)
+        pictures = read_chosen_frames(self.clip / CLIP_NAME, frames, colour=self.facts.colour)
         for number, picture in zip(frames, pictures, strict=True):
             yield f"{self.name} frame {number}".strip(), picture
 
@@ -59,7 +59,9 @@ def main() -> None:
     """Draw detections.png and fig3_4.png in reports/extract/."""
     settings: ExtractSettings = load("extract")
     films = [
-        _load_film(name, home) for name, home in film_folders(CLIP) if (EXTRACT / home).is_dir()
+        _load_film(name, home)
+        for name, home in list_film_folders(CLIP)
+        if (EXTRACT / home).is_dir()
     ]
     pictures = []
     for film in films:

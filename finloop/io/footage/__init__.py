@@ -56,7 +56,7 @@ def open_footage(
 
 
 def list_films(path: str) -> list[Path]:
-    """List the films at a path in natural order: 2 before 10.
+    """Return the films that a path or pattern names, in natural order: 2 before 10.
 
     A file is a film, and so is a folder of pictures. A folder of films, or of folders of pictures,
     gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it matches. A path to nothing is
@@ -78,7 +78,7 @@ def list_films(path: str) -> list[Path]:
 
 
 def _films_in_folder(folder: Path) -> list[Path]:
-    """List the films and picture folders in a folder; none if it holds the pictures itself."""
+    """Return the films and picture folders in a folder; none if it holds one film's pictures."""
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
     if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
@@ -88,13 +88,14 @@ def _films_in_folder(folder: Path) -> list[Path]:
 
 
 def _holds_pictures(folder: Path) -> bool:
+    """Return whether a folder holds a picture."""
     return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
 
 
-def film_names(paths: Iterable[Path]) -> list[str]:
-    """Return a short, unique name for each film: its file's name, numbered where that is taken.
+def unique_film_names(paths: Iterable[Path]) -> list[str]:
+    """Return a short, unique name for each film, from its file's name.
 
-    Names have only letters, digits, `_` and `-`, for folders and metrics.
+    Equal names are numbered. Names have only letters, digits, `_` and `-`, for folders and metrics.
     """
     unique_names: list[str] = []
     for path in paths:
@@ -109,23 +110,26 @@ def film_names(paths: Iterable[Path]) -> list[str]:
     return unique_names
 
 
-class Stamp(NamedTuple):
-    """What changes when a file changes: its name, size [bytes] and time of modification [ns]."""
+class FileStamp(NamedTuple):
+    """Name, size [bytes] and modification time [ns] of a file: they change when the file does."""
 
     name: str
     size: int
     modified_ns: int
 
 
-def file_stamps(path: Path) -> list[Stamp]:
-    """Return the stamps of a film's file, or of all pictures in its folder."""
+def read_file_stamps(path: Path) -> list[FileStamp]:
+    """Return the stamp of a film's file, or of every picture in its folder."""
     files = [(p.name, p.stat()) for p in (sorted(path.iterdir()) if path.is_dir() else [path])]
-    return [Stamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in files]
+    return [FileStamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in files]
 
 
-def refuse_grown(path: Path, before: list[Stamp]) -> None:
-    """Raise FinloopError if a film's files have changed since `file_stamps` returned `before`."""
-    if file_stamps(path) != before:
+def refuse_changed_film(path: Path, before: list[FileStamp]) -> None:
+    """Raise FinloopError if a film's files have other stamps than before.
+
+    before: what `read_file_stamps` returned.
+    """
+    if read_file_stamps(path) != before:
         raise FinloopError(
             came=f"{path} has changed while it was read",
             wanted="a film that is finished",

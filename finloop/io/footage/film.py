@@ -34,7 +34,7 @@ from finloop.io.footage.source import (
     Turn,
     chroma_fraction,
     deep_levels,
-    in_range,
+    is_in_range,
     nearest_turn,
     other_size_error,
     stretch_levels,
@@ -42,7 +42,7 @@ from finloop.io.footage.source import (
     too_few_error,
 )
 from finloop.io.footage.timing import estimate_frame_rate
-from finloop.io.video import THREADS, luma
+from finloop.io.video import THREADS, view_grey_levels
 
 # A film that does not state its range of levels counts as limited (16 … 235), unless so many pixels
 # lie so far outside that black or white would be lost. A coder's ringing stays within.
@@ -82,12 +82,12 @@ def open_stream(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
 
 
 def _picture_streams(container: InputContainer) -> list[VideoStream]:
-    """List the streams of moving pictures: not the cover of an audio file."""
+    """Return a film's streams of moving pictures, without the cover picture of an audio file."""
     return [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
 
 
 def _time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray, int]:
-    """Return the frames' time stamps [s], ascending, and the number of frames the file promises.
+    """Return the frames' time stamps [s], ascending, and how many frames the film promises.
 
     Nothing is decoded. A complete index suffices: its decoding times may be early by some frames,
     but have the same gaps. Without an index all packets are read.
@@ -108,8 +108,8 @@ def _time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.nda
     return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
 
 
-class _CodingSurvey(NamedTuple):
-    """The coding of a film, from sample frames spread over it."""
+class _FilmCoding(NamedTuple):
+    """How a film is coded, measured in sample frames spread over it."""
 
     width: int
     height: int
@@ -122,8 +122,8 @@ class _CodingSurvey(NamedTuple):
     levels: tuple[float, float] | None
 
 
-def _survey(path: Path, stamps: np.ndarray) -> _CodingSurvey:
-    """Decode some frames spread over a film and measure how it is coded.
+def _measure_coding(path: Path, stamps: np.ndarray) -> _FilmCoding:
+    """Decode sample frames spread over a film and return how it is coded.
 
     stamps: of its frames [s], ascending. FinloopError if no frame can be decoded.
     """
@@ -145,7 +145,7 @@ def _survey(path: Path, stamps: np.ndarray) -> _CodingSurvey:
     turn, exact = nearest_turn(_display_matrix(first))
     stated = first.color_range in (ColorRange.MPEG, ColorRange.JPEG)
     yuv = first.format.name.startswith(_YUV)
-    return _CodingSurvey(
+    return _FilmCoding(
         width=first.width,
         height=first.height,
         first_s=float(stamps[0] if first.time is None else first.time),
@@ -159,25 +159,29 @@ def _survey(path: Path, stamps: np.ndarray) -> _CodingSurvey:
 
 
 def _sample_frames(path: Path, stamps: np.ndarray) -> Iterator[VideoFrame]:
-    """Decode some frames spread over a film; its first ones if it cannot be sought."""
+    """Yield decoded frames spread over a film; its first frames if the film cannot be sought."""
 
-    def good(count: int) -> Iterator[VideoFrame]:
+    def take_good(count: int) -> Iterator[VideoFrame]:
+        """Yield the next undamaged frames, at most `count`."""
         frames = _decode_film(container, stream, Loss())
         return islice((frame for frame in frames if frame is not None), count)
 
     with open_stream(path) as (container, stream):
-        yield from good(1)
+        yield from take_good(1)
         for stamp in np.linspace(stamps[0], stamps[-1], SAMPLES)[1:]:
             try:
                 container.seek(int(stamp / float(stream.time_base or 1)), stream=stream)
             except (av.error.FFmpegError, OSError):
-                yield from good(SAMPLES)
+                yield from take_good(SAMPLES)
                 return
-            yield from good(1)
+            yield from take_good(1)
 
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
-    """Return a film's facts and its frames' times [s] from 0; rate, colour: None = as the film."""
+    """Inspect a film; return its facts and the times of its frames [s], from 0.
+
+    rate: frames per second; colour: whether frames will be RGB; None = as the film is.
+    """
     with open_stream(path) as (container, stream):
         stamps, promised = _time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]
@@ -185,7 +189,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         streams = len(_picture_streams(container))
     if stamps.size < 2:
         raise too_few_error(path, stamps.size)
-    coding = _survey(path, stamps)
+    coding = _measure_coding(path, stamps)
     own_rate = estimate_frame_rate(stamps, stated)
     if rate is None:
         times, last_s = stamps - stamps[0], (promised - stamps.size) / float(own_rate)
@@ -227,7 +231,10 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
 def _decode_film(
     container: InputContainer, stream: VideoStream, loss: Loss
 ) -> Iterator[VideoFrame | None]:
-    """Decode a film from its present position on; yield frames, None for each damaged one."""
+    """Yield a film's frames from its present position on, with None for each damaged one.
+
+    `loss` counts the damaged ones.
+    """
     packets = container.demux(stream)
     while True:
         try:
@@ -247,13 +254,16 @@ def _decode_film(
 
 
 def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
-    """Yield the frames of a film, upright, with times and numbers as `Footage.stream_numbered`."""
+    """Yield the frames of a film, upright, each with its time and number.
+
+    It is the `reader` of a film's `Footage`; see `Footage.stream_numbered`.
+    """
     step = 1 / float(footage.frame_rate)
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded
     convert = _rgb if footage.colour else partial(_grey, levels=footage.levels)
     with open_stream(footage.path) as (container, stream):
-        stamps = _seek(container, stream, footage)
+        stamps = _seek_range(container, stream, footage)
         time_s, damaged = -step, 0
         shot = _decode_film(container, stream, loss)
         if footage.fields:
@@ -271,7 +281,7 @@ def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
             if (frame.width, frame.height) != size:
                 what = f"{footage.path}: the frame at {time_s:.3f} s"
                 raise other_size_error(what, (frame.width, frame.height), size)
-            if in_range(footage, time_s):
+            if is_in_range(footage, time_s):
                 if stamps.size and frame.pts is not None:
                     number = int(np.searchsorted(stamps, frame.pts))
                 picture = footage.turn(convert(frame, full_range=footage.full_range))
@@ -283,10 +293,12 @@ def _film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
         loss.missing_at_end = max(0, missing)
 
 
-def _seek(container: InputContainer, stream: VideoStream, footage: Footage) -> NDArray[np.float64]:
-    """Go to shortly before the start of the range, if the container can seek.
+def _seek_range(
+    container: InputContainer, stream: VideoStream, footage: Footage
+) -> NDArray[np.float64]:
+    """Move a film to shortly before its range of time, if it can be sought; return time stamps.
 
-    Return the time stamps [ticks] of the film's frames up to the end of the range, which number the
+    These are the stamps [ticks] of the film's frames up to the end of the range, which number the
     frames; none if the film is decoded and counted from its first frame, as a renumbered film is.
     """
     target_s, none = footage.start_s - SEEK_MARGIN_S, np.empty(0)
@@ -301,7 +313,7 @@ def _seek(container: InputContainer, stream: VideoStream, footage: Footage) -> N
 
 
 def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
-    """Return the time stamps [ticks] of the frames that are shown before `last`, ascending.
+    """Return the time stamps of a film's frames before the stamp `last`, ascending, in ticks.
 
     Packets are read, not decoded: an index only has decoding times.
     """
@@ -319,7 +331,10 @@ def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
 
 
 def _display_matrix(frame: VideoFrame) -> np.ndarray:
-    """Return the matrix (9 numbers) by which a player turns a frame upright; see `nearest_turn`."""
+    """Return the matrix (9 numbers) by which a player turns a frame upright.
+
+    See `nearest_turn`. Without one in the file it is the identity.
+    """
     side: Any
     for side in frame.side_data:
         if side.type == SideDataType.DISPLAYMATRIX:
@@ -338,7 +353,8 @@ def _grey(frame: VideoFrame, full_range: bool, levels: tuple[float, float] | Non
     name, bits = frame.format.name, frame.format.components[0].bits
     if bits == 8 and name.startswith(_LUMA_FIRST):  # the general conversion is 20 times slower
         full = full_range or name == "gray" or frame.color_range == ColorRange.JPEG
-        return luma(frame) if full else cv2.LUT(luma(frame), FULL_FROM_LIMITED)
+        grey = view_grey_levels(frame)
+        return grey if full else cv2.LUT(grey, FULL_FROM_LIMITED)
     return frame.to_ndarray(
         format="gray",
         src_color_range=ColorRange.JPEG if full_range else frame.color_range,
@@ -367,9 +383,9 @@ def _rgb(frame: VideoFrame, full_range: bool) -> np.ndarray:
 def _deinterlace(
     frames: Iterator[VideoFrame | None], stream: VideoStream, order: Order
 ) -> Iterator[VideoFrame | None]:
-    """Yield the frames deinterlaced: the rows of each frame's later field are interpolated.
+    """Yield interlaced frames without combs: the rows of each frame's later field are interpolated.
 
-    FFmpeg's filter bwdif does it. A damaged frame, None, stays None.
+    order: which field is earlier. FFmpeg's filter bwdif does it. A damaged frame, None, stays None.
     """
     graph = Graph()
     source = graph.add_buffer(template=stream)
@@ -389,7 +405,10 @@ def _deinterlace(
 
 
 def _filtered_frames(graph: Graph, stream: VideoStream) -> Iterator[VideoFrame]:
-    """Yield what the filter has finished, in the stream's ticks; it is a frame behind."""
+    """Yield the frames that a filter has finished, with time stamps in the stream's ticks.
+
+    A filter may be a frame behind its input.
+    """
     while True:
         try:
             frame = graph.pull()

@@ -22,7 +22,7 @@ from finloop.io.footage.source import (
     NumberedFrames,
     chroma_fraction,
     deep_levels,
-    in_range,
+    is_in_range,
     other_size_error,
     stretch_levels,
     thin_frame,
@@ -40,7 +40,10 @@ Load = Callable[[int], np.ndarray]
 
 @contextmanager
 def _open_album(path: Path) -> Iterator[tuple[list[str], Load]]:
-    """Yield the names of a folder's pictures, or of a TIFF's pages, and what loads one of them."""
+    """Open a folder of pictures or a TIFF of several pages.
+
+    Yield the names of the pictures or pages, and a function that loads one by its number, from 0.
+    """
     if path.is_dir():
         files = _list_pictures(path)
         yield [str(file) for file in files], lambda k: _load_picture(files[k])
@@ -60,7 +63,7 @@ def _open_album(path: Path) -> Iterator[tuple[list[str], Load]]:
 def open_pictures(
     path: Path, rate: Fraction | None, colour: bool | None
 ) -> tuple[Footage, np.ndarray]:
-    """Return the facts of a folder of pictures or a TIFF stack, and its frames' times [s] from 0.
+    """Inspect a folder of pictures or a TIFF; return its facts and its frames' times [s], from 0.
 
     rate: frames per second, required. colour: whether frames will be RGB; None = where they have
     colours. FinloopError without a rate, or for fewer than two pictures.
@@ -99,7 +102,10 @@ def open_pictures(
 
 
 def _list_pictures(folder: Path) -> list[Path]:
-    """List the pictures of a folder in natural order: 2 before 10."""
+    """Return the pictures of a folder in natural order: 2 before 10.
+
+    FinloopError if there are none, or pictures of several kinds.
+    """
     files = [
         file
         for file in folder.iterdir()
@@ -131,7 +137,7 @@ def natural_sort_key(path: Path) -> list[tuple[int, str]]:
 
 
 def _load_picture(path: Path) -> np.ndarray:
-    """Load a picture as stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
+    """Load a picture file as stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
     data = np.fromfile(path, np.uint8)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
     picture = cv2.imdecode(data, flags) if data.size else None
@@ -145,7 +151,7 @@ def _load_picture(path: Path) -> np.ndarray:
 
 
 def _load_page(stack: TiffFile, number: int) -> np.ndarray:
-    """Read one page of a stack: (h, w) grey or (h, w, 3) RGB."""
+    """Load one page of a TIFF, from 0, as stored: (h, w) grey or (h, w, 3) RGB."""
     try:
         picture = stack.pages[number].asarray()
     except ValueError as error:  # a compression that is not supported
@@ -166,6 +172,10 @@ def _load_page(stack: TiffFile, number: int) -> np.ndarray:
 
 
 def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | None) -> np.ndarray:
+    """Convert a picture to uint8, RGB if `colour` or else grey.
+
+    levels: those that become 0 and 255, of a picture of more than 8 bits; None for 8 bits.
+    """
     if levels:
         picture = stretch_levels(picture, *levels)
     if colour and picture.ndim == 2:
@@ -176,11 +186,15 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
 
 
 def _picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
-    """Yield the frames of a folder or stack with times, numbers as `Footage.stream_numbered`."""
+    """Yield the frames of a folder or TIFF, each with its time and number.
+
+    It is the `reader` of their `Footage`; see `Footage.stream_numbered`.
+    """
     size = footage.width_px, footage.height_px
     with _open_album(footage.path) as (names, load):
 
         def load_frame(number: int) -> tuple[float, tuple[int, np.ndarray]]:
+            """Load one picture and check its size and depth; return (time, (number, picture))."""
             picture = load(number)
             if picture.shape[1::-1] != size:
                 raise other_size_error(names[number], picture.shape[1::-1], size)
@@ -193,6 +207,6 @@ def _picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
             time_s = number / float(footage.frame_rate)
             return time_s, (number, _to_uint8(picture, footage.colour, footage.levels))
 
-        numbers = [k for k in range(len(names)) if in_range(footage, k / footage.frame_rate)]
+        numbers = [k for k in range(len(names)) if is_in_range(footage, k / footage.frame_rate)]
         threads = THREADS if footage.path.is_dir() else 1  # of a stack pages follow one another
         yield from ordered_map(load_frame, numbers, Threads(threads))

@@ -35,7 +35,7 @@ NumberedFrames = Iterator[tuple[float, tuple[int, np.ndarray]]]
 
 @dataclass(frozen=True)
 class Turn:
-    """One of the eight orientations by which a picture becomes upright.
+    """The mirroring and turn by right angles that makes a film's pictures upright.
 
     A pixel goes from (x, y) to (a x + c y, b x + d y); each of a, b, c, d is −1, 0 or 1.
     """
@@ -56,7 +56,7 @@ class Turn:
         return self.a * self.d - self.b * self.c < 0
 
     def __call__(self, frame: np.ndarray) -> np.ndarray:
-        """Turn the picture upright; no pixel is lost or changed."""
+        """Return a picture mirrored and turned upright; no pixel is lost or changed."""
         if not self.a:
             return np.ascontiguousarray(frame.swapaxes(0, 1)[:: self.b, :: self.c])
         return np.ascontiguousarray(frame[:: self.d, :: self.a])
@@ -67,14 +67,14 @@ UPRIGHT = Turn()
 
 @dataclass
 class Loss:
-    """Counts of promised frames that cannot be read; they grow as frames are streamed."""
+    """Counts of frames that a film promises and that cannot be read; they grow while it is read."""
 
     damaged: int = 0
     missing_at_end: int = 0
 
     @property
-    def frames(self) -> int:
-        """Return the number of all lost frames."""
+    def lost_frames(self) -> int:
+        """Return how many frames are lost in all."""
         return self.damaged + self.missing_at_end
 
     @property
@@ -91,7 +91,7 @@ class Loss:
 
 @dataclass(frozen=True)
 class Footage:
-    """A film, folder of pictures or TIFF stack, and what is known before reading its frames."""
+    """A film, folder of pictures or TIFF, with what is known before its frames are read."""
 
     path: Path  # the film, the folder or the stack
     width_px: int  # of the upright picture
@@ -114,15 +114,19 @@ class Footage:
     last_s: float = 0.0  # time of the last frame that the file promises; 0 = the first frame
 
     def stream_numbered(self, loss: Loss) -> NumberedFrames:
-        """Yield (time [s], (number in the source, picture)) for each frame of the range, upright.
+        """Yield (time [s], (number in the source, picture)) for each frame in the range of time.
 
-        Pictures are (h, w) grey or (h, w, 3) RGB uint8. `loss` counts the frames that cannot be
-        read. FinloopError if frames change their size, or a picture of a folder cannot be read.
+        Pictures are upright, (h, w) grey or (h, w, 3) RGB uint8. `loss` counts the frames that
+        cannot be read. FinloopError if frames change their size, or a picture of a folder cannot be
+        read.
         """
         return self.reader(self, loss)
 
-    def facts(self, source: str, crf: int) -> VideoFacts:
-        """Return those facts of the clip to be made that are known before frames are read."""
+    def clip_facts(self, source: str, crf: int) -> VideoFacts:
+        """Return the facts of the clip that will be made of this film, with `segments` still empty.
+
+        source: name of the kind of film. crf: quality of the clip's coding, 0 = lossless.
+        """
         return VideoFacts(
             source=source,
             width_px=self.width_px,
@@ -143,9 +147,10 @@ class Footage:
 
 
 def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
-    """Return a source restricted to start_s … end_s; times: of its frames, s from 0.
+    """Return a film restricted to the range of time from start_s to before end_s.
 
-    FinloopError if the range is empty, reaches beyond the source, or holds fewer than two frames.
+    times: of all its frames [s], from 0. FinloopError if the range is empty, reaches beyond the
+    film, or holds fewer than two frames.
     """
     step = 1 / float(footage.frame_rate)
     length = float(times[-1]) + step
@@ -157,7 +162,7 @@ def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float
             do="correct clip.start_s and clip.end_s (null = to the end)",
         )
     footage = replace(footage, start_s=start_s, end_s=end_s)
-    inside = times[[in_range(footage, time) for time in times]]
+    inside = times[[is_in_range(footage, time) for time in times]]
     if inside.size < 2:
         raise FinloopError(
             came=f"{footage.path} shows {inside.size} frame(s) from {span}",
@@ -167,41 +172,48 @@ def limit_time(footage: Footage, times: np.ndarray, start_s: float, end_s: float
     return replace(footage, frames_expected=round((inside[-1] - inside[0]) / step) + 1)
 
 
-def in_range(footage: Footage, time_s: float | Fraction) -> bool:
-    """Return whether a time, s from the first frame, lies in the range start_s … end_s."""
+def is_in_range(footage: Footage, time_s: float | Fraction) -> bool:
+    """Return whether a time, in s from the first frame, lies in the film's range of time."""
     slack = 0.01 / float(footage.frame_rate)  # makes up for rounded time stamps
     return footage.start_s - slack <= time_s < footage.end_s - slack
 
 
 def too_few_error(path: Path, count: int) -> FinloopError:
-    """Return the error for a source of fewer than two frames."""
+    """Return the error for a film of fewer than two frames; count: how many it has."""
     came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
     folder = f", or the folder of pictures: {path.parent}"
     return FinloopError(came, WANTED_TWO, "give a whole film" + (folder if count else ""))
 
 
-def other_size_error(what: str, size: tuple[int, int], first: tuple[int, int]) -> FinloopError:
-    """Return the error for a frame whose size (width, height) is not that of the first frame."""
+def other_size_error(
+    frame_name: str, size: tuple[int, int], first_size: tuple[int, int]
+) -> FinloopError:
+    """Return the error for a frame whose size is not that of the first frame.
+
+    frame_name: for the message. size, first_size: width and height [px] of both frames.
+    """
     return FinloopError(
-        came=f"{what} is {size[0]}×{size[1]} pixels, those before it {first[0]}×{first[1]} pixels",
+        came=f"{frame_name} is {size[0]}×{size[1]} pixels, "
+        f"those before it {first_size[0]}×{first_size[1]} pixels",
         wanted="frames of one size",
         do="film without changing the size, or scale all frames alike first (ffmpeg -vf scale=…)",
     )
 
 
 def thin_frame(frame: np.ndarray) -> np.ndarray:
-    """Keep every k-th row and column of a frame, so that at most `SAMPLE_PIXELS` remain."""
+    """Return every k-th row and column of a frame, so that at most `SAMPLE_PIXELS` remain."""
     k = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
     return frame[::k, ::k]
 
 
 def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
-    """Return the orientation nearest to a film's display matrix, and whether it is exact.
+    """Return the turn by right angles nearest to a film's display matrix, and whether it is exact.
 
     matrix: a, b, _, c, d, …; a pixel goes to x′ = a x + c y, y′ = b x + d y.
     """
 
     def sign(value: float) -> int:
+        """Return −1 for a negative number, else 1."""
         return -1 if value < 0 else 1
 
     a, b, _, c, d = (float(value) for value in matrix[:5])
@@ -213,9 +225,10 @@ def nearest_turn(matrix: Sequence[int] | np.ndarray) -> tuple[Turn, bool]:
 
 
 def chroma_fraction(frames: Iterable[np.ndarray]) -> float:
-    """Return the share of RGB frames' pixels whose colour differs clearly from the frame's tint.
+    """Return the share of pixels that are coloured, over RGB frames (h, w, 3).
 
-    An even tint, as of an infrared camera, does not count as colour.
+    A pixel is coloured if it differs clearly from its frame's tint. An even tint, as of an infrared
+    camera, does not count.
     """
     parts = []
     for frame in frames:

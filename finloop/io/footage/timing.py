@@ -40,8 +40,8 @@ def estimate_frame_rate(
 
 
 @dataclass
-class Timing:
-    """Counts that grow while a film is re-timed to a constant rate."""
+class FrameCounts:
+    """Counts of frames that grow while a film is converted to a constant frame rate."""
 
     frames: int = 0  # shown, repeats included
     repeated: int = 0
@@ -50,12 +50,13 @@ class Timing:
 
 
 def resample_nearest(
-    stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: Timing
+    stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: FrameCounts
 ) -> Iterator[T]:
-    """Yield, for every tick of a constant rate, the item of (time [s], item) that is nearest.
+    """Yield for every tick of a constant rate the item whose time is nearest; count into `timing`.
 
-    Ticks start with the first item and again after every cut. A film of constant rate passes
-    through item by item if its time stamps jitter by less than half a frame. `timing` counts.
+    stamped: (time [s], item), in order. frame_rate: ticks per second. Ticks start with the first
+    item and again after every cut. A film of constant rate passes through item by item if its time
+    stamps jitter by less than half a frame.
     """
     rate = float(frame_rate)
     last: tuple[float, T] | None = None
@@ -63,7 +64,7 @@ def resample_nearest(
     ticks = 0  # of this segment
 
     def repeats(until: float) -> Iterator[T]:
-        """Yield the last item once for each tick before `until`."""
+        """Yield the previous item once for each tick before tick `until`."""
         nonlocal ticks
         assert last is not None
         times = max(0, int(np.ceil(until)) - ticks)
@@ -90,5 +91,8 @@ def resample_nearest(
 
 
 def split_at_cuts(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
-    """Return the ranges [start, stop) of all frames that begin at cuts."""
+    """Return the ranges [start, stop) into which cuts divide a film.
+
+    cuts: the first frame of each range, ascending. frames: of the film.
+    """
     return tuple(zip(cuts, [*cuts[1:], frames], strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, Software, poses_from_arrays
-from finloop.io.poses.extra import import_extra, not_installed, unreadable
+from finloop.io.poses.extra import import_extra, not_installed_error, unreadable_error
 from finloop.io.poses.idtracker import read_idtracker
 from finloop.io.poses.trex import read_trex
 
@@ -30,7 +30,7 @@ _BY_KEY: dict[str, Software] = {  # by a group or dataset of a HDF5 file
 def load_poses(
     path: Path, software: Software | None, rate_hz: float, parameter: str = "extract.tracks_path"
 ) -> Poses:
-    """Load the named points of all animals from a tracking program's file, or a folder of files.
+    """Load where the named points of all animals are, from a file or folder of a tracking program.
 
     software: the program that made it; None = detect it. rate_hz: of the film, for a file that has
     times and no rate. parameter: the one that names the file, for messages. FinloopError if there
@@ -60,7 +60,7 @@ def load_poses(
 
 
 def _detect_software(path: Path) -> Software:
-    """Detect the program that made tracks from their ending, header or keys."""
+    """Return the program that made a file or folder of tracks; FinloopError if it is unknown."""
     suffix = path.suffix.lower()
     if path.is_dir():
         software = _folder_software(path)
@@ -80,6 +80,7 @@ def _detect_software(path: Path) -> Software:
 
 
 def _folder_software(path: Path) -> Software | None:
+    """Return the program that made a folder of tracks, by its files' names; None if unknown."""
     names = {file.name for file in path.iterdir()}
     if any(name.startswith(("trajectories", "validated", "with")) for name in names):
         return "idtracker.ai"
@@ -92,11 +93,12 @@ def _folder_software(path: Path) -> Software | None:
 
 
 def _csv_software(path: Path) -> Software | None:
+    """Return the program that made a CSV of tracks, by its header; None if unknown."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             header = [name.strip() for name in next(csv.reader(file), [])]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise unreadable(path, "any program", error) from error
+        raise unreadable_error(path, "any program", error) from error
     first, names = header[0] if header else "", set(header)
     if first == "scorer":
         return "DeepLabCut"  # LightningPose writes the same
@@ -110,24 +112,28 @@ def _csv_software(path: Path) -> Software | None:
 
 
 def _hdf5_software(path: Path) -> Software | None:
+    """Return the program that made an HDF5 file of tracks, by its groups; None if unknown."""
     h5py = import_extra("h5py", path)
     try:
         with h5py.File(path) as file:
             keys = set(file)
     except OSError as error:
-        raise unreadable(path, "any program", error) from error
+        raise unreadable_error(path, "any program", error) from error
     return next((software for key, software in _BY_KEY.items() if key in keys), None)
 
 
 def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
-    """Load poses with `movement` from a file, or from a folder of NWB files, one per animal."""
+    """Load poses with the package `movement`, from a file or a folder of NWB files, one per animal.
+
+    rate_hz: frames per second, for a file that has times and no rate.
+    """
     files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
-    sets = [_dataset(file, software) for file in files]
+    sets = [_load_dataset(file, software) for file in files]
     if len({tuple(dataset.keypoints.values) for dataset in sets}) > 1:
-        raise unreadable(path, software, "its animals have different keypoints")
+        raise unreadable_error(path, software, "its animals have different keypoints")
     names = [str(name) for dataset in sets for name in dataset.individuals.values]
     if len(set(names)) < len(names):
-        raise unreadable(path, software, f"animals of one name: {', '.join(names)}")
+        raise unreadable_error(path, software, f"animals of one name: {', '.join(names)}")
     frames = [_frame_numbers(dataset, rate_hz) for dataset in sets]
     times = np.unique(np.concatenate(frames))
     keypoints = tuple(str(name) for name in sets[0].keypoints.values)
@@ -144,8 +150,11 @@ def _read_by_movement(path: Path, software: Software, rate_hz: float) -> Poses:
     return poses_from_arrays(tuple(names), keypoints, times, places, confidence)
 
 
-def _dataset(path: Path, software: Software) -> Any:
-    """Load an xarray dataset of movement: position (time, space, keypoints, individuals)."""
+def _load_dataset(path: Path, software: Software) -> Any:
+    """Load a file with `movement` as an xarray dataset with `position` and perhaps `confidence`.
+
+    `position` has the dimensions time, space (x, y), keypoints and individuals.
+    """
     xarray = import_extra("xarray", path)
     load = import_extra("movement.io", path).load_dataset
     import_extra("loguru", path).logger.disable("movement")
@@ -157,11 +166,13 @@ def _dataset(path: Path, software: Software) -> Any:
             else:
                 dataset = load(path, source_software=software)
     except ImportError as error:
-        raise not_installed(path, error) from error
+        raise not_installed_error(path, error) from error
     except Exception as error:  # a library of many formats may raise anything for a damaged file
-        raise unreadable(path, software, f"{type(error).__name__}: {error}") from error
+        raise unreadable_error(path, software, f"{type(error).__name__}: {error}") from error
     if "position" not in dataset or not {"time", "space", "individuals"} <= set(dataset.dims):
-        raise unreadable(path, software, "it holds no positions by time, space and individual")
+        raise unreadable_error(
+            path, software, "it holds no positions by time, space and individual"
+        )
     if dataset.sizes["space"] != 2:
         raise FinloopError(
             f"{path} holds places in {dataset.sizes['space']} dimensions",
@@ -174,6 +185,10 @@ def _dataset(path: Path, software: Software) -> Any:
 
 
 def _frame_numbers(dataset: Any, rate_hz: float) -> np.ndarray:
+    """Return the frame number (n,) of each time of a dataset.
+
+    rate_hz: frames per second, if the dataset does not state them.
+    """
     time = dataset.time.values.astype(float)
     if dataset.attrs.get("time_unit") == "seconds":
         time = time * float(dataset.attrs.get("fps") or rate_hz)

@@ -11,10 +11,10 @@ def import_extra(module: str, path: object) -> ModuleType:
     try:
         return import_module(module)
     except ImportError as error:
-        raise not_installed(path, error) from error
+        raise not_installed_error(path, error) from error
 
 
-def not_installed(path: object, error: ImportError) -> FinloopError:
+def not_installed_error(path: object, error: ImportError) -> FinloopError:
     """Return the error for a file that needs a missing package of the extra `tracks`."""
     return FinloopError(
         f"{path} needs packages that are not all installed: {error}",
@@ -23,8 +23,8 @@ def not_installed(path: object, error: ImportError) -> FinloopError:
     )
 
 
-def unreadable(path: object, software: str, why: object) -> FinloopError:
-    """Return the error for a file that is not what `software` writes, with the reason `why`."""
+def unreadable_error(path: object, software: str, why: object) -> FinloopError:
+    """Return the error for a file that is not what a tracking program writes; why: the reason."""
     return FinloopError(
         f"{path} cannot be read as tracks of {software}: {why}",
         f"a complete file that {software} wrote",

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses, poses_from_arrays
-from finloop.io.poses.extra import import_extra, unreadable
+from finloop.io.poses.extra import import_extra, unreadable_error
 
 SOFTWARE, CENTRE = "idtracker.ai", "centre"
 # In the order that the program itself prefers: corrected by hand, then with gaps closed.
@@ -34,7 +34,7 @@ _HARMLESS = {  # the parts of a pickle of arrays, numbers and words; none of the
 
 
 def read_idtracker(path: Path) -> Poses:
-    """Load poses of idtracker.ai from a session's folder, its `trajectories`, or a file in it.
+    """Load poses of idtracker.ai from a session's folder, its folder `trajectories`, or a file.
 
     The only keypoint is each animal's centre. FinloopError if nothing there can be read.
     """
@@ -49,9 +49,9 @@ def read_idtracker(path: Path) -> Poses:
         ArithmeticError, AttributeError, EOFError, LookupError, OSError, TypeError, ValueError,
         pickle.UnpicklingError,
     ) as error:  # fmt: skip
-        raise unreadable(path, SOFTWARE, error) from error
+        raise unreadable_error(path, SOFTWARE, error) from error
     if places.ndim != 3 or places.shape[2] != 2:
-        raise unreadable(path, SOFTWARE, f"its trajectories have the shape {places.shape}")
+        raise unreadable_error(path, SOFTWARE, f"its trajectories have the shape {places.shape}")
     count = places.shape[1]
     names = names if len(names) == count else [str(number) for number in range(1, count + 1)]
     return poses_from_arrays(
@@ -60,6 +60,7 @@ def read_idtracker(path: Path) -> Poses:
 
 
 def _find_file(path: Path) -> Path:
+    """Return the best file of trajectories at a path: itself, or the first of a session's files."""
     if path.is_file() and path.parent.name.endswith("_csv"):
         return path.parent
     if path.is_file() or path.name.endswith("_csv"):
@@ -69,11 +70,11 @@ def _find_file(path: Path) -> Path:
         for ending in _ENDINGS:
             if (home / f"{name}{ending}").exists():
                 return home / f"{name}{ending}"
-    raise unreadable(path, SOFTWARE, "the folder holds no trajectories")
+    raise unreadable_error(path, SOFTWARE, "the folder holds no trajectories")
 
 
 def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Return places (frames, animals, 2) px, and the facts that are stored beside them."""
+    """Return places (frames, animals, 2) in px, and the facts that are stored with them."""
     if path.is_dir():
         return _load_places(path / "trajectories.csv")[0], _load_facts(path / "attributes.json")
     match path.suffix.lower():
@@ -100,18 +101,19 @@ def _load_places(path: Path) -> tuple[Any, dict[str, Any]]:
             if "individual" in wide:
                 return _to_places(wide), _load_facts(path.with_name("attributes_tidy.json"))
             return wide.drop(columns="time").to_numpy(float).reshape(len(wide), -1, 2), {}
-    raise unreadable(path, SOFTWARE, "its ending is another")
+    raise unreadable_error(path, SOFTWARE, "its ending is another")
 
 
 def _load_facts(path: Path) -> dict[str, Any]:
+    """Load the facts in a JSON file; none if there is no such file."""
     return json.loads(path.read_text("utf-8")) if path.exists() else {}
 
 
-class _Arrays(pickle.Unpickler):
-    """Read pickles of arrays, numbers and words; refuse a pickle that would call anything else."""
+class _HarmlessUnpickler(pickle.Unpickler):
+    """Reader of pickles that hold only arrays, numbers and words; others could run any program."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """Return the class or function with that name, if it is harmless."""
+        """Return the class or function that a pickle names; refuse one that is not harmless."""
         if module.split(".")[0] == "pathlib":
             return PurePosixPath
         if (module, name) not in _HARMLESS:
@@ -120,7 +122,8 @@ class _Arrays(pickle.Unpickler):
 
 
 def _unpickle(file: IO[bytes]) -> tuple[Any, dict[str, Any]]:
-    record = _Arrays(file).load()
+    """Return the places in an open pickle file, and all facts stored with them."""
+    record = _HarmlessUnpickler(file).load()
     record = record.item() if isinstance(record, np.ndarray) else record
     return record["trajectories"], record
 

@@ -22,11 +22,11 @@ _ABOUT = (
 
 
 def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
-    """Write poses as netCDF of `movement`, completely or not at all; rate: frames per second.
+    """Write poses as a netCDF file that `movement` reads, completely or not at all.
 
-    Dimensions are time, space, keypoints, individuals: `xarray.load_dataset` reads it. If
-    `mm_per_px` is known, the variable `position_mm` has the places in mm. FinloopError if the extra
-    `tracks` is not installed.
+    rate: frames per second. Dimensions are time, space, keypoints, individuals:
+    `xarray.load_dataset` reads it. If `mm_per_px` is known, the variable `position_mm` has the
+    places in mm. FinloopError if the extra `tracks` is not installed.
     """
     h5netcdf, words = import_extra("h5netcdf", path), import_extra("h5py", path).string_dtype()
     sizes = {
@@ -63,11 +63,11 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | Non
 
 
 def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
-    """Write poses as NWB (ndx-pose), a file <animal>.nwb each, in a new folder; rate: frames/s.
+    """Write poses as NWB files (ndx-pose), one <animal>.nwb for each animal, in a new folder.
 
-    Places are in px; if `mm_per_px` is known, each series' `conversion` gives millimetres.
-    Characters that a file's name cannot hold become _. FinloopError if the extra `tracks` is not
-    installed.
+    rate: frames per second. Places are in px; if `mm_per_px` is known, each series' `conversion`
+    gives millimetres. Characters that a file's name cannot hold become _. FinloopError if the extra
+    `tracks` is not installed.
     """
     load = import_extra("movement.io.load_poses", folder)
     save = import_extra("movement.io.save_poses", folder)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.poses import Poses, poses_from_arrays
-from finloop.io.poses.extra import unreadable
+from finloop.io.poses.extra import unreadable_error
 
 SOFTWARE, HEAD, CENTRE = "TRex", "head", "centre"
 _CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
@@ -27,11 +27,13 @@ def read_trex(path: Path) -> Poses:
     tracks = {file: _load_fields(file) for file in _list_files(path)}
     tracks = {file: fields for file, fields in tracks.items() if "frame" in fields}
     if not tracks:
-        raise unreadable(path, SOFTWARE, "no file of it has `frame` and places")
+        raise unreadable_error(path, SOFTWARE, "no file of it has `frame` and places")
     try:
         animals = [_to_points(fields) for fields in tracks.values()]
     except (KeyError, ValueError) as error:
-        raise unreadable(path, SOFTWARE, f"{error} is missing or of another length") from error
+        raise unreadable_error(
+            path, SOFTWARE, f"{error} is missing or of another length"
+        ) from error
     times = np.unique(np.concatenate([frame for frame, _ in animals]))
     places = np.full((len(times), len(animals), 2, 2), np.nan)
     for number, (frame, points) in enumerate(animals):
@@ -44,6 +46,7 @@ def read_trex(path: Path) -> Poses:
 
 
 def _list_files(path: Path) -> list[Path]:
+    """Return the files with tracks at a path, in natural order: id2 before id10."""
     if path.is_file():
         return [path]
     home = path / "data" if (path / "data").is_dir() else path
@@ -51,7 +54,7 @@ def _list_files(path: Path) -> list[Path]:
         files = [file for file in home.iterdir() if file.suffix.lower() == suffix]
         if files:
             return sorted(files, key=_number_key)
-    raise unreadable(path, SOFTWARE, "the folder holds neither .npz nor .csv")
+    raise unreadable_error(path, SOFTWARE, "the folder holds neither .npz nor .csv")
 
 
 def _number_key(path: Path) -> tuple[list[int], str]:
@@ -60,6 +63,7 @@ def _number_key(path: Path) -> tuple[list[int], str]:
 
 
 def _load_fields(path: Path) -> dict[str, np.ndarray]:
+    """Load the named columns or arrays in one file of TRex."""
     try:
         if path.suffix.lower() == ".csv":
             table = pd.read_csv(path)
@@ -69,11 +73,14 @@ def _load_fields(path: Path) -> dict[str, np.ndarray]:
             names = [name for name in file.files if name.split("#")[0] in kinds]
             return {name: file[name] for name in names}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise unreadable(path, SOFTWARE, error) from error
+        raise unreadable_error(path, SOFTWARE, error) from error
 
 
 def _to_points(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return frames (n,) and places (n, 2, 2) of head and centre; KeyError names a lost field."""
+    """Return frames (n,) and places (n, 2, 2) of head and centre from a file's fields.
+
+    KeyError names a missing field.
+    """
     frame = fields["frame"].ravel().astype(int)
     cm = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
     present = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)

@@ -17,27 +17,29 @@ _PAGE = Path(__file__).with_name("page.html")
 
 
 def save_viewer(
-    path: Path, glb: bytes, title: str, alt: str, way: list[list[float]], rate_hz: float
+    path: Path, glb: bytes, title: str, alt: str, track: list[list[float]], rate_hz: float
 ) -> None:
-    """Write an HTML page that shows a 3-D scene (.glb), with a camera that can follow the fish.
+    """Write an HTML page that shows a 3-D scene (.glb) with a camera that can follow the fish.
 
-    alt: a description of the scene for screen readers. way: the fish's place x, y, z at every tick,
-    in units of the .glb. rate_hz: ticks per second. FinloopError if the viewer is not installed.
+    alt: a description of the scene for screen readers. track: the fish's place x, y, z at every
+    tick, in units of the .glb. rate_hz: ticks per second. FinloopError if the viewer is not
+    installed.
     """
     page = _PAGE.read_text(encoding="utf-8")
     for name, value in {
         "title": html.escape(title),
         "alt": html.escape(alt),
         "glb": base64.b64encode(glb).decode(),
-        "way": str([[round(part, 2) for part in place] for place in way]),
+        "way": str([[round(part, 2) for part in place] for place in track]),
         "rate": str(rate_hz),
-        "script": _script().replace("</script", "<\\/script"),
+        "script": _load_viewer_script().replace("</script", "<\\/script"),
     }.items():
         page = page.replace(f"{{{name}}}", value)
     save_bytes(path, page.encode())
 
 
-def _script() -> str:
+def _load_viewer_script() -> str:
+    """Return the JavaScript of the 3-D viewer from its installed package."""
     try:
         return Path(str(distribution(_PACKAGE).locate_file(_SCRIPT))).read_text(encoding="utf-8")
     except (PackageNotFoundError, OSError) as error:
