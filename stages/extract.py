@@ -22,7 +22,7 @@ from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.write import Extraction, describe_lost_frames, extract
 from finloop.io.atomic import whole_folder
-from finloop.io.footage import Stamp, read_file_stamps
+from finloop.io.footage import FileStamp, read_file_stamps
 from finloop.io.pieces import Pieces, remove_folders_except
 from finloop.io.several import FILMS, FilmPart, load_parts, load_readable_parts
 from finloop.io.table import save_csv
@@ -65,7 +65,7 @@ def main() -> None:
 def _track_inputs(clip: Path, p: ExtractSettings) -> dict[str, Any]:
     """Return everything from which the tracks of a clip are made, as plain values for reuse."""
 
-    def stamps_of(path: Path) -> list[Stamp] | None:
+    def stamps_of(path: Path) -> list[FileStamp] | None:
         return read_file_stamps(path) if path.exists() else None
 
     key = clip / KEY_NAME  # exists for one of several films

@@ -240,7 +240,7 @@ def test_lottie_keeps_layers_and_vertices(tmp_path):
 
 def test_webp(tmp_path):
     morph = a_morph()
-    with Image.open(save_morph(tmp_path, ".webp", size=240)) as film:
+    with Image.open(save_morph(tmp_path, ".webp", longer_side_px=240)) as film:
         assert film.n_frames == FRAMES
         for frame in range(FRAMES):
             film.seek(frame)
@@ -252,7 +252,7 @@ def test_webp(tmp_path):
 
 def test_mp4_of_an_odd_size(tmp_path):
     morph = a_morph(width=121, height=81)
-    with av.open(save_morph(tmp_path, ".mp4", morph, size=243)) as film:
+    with av.open(save_morph(tmp_path, ".mp4", morph, longer_side_px=243)) as film:
         stream = film.streams.video[0]
         assert stream.average_rate == RATE
         shown = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
@@ -353,7 +353,7 @@ def test_impossible_numbers(tmp_path, rate, size):
 
 @pytest.mark.parametrize("ending", list(ENDINGS))
 def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
-    path = save_morph(tmp_path, ending, size=64)
+    path = save_morph(tmp_path, ending, longer_side_px=64)
     before, calls = path.read_bytes(), []
 
     def fails(*arguments, **kinds):
@@ -372,5 +372,5 @@ def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
 
 @pytest.mark.parametrize("ending", list(ENDINGS))
 def test_the_same_morph_gives_the_same_bytes(tmp_path, ending):
-    first = save_morph(tmp_path, ending, size=64).read_bytes()
-    assert save_morph(tmp_path, ending, size=64).read_bytes() == first
+    first = save_morph(tmp_path, ending, longer_side_px=64).read_bytes()
+    assert save_morph(tmp_path, ending, longer_side_px=64).read_bytes() == first

@@ -927,7 +927,7 @@ def test_an_even_film_is_refused(run_stage, tmp_path, level):
 def test_a_film_of_broken_frames_is_refused(run_stage, monkeypatch, avi):
     monkeypatch.setattr(footage_film, "_decode_film", lambda *_: iter([None, None]))
     monkeypatch.setattr(
-        footage_film, "_survey", lambda *_: footage_film._CodingSurvey(
+        footage_film, "_measure_coding", lambda *_: footage_film._FilmCoding(
             WIDTH, HEIGHT, 0.0, Turn(), True, False, 0.0, 0.0, None
         ),
     )  # fmt: skip

@@ -26,7 +26,7 @@ from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
-from finloop.io.viewer import _script
+from finloop.io.viewer import _load_viewer_script
 from finloop.tank.camera import camera_views
 from finloop.tank.gltf import AnimatedFish, Glb, gltf_place, principal_shapes, tank_glb
 from finloop.tank.scene import TankScene, choose_window
@@ -36,7 +36,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
 def _viewer():
     try:
-        return bool(_script())
+        return bool(_load_viewer_script())
     except FinloopError:
         return False
 
