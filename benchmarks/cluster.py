@@ -28,7 +28,7 @@ import psutil
 from benchmarks.pipeline import ROOT, environment, prepare, stage
 from finloop.base.parallel import Workers
 from finloop.extract import film
-from finloop.extract.write import extract
+from finloop.extract.write import extract_tracks
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.cluster import workers
 from stages.extract import WORKERS_NEED
@@ -144,7 +144,7 @@ def extract_with_kills(
             before = there()
 
     out.mkdir()
-    extract(clip, load("extract"), out, pool, advance)
+    extract_tracks(clip, load("extract"), out, pool, advance)
     return count
 
 

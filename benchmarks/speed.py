@@ -34,15 +34,15 @@ from finloop.extract.backbone import trace_backbone
 from finloop.extract.film import (
     ClipStream,
     Detector,
-    batches,
-    cutouts,
-    detections,
+    batch_fish,
+    detect_in_clip,
     fill_lost_frames,
+    fish_cutouts,
     link_tracks,
-    track_rows,
+    track_table_rows,
 )
-from finloop.extract.samples import survey
-from finloop.extract.segment import SilhouetteEdge, silhouettes
+from finloop.extract.samples import measure_scene_and_fish
+from finloop.extract.segment import SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.extract.write import load_sample_frames
@@ -102,17 +102,17 @@ def extract_and_features(clip: Path, out: Path, how: ExtractSettings, then: Feat
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
     frames = load_sample_frames(clip / "clip.mp4", facts, how.samples)
-    scene, typical = survey(frames, arena, how, Threads(THREADS))
+    scene, typical = measure_scene_and_fish(frames, arena, how, Threads(THREADS))
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
     whole = ClipStream(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
-    found = detections(whole, scene, detector, Processes(THREADS))
+    found = detect_in_clip(whole, scene, detector, Processes(THREADS))
     linked = link_tracks(
         fill_lost_frames(found, []), typical, how, [start for start, _ in facts.segments[1:]]
     )
     with tracks_writer(out, tracks_schema(how.points)) as write:
-        for lot in batches(some for _, some in linked):
-            write(track_rows(lot), cutouts(lot))
+        for lot in batch_fish(some for _, some in linked):
+            write(track_table_rows(lot), fish_cutouts(lot))
     table = load_table(out / "tracks.parquet", tracks_schema(how.points))
     measured, _ = measure_features(table, facts.frame_rate_hz, then)
     save_table(out / "features.parquet", measured, FEATURES)
@@ -146,11 +146,11 @@ def carp_outlines(count: int, how: ExtractSettings) -> list[tuple[np.ndarray, np
         frame for frame, _ in film(settings("clip", source="carp", frames=count, colour=False))
     ]
     arena = np.full(frames[0].shape, 255, np.uint8)
-    scene, _ = survey(frames[:: max(1, count // 41)], arena, how)
+    scene, _ = measure_scene_and_fish(frames[:: max(1, count // 41)], arena, how)
     return [
         (s.mask, s.field)
         for frame in frames
-        for s in silhouettes(
+        for s in find_silhouettes(
             frame, scene, arena, 200, SilhouetteEdge(how.outline_contrast_ratio, how.shadow, "all")
         )
     ]

@@ -54,7 +54,7 @@ from finloop.distance.reel import Reel
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
-from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract
+from finloop.extract.write import BACKGROUND_NAME, describe_lost_frames, extract_tracks
 from finloop.features.table import FEATURES, delta_of, measure_features
 from finloop.forecast.film import film_states, posture_mirror, split_held_out
 from finloop.forecast.learning import train_predictor
@@ -179,7 +179,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     """
     p, home = settings("extract", **changes), _make_folder(folder) / "extract"
     with whole_folder(home) as part:
-        lost = extract(film.folder, p, part, Threads(workers)).lost
+        lost = extract_tracks(film.folder, p, part, Threads(workers)).lost
     if lost:
         warnings.warn(describe_lost_frames(lost, film.facts), stacklevel=2)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))

@@ -15,12 +15,12 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers
-from finloop.extract.film import FollowedNoneError
-from finloop.extract.join_films import Contribution, Likeness, join_extractions
-from finloop.extract.load_given import tracks_of
+from finloop.extract.film import NoTrackError
+from finloop.extract.join_films import FilmContribution, FishScaling, join_extractions
+from finloop.extract.load_given import find_tracks_path
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
-from finloop.extract.write import Extraction, describe_lost_frames, extract
+from finloop.extract.write import Extraction, describe_lost_frames, extract_tracks
 from finloop.io.atomic import whole_folder
 from finloop.io.footage import FileStamp, read_file_stamps
 from finloop.io.pieces import Pieces, remove_folders_except
@@ -56,7 +56,7 @@ def main() -> None:
             numbers = _extract_film(CLIP, settings, pool, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             rows, tracks = int(numbers["fish_frames"]), int(numbers["tracks"])
-            films = [_film_row(Contribution(name, rows, tracks, Likeness()))]
+            films = [_film_row(FilmContribution(name, rows, tracks, FishScaling()))]
     remove_folders_except(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
@@ -86,8 +86,8 @@ def _extract_film(
         print("finloop: continues with the results of an interrupted run", file=sys.stderr)
     try:
         with progress("extract", facts.frames) as advance:
-            extraction = extract(clip, settings, folder, pool, advance, pieces)
-    except FollowedNoneError:
+            extraction = extract_tracks(clip, settings, folder, pool, advance, pieces)
+    except NoTrackError:
         pieces.remove()  # a new run would find nothing, too
         raise
     for note in notes_on_given(extraction.given):
@@ -132,7 +132,7 @@ def _extract_films(
             with _leave_out_on_error(part, errors):
                 p = settings
                 if settings.tracks_path:
-                    path = tracks_of(Path(part.path), settings.tracks_path)
+                    path = find_tracks_path(Path(part.path), settings.tracks_path)
                     p = replace(settings, tracks_path=path)
                 todo.append((part, p, _track_inputs(clip / FILMS / part.name, p)))
     remove_folders_except(PIECES, [name_of(key) for _, _, key in todo])
@@ -164,7 +164,7 @@ def _leave_out_on_error(part: FilmPart, errors: dict[str, str]) -> Iterator[None
         errors[part.name] = error.came
 
 
-def _film_row(contribution: Contribution) -> dict[str, Any]:
+def _film_row(contribution: FilmContribution) -> dict[str, Any]:
     """Return one film's row of films.csv: its rows and tracks, and factors on length and light."""
     gains = contribution.like.gains or (1.0,)
     return {

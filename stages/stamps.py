@@ -66,10 +66,10 @@ def _track_files(groups: Groups) -> list[Path]:
     path = groups.get("extract", {}).get("tracks_path")
     if not path:
         return []
-    from finloop.extract.load_given import tracks_of
+    from finloop.extract.load_given import find_tracks_path
 
     films = _film_files(groups)
-    paths = [tracks_of(film, path) for film in films] if len(films) > 1 else [path]
+    paths = [find_tracks_path(film, path) for film in films] if len(films) > 1 else [path]
     return [Path(file).expanduser() for file in paths]
 
 

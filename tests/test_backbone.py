@@ -10,14 +10,14 @@ from scipy.spatial.distance import cdist
 from skimage.morphology import skeletonize
 
 from finloop.extract.backbone import (
-    longest_geodesic,
+    close_notches,
+    find_longest_path,
+    quantile_above,
     refine_outline,
-    resample,
+    resample_line,
     smoothing_matrix,
     trace_backbone,
     trim_forks,
-    upper_level,
-    without_notches,
 )
 
 ROOT2 = np.sqrt(2)
@@ -35,7 +35,7 @@ def skeleton(drawing):
 
 def longest(pixels, weight=None):
     ones = np.ones(pixels.shape, np.float32)
-    return longest_geodesic(pixels, ones if weight is None else weight)
+    return find_longest_path(pixels, ones if weight is None else weight)
 
 
 def steps(line):
@@ -206,7 +206,7 @@ def whole(line, half_width):
     for at, inner, width in ((0, 1, half_width[0]), (-1, -2, half_width[-1])):
         out = (line[at] - line[inner]) / np.hypot(*(line[at] - line[inner]))
         ends.append(line[at] + out * np.arange(0, width + 0.05, 0.1)[:, None])
-    return resample(np.vstack([ends[0][::-1], line, ends[1]]), 1000)
+    return resample_line(np.vstack([ends[0][::-1], line, ends[1]]), 1000)
 
 
 def backbone(mask, field, points=33, floor=FLOOR):
@@ -217,7 +217,7 @@ def backbone(mask, field, points=33, floor=FLOOR):
 
 def aside(one, other):
     """Distances of the points of one line from another line."""
-    return cdist(one, resample(np.asarray(other), 1000)).min(1)
+    return cdist(one, resample_line(np.asarray(other), 1000)).min(1)
 
 
 @pytest.mark.parametrize("degrees", ANGLES)
@@ -329,7 +329,7 @@ def test_a_neighbour_beyond_the_tail_is_no_part_of_the_fish():
 def test_a_gap_that_closes_a_ring_is_no_notch():
     line, half_width = shape(2 * np.pi - 0.3, 0, thick=6.0)
     mask, field = draw_discs(line, half_width)
-    whole_one, filled = without_notches(mask, field)
+    whole_one, filled = close_notches(mask, field)
     assert np.array_equal(whole_one, mask)
     assert np.array_equal(filled, field)
 
@@ -385,11 +385,11 @@ def test_the_smoother_lets_parabolas_pass_and_takes_out_a_zigzag(points):
 
 def test_resampling_gives_equal_steps_along_the_same_line():
     line = np.array([[0, 0], [3, 0], [3, 4], [10, 4.0]])  # 14 long, corners at 3 and 7
-    out = resample(line, 15)
+    out = resample_line(line, 15)
     assert np.allclose(out[[0, 3, 7, 14]], line)
     assert np.allclose(steps(out), 1)
-    assert np.allclose(resample(line[::-1], 15), out[::-1])
-    assert np.allclose(resample(out, 15), out)
+    assert np.allclose(resample_line(line[::-1], 15), out[::-1])
+    assert np.allclose(resample_line(out, 15), out)
 
 
 def test_a_path_loses_what_lies_nearer_to_a_blunt_end_than_the_body_is_wide():
@@ -422,5 +422,5 @@ def test_the_outline_of_a_soft_disc_is_its_circle(turn, points):
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.8])
 def test_the_level_that_a_share_of_the_pixels_stays_below(seed, threshold, share):
     patch = np.random.default_rng(seed).integers(0, 120, (9, 11), np.uint8)
-    level, above = upper_level(patch, threshold, share), patch[patch > threshold]
+    level, above = quantile_above(patch, threshold, share), patch[patch > threshold]
     assert (above < level).mean() <= share < (above <= level).mean()

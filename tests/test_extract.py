@@ -36,31 +36,36 @@ from finloop.drawn.carp.settings import CarpFilm
 from finloop.extract import film as extract
 from finloop.extract.background import (
     Scene,
-    difference,
+    background_without_ghosts,
+    difference_image,
     flat_background,
-    in_light_of,
-    light,
+    match_scene_to_light,
+    measure_scene,
     median_background,
-    patched_background,
+    relative_brightness,
     scale_brightness,
-    survey_noise,
 )
 from finloop.extract.film import (
     ClipStream,
     Detector,
-    detections,
-    learn_background,
+    add_learnt_backgrounds,
+    choose_sample_frames,
+    detect_in_clip,
     link_tracks,
-    sample_frames,
-    track_rows,
+    track_table_rows,
 )
-from finloop.extract.samples import Typical, judge, survey, typical_fish
+from finloop.extract.samples import (
+    TypicalFish,
+    find_typical_fish,
+    judge_silhouette,
+    measure_scene_and_fish,
+)
 from finloop.extract.segment import (
     Silhouette,
     SilhouetteEdge,
+    find_silhouettes,
     measure_fish,
-    premultiply,
-    silhouettes,
+    premultiply_cutout,
     soft_alpha,
 )
 from finloop.extract.settings import ExtractSettings
@@ -132,7 +137,7 @@ WHOLE = np.full(SIZE, 255, np.uint8)
 
 def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4, shadow=0.45):
     inside = arena[: frame.shape[0], : frame.shape[1]]
-    return list(silhouettes(frame, scene, inside, least, SilhouetteEdge(share, shadow, "all")))
+    return list(find_silhouettes(frame, scene, inside, least, SilhouetteEdge(share, shadow, "all")))
 
 
 # -- background ---------------------------------------------------------------------------------
@@ -168,27 +173,39 @@ def test_the_light_is_measured_past_the_fish(colour):
     tank = floor(colour)
     fish = lay_over(tank, coverage(80, 60, 20), 30)
     for gain in (0.8, 0.95, 1.1, 1.3):
-        assert light(scale_brightness(fish, gain), tank) == pytest.approx(gain, rel=0.01)
-    assert light(scale_brightness(tank, 1.002), tank) == 1.0  # a third of a grey level
-    assert in_light_of(scene := scene_of(tank), tank) is scene
+        assert relative_brightness(scale_brightness(fish, gain), tank) == pytest.approx(
+            gain, rel=0.01
+        )
+    assert (
+        relative_brightness(scale_brightness(tank, 1.002), tank) == 1.0
+    )  # a third of a grey level
+    assert match_scene_to_light(scene := scene_of(tank), tank) is scene
     black = np.zeros_like(tank)
-    assert light(black, black) == light(tank, black) == light(black, tank) == 1.0
+    assert (
+        relative_brightness(black, black)
+        == relative_brightness(tank, black)
+        == relative_brightness(black, tank)
+        == 1.0
+    )
 
 
 @pytest.mark.parametrize("gain", [0.8, 1.2])
 def test_light_alone_is_no_difference(gain):
     tank = floor()
     frame = scale_brightness(tank, gain)
-    assert difference(frame, scene_of(tank, "both")).min() > 20
+    assert difference_image(frame, scene_of(tank, "both")).min() > 20
     for polarity in ("dark", "bright", "both"):
-        assert difference(frame, in_light_of(scene_of(tank, polarity), frame)).max() <= 2
+        assert (
+            difference_image(frame, match_scene_to_light(scene_of(tank, polarity), frame)).max()
+            <= 2
+        )
 
 
 def test_polarity_says_which_differences_count():
     tank = floor()
     frame = lay_over(lay_over(tank, coverage(40, 60), 30), coverage(120, 60), 250)
     dark, bright, both = (
-        difference(frame, scene_of(tank, polarity)) for polarity in ("dark", "bright", "both")
+        difference_image(frame, scene_of(tank, polarity)) for polarity in ("dark", "bright", "both")
     )
     assert dark[60, 40] > 80 > dark[60, 120] == 0
     assert bright[60, 120] > 60 > bright[60, 40] == 0
@@ -204,10 +221,12 @@ def test_a_difference_is_smoothed_by_a_gaussian_also_at_the_edges(polarity, size
     brighter = np.clip(frame.astype(float) - tank, 0, None)
     change = {"dark": darker, "bright": brighter, "both": darker + brighter}[polarity]
     smooth = cv2.sepFilter2D(change, -1, KERNEL, KERNEL)
-    assert np.abs(difference(frame, scene_of(tank, polarity)) - smooth).max() <= 0.6
+    assert np.abs(difference_image(frame, scene_of(tank, polarity)) - smooth).max() <= 0.6
     view = np.pad(frame, (0, 9))[: size[0], : size[1]]  # as a decoder gives it
     view.flags.writeable = False
-    assert np.array_equal(difference(view, scene_of(tank)), difference(frame, scene_of(tank)))
+    assert np.array_equal(
+        difference_image(view, scene_of(tank)), difference_image(frame, scene_of(tank))
+    )
 
 
 def test_of_three_colours_the_strongest_difference_counts():
@@ -215,7 +234,7 @@ def test_of_three_colours_the_strongest_difference_counts():
     for channel in range(3):
         ink = tank[60, 80].copy()
         ink[channel] -= 70
-        change = difference(lay_over(tank, coverage(80, 60), ink), scene_of(tank))
+        change = difference_image(lay_over(tank, coverage(80, 60), ink), scene_of(tank))
         assert change[60, 80] == pytest.approx(70, abs=1)
 
 
@@ -231,7 +250,7 @@ def test_the_noise_is_measured(sigma, colour):
         np.clip(np.round(fish + rng.normal(0, sigma, shape)), 0, 255).astype(np.uint8)
         for _ in range(5)
     ]
-    scene = survey_noise(frames, tank, "auto", 5.0, 6.0)
+    scene = measure_scene(frames, tank, "auto", 5.0, 6.0)
     true = np.hypot(sigma, 12**-0.5) * (KERNEL**2).sum()  # with rounding; smoothed over 3x3
     if colour:  # of three normal numbers the one farthest from zero
         largest = np.abs(rng.normal(0, true, (100_000, 3))).max(1)
@@ -249,7 +268,7 @@ def test_the_noise_is_not_the_fish():
     crowded[:20] = 40
     frames = [np.round(crowded + rng.normal(0, 4, tank.shape)).astype(np.uint8) for _ in range(5)]
     alone = 4 * (KERNEL**2).sum()
-    assert alone < survey_noise(frames, tank, "dark", 5.0, 6.0).noise < 1.5 * alone
+    assert alone < measure_scene(frames, tank, "dark", 5.0, 6.0).noise < 1.5 * alone
 
 
 @pytest.mark.parametrize(
@@ -262,8 +281,8 @@ def test_the_polarity_is_found(inks, polarity):
         lay_over(lay_over(tank, coverage(40 + k, 30), inks[0]), coverage(110 - k, 90), inks[1])
         for k in range(5)
     ]
-    assert survey_noise(frames, tank, "auto", 5.0, 6.0).polarity == polarity
-    assert survey_noise(frames, tank, "bright", 5.0, 6.0).polarity == "bright"  # as asked
+    assert measure_scene(frames, tank, "auto", 5.0, 6.0).polarity == polarity
+    assert measure_scene(frames, tank, "bright", 5.0, 6.0).polarity == "bright"  # as asked
 
 
 @pytest.mark.parametrize("colour", [False, True])
@@ -295,7 +314,7 @@ def test_a_black_clip_is_said(value):
 
 def test_how_many_frames_are_looked_at():
     def count(asked, frames=1000, shape=(100, 100, 1)):
-        return len(sample_frames(asked, frames, shape, stride=1))
+        return len(choose_sample_frames(asked, frames, shape, key_frame_distance=1))
 
     assert [count(asked) for asked in (3, 4, 40, 41)] == [3, 3, 39, 41]
     assert [count(41, frames) for frames in (1, 2, 3, 8, 41, 42)] == [1, 1, 3, 7, 41, 41]
@@ -303,14 +322,18 @@ def test_how_many_frames_are_looked_at():
         many = count(41, shape=shape)
         assert many % 2 == 1
         assert many == 1 or many * np.prod(shape) <= 2**29
-    assert sample_frames(3, 250, (9, 9), stride=12) == [0, 120, 240]  # at key frames
+    assert choose_sample_frames(3, 250, (9, 9), key_frame_distance=12) == [
+        0,
+        120,
+        240,
+    ]  # at key frames
 
 
 def test_mog2_takes_in_what_stays_and_follows_the_frames():
     tank = floor()
     stone = lay_over(tank, coverage(80, 60), 40)
     frames = [tank] * 10 + [stone] * 190
-    seen = list(learn_background(frames, scene_of(tank), rate_hz=2.0))
+    seen = list(add_learnt_backgrounds(frames, scene_of(tank), rate_hz=2.0))
     assert all(frame is given for (frame, _), given in zip(seen, frames, strict=True))
     assert np.abs(seen[9][1].background.astype(int) - tank).max() <= 1
     assert np.abs(seen[-1][1].background.astype(int) - stone).max() <= 1
@@ -364,7 +387,7 @@ def test_a_soft_shadow_does_not_enter():
     tank = floor()
     shadow = cv2.GaussianBlur(coverage(88, 68, 10), (0, 0), 3)
     shaded = lay_over(tank, 0.15 * shadow, 0)
-    assert difference(shaded, scene_of(tank)).max() > 15  # well above the threshold
+    assert difference_image(shaded, scene_of(tank)).max() > 15  # well above the threshold
     (plain,) = patches(lay_over(tank, coverage(80, 60, 10), 40), scene_of(tank))
     (with_shadow,) = patches(lay_over(shaded, coverage(80, 60, 10), 40), scene_of(tank))
     assert with_shadow.area_px == pytest.approx(plain.area_px, rel=0.03)
@@ -509,7 +532,7 @@ def test_premultiplied_by_the_true_alpha_is_exact(colour):
     alpha = rng.integers(0, 256, SIZE, np.uint8)
     ink = rng.integers(0, 256, tank.shape)
     frame = lay_over(tank, alpha / 255, ink)
-    cutout = premultiply(frame, tank, alpha)
+    cutout = premultiply_cutout(frame, tank, alpha)
     assert cutout.shape == (*SIZE, 4 if colour else 2)
     assert np.all(cutout[..., :-1] <= alpha[..., None])
     share = alpha[..., None] / 255
@@ -568,7 +591,12 @@ def silhouette(area=400.0, contrast=90.0, at_border=False):
     ],
 )
 def test_verdicts(changes, verdict):
-    assert judge(silhouette(**changes), Typical(400.0, 80.0, 90.0, fins="all"), SETTINGS) == verdict
+    assert (
+        judge_silhouette(
+            silhouette(**changes), TypicalFish(400.0, 80.0, 90.0, fins="all"), SETTINGS
+        )
+        == verdict
+    )
 
 
 def test_a_typical_fish_is_no_speck_and_no_pair():
@@ -577,7 +605,7 @@ def test_a_typical_fish_is_no_speck_and_no_pair():
     dirt = [silhouette(25.0)] * 60
     pairs = [silhouette(800.0)] * 3
     cut_off = [silhouette(200.0, at_border=True)] * 40
-    typical, differ = typical_fish(school + dirt + pairs + cut_off, scene, SETTINGS)
+    typical, differ = find_typical_fish(school + dirt + pairs + cut_off, scene, SETTINGS)
     assert differ == pytest.approx(np.sqrt(407 / 393) / 2 - 0.5, rel=0.5)
     assert typical.area_px == pytest.approx(400, rel=0.03)
     assert typical.contrast == pytest.approx(80, abs=3)
@@ -589,7 +617,7 @@ def test_no_fish_is_said_as_it_is():
 
     def message(*frames):
         with pytest.raises(FinloopError, match="no fish found") as caught:
-            survey([*frames, tank, tank, tank], WHOLE, SETTINGS)
+            measure_scene_and_fish([*frames, tank, tank, tank], WHOLE, SETTINGS)
         assert "extract.noise_sigmas" in caught.value.do
         return caught.value.came
 
@@ -636,7 +664,7 @@ def film_with_truth():
 
 def survey_film(frames, settings=SETTINGS):
     arena = np.full(frames[0].shape[:2], 255, np.uint8)
-    scene, typical = survey(frames[::4], arena, settings)
+    scene, typical = measure_scene_and_fish(frames[::4], arena, settings)
     return scene, typical, Detector(arena, typical, settings)
 
 
@@ -644,10 +672,12 @@ def test_a_survey_is_the_same_by_any_number_of_threads(film_with_truth):
     """And the background of fish that swim is the median."""
     frames, _ = film_with_truth("three fish")
     arena = np.full(frames[0].shape[:2], 255, np.uint8)
-    alone, typical = survey(frames[::8], arena, replace(SETTINGS, background="median"))
+    alone, typical = measure_scene_and_fish(
+        frames[::8], arena, replace(SETTINGS, background="median")
+    )
     for count in (1, 2, 3):
         own = replace(SETTINGS, background="auto" if count < 3 else "median")
-        scene, fish = survey(frames[::8], arena, own, Threads(count))
+        scene, fish = measure_scene_and_fish(frames[::8], arena, own, Threads(count))
         assert np.array_equal(scene.background, alone.background)
         assert (scene.noise, scene.threshold, fish) == (alone.noise, alone.threshold, typical)
 
@@ -669,7 +699,9 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(film_with_truth, nam
     found, tally = follow_fish(frames)
     assert tally == {"fish": len(truth)}
     table, backbones = measure_features(
-        track_rows(found).sort_values(["track_id", "frame"], ignore_index=True), 25.0, FEATURES
+        track_table_rows(found).sort_values(["track_id", "frame"], ignore_index=True),
+        25.0,
+        FEATURES,
     )
     assert table["track_id"].nunique() == FILMS[name].fish
     errors = against_truth(table, backbones, truth)
@@ -687,14 +719,14 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(film_with_truth, nam
 
 def test_the_table_of_what_was_found_fits_its_schema(film_with_truth, tmp_path):
     for found in (follow_fish(film_with_truth("one fish")[0])[0], []):
-        table = track_rows(found)
+        table = track_table_rows(found)
         save_table(tmp_path / "t.parquet", table, tracks_schema(SETTINGS.points))
         assert list(table) == tracks_schema(SETTINGS.points).names
 
 
 def test_tracks_end_at_cuts(film_with_truth):
     found, _ = follow_fish(film_with_truth("three fish")[0], cuts=[40, 41, 90])
-    spans = track_rows(found).groupby("track_id")["frame"].agg(["min", "max", "size"])
+    spans = track_table_rows(found).groupby("track_id")["frame"].agg(["min", "max", "size"])
     assert sorted(map(tuple, spans.to_numpy().tolist())) == sorted(
         [(0, 39, 40), (41, 89, 49), (90, 119, 30)] * 3
     )  # one frame by itself is too short to be a track
@@ -736,7 +768,7 @@ def test_memory_does_not_grow_with_the_film(film_with_truth, monkeypatch):
         gc.collect()
         tracemalloc.start()
         film = ClipStream(partial(read, []), length, 25.0)
-        seen = detections(film, scene, detector, Processes())
+        seen = detect_in_clip(film, scene, detector, Processes())
         count = sum(len(found) for _, found in link_tracks(seen, typical, SETTINGS))
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
@@ -789,7 +821,7 @@ def test_the_ghost_of_a_fish_that_moves_less_than_its_length_is_painted_out():
         for k in range(24)
     ]
     middle = median_background(frames)
-    patched = patched_background(frames, middle, 12.0)
+    patched = background_without_ghosts(frames, middle, 12.0)
     body = coverage(172, 140, size=tank.shape) > 0.5
     assert (middle[body] < 100).mean() > 0.5  # the ghost
     assert (patched[body] > 130).all()
@@ -891,7 +923,7 @@ def test_pixels_that_are_not_connected_have_no_number():
 def thin_one_fish(picture, tank=None):
     """The one fish of a picture, as Figs. 3 and 4 have it."""
     tank = np.full(SIZE, 150, np.uint8) if tank is None else tank
-    typical = Typical(660.0, 2 * LONG, 110.0, "all")
+    typical = TypicalFish(660.0, 2 * LONG, 110.0, "all")
     arena = np.full(picture.shape, 255, np.uint8)
     (fish,) = thin_fish(picture, "frame 1", scene_of(tank), typical, arena, SETTINGS)
     return fish
@@ -1201,7 +1233,7 @@ def test_a_damaged_clip_is_one_message_and_no_half_output(workspace, walk_run, h
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-@pytest.mark.parametrize("where", ["film.track_rows", "save_record", "tracks_writer"])
+@pytest.mark.parametrize("where", ["film.track_table_rows", "save_record", "tracks_writer"])
 def test_whatever_stops_the_stage_leaves_what_was_there(
     workspace, walk_run, monkeypatch, error, where
 ):

@@ -7,9 +7,9 @@ import pytest
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
 from finloop.extract.background import Scene
-from finloop.extract.fins import Pale, with_fins
-from finloop.extract.samples import survey
-from finloop.extract.segment import SilhouetteEdge, measure_fish, silhouettes
+from finloop.extract.fins import PalePixels, add_fins_to_alpha
+from finloop.extract.samples import measure_scene_and_fish
+from finloop.extract.segment import SilhouetteEdge, find_silhouettes, measure_fish
 
 SIZE = 240, 320
 WHOLE = np.full(SIZE, 255, np.uint8)
@@ -67,7 +67,7 @@ def scene(polarity="dark"):
 
 
 def measure_patches(frame, fins, polarity="dark"):
-    patches = silhouettes(frame, scene(polarity), WHOLE, 60.0, SilhouetteEdge(0.4, 0.45, fins))
+    patches = find_silhouettes(frame, scene(polarity), WHOLE, 60.0, SilhouetteEdge(0.4, 0.45, fins))
     return [measure_fish(one, frame, scene(polarity), 33) for one in patches]
 
 
@@ -136,14 +136,14 @@ def test_what_is_far_from_the_silhouette_is_no_part_of_the_fish():
     [({"fin": 0.2}, "all"), ({"shadow": 0.4}, "none"), ({"gloom": 0.3}, "none"), ({}, "all")],
 )
 def test_fins_are_told_from_shadows_and_gloom_by_many_fish(how, fins):
-    typical = survey(wheel(**how), WHOLE, settings("extract"))[1]
+    typical = measure_scene_and_fish(wheel(**how), WHOLE, settings("extract"))[1]
     assert typical.fins == fins
 
 
 def test_a_fin_fades_where_noise_begins():
     field = np.arange(256, dtype=np.uint8)[None, :]
     none, mask = np.zeros((1, 256), np.uint8), np.ones((1, 256), bool)
-    alpha = with_fins(none, (0, 0), Pale(0, 0, mask, field), (100.0, 6.0))[0][0]
+    alpha = add_fins_to_alpha(none, (0, 0), PalePixels(0, 0, mask, field), (100.0, 6.0))[0][0]
     assert not alpha[:7].any()
     assert np.all(np.diff(alpha.astype(int)) >= 0)
     assert np.abs(alpha[12:100] - 2.55 * field[0, 12:100]).max() <= 1
@@ -155,7 +155,7 @@ def test_bright_fins_are_kept_where_the_shadow_is_dropped():
         middle = round(160 + 30 * np.cos(k)), round(120 + 30 * np.sin(k))
         cv2.circle(frame, middle, 5, 20, cv2.FILLED)
     own = settings("extract", polarity="both")
-    found_scene, typical = survey(frames, WHOLE, own)
+    found_scene, typical = measure_scene_and_fish(frames, WHOLE, own)
     assert found_scene.polarity == "both"
     assert typical.fins == "brighter"
 
@@ -164,13 +164,13 @@ def test_bright_fins_are_kept_where_the_shadow_is_dropped():
 def test_the_parameter_decides(fins, told):
     own = settings("extract", fins=fins)
     for how in ({"fin": 0.2}, {"shadow": 0.4}):
-        assert survey(wheel(**how), WHOLE, own)[1].fins == told
+        assert measure_scene_and_fish(wheel(**how), WHOLE, own)[1].fins == told
 
 
 def test_a_film_in_which_all_head_the_same_way_keeps_what_is_pale():
     frames = [film([(140 + 3 * k, 120, 0)], fin=0.2) for k in range(16)]
     own = settings("extract", background="threshold")
-    assert survey(frames, WHOLE, own)[1].fins == "all"
+    assert measure_scene_and_fish(frames, WHOLE, own)[1].fins == "all"
 
 
 def test_a_fin_at_the_edge_of_what_was_looked_at():
@@ -178,7 +178,9 @@ def test_a_fin_at_the_edge_of_what_was_looked_at():
     mask[:, :3] = True
     field = np.full((6, 8), 20, np.uint8)
     alpha = np.full((2, 2), 255, np.uint8)
-    whole, corner = with_fins(alpha, (14, 12), Pale(10, 10, mask, field), (100.0, 6.0))
+    whole, corner = add_fins_to_alpha(
+        alpha, (14, 12), PalePixels(10, 10, mask, field), (100.0, 6.0)
+    )
     assert corner == (10, 10)
     assert whole.shape == (6, 6)
     assert np.array_equal(whole[2:4, 4:], alpha)

@@ -29,17 +29,17 @@ from finloop.drawn.truth import TRUTH
 from finloop.export.tracks import deeplabcut
 from finloop.extract.film import Detections
 from finloop.extract.given import (
+    ExternalTrackLinker,
     FilmSize,
-    GivenTrackLinker,
     SilhouetteFit,
-    fit_to_silhouettes,
-    keypoint,
-    longest_run,
+    find_keypoint,
+    longest_run_frames,
     map_poses_to_clip,
     match_silhouettes,
+    measure_silhouette_fit,
     refuse_other_film,
 )
-from finloop.extract.load_given import tracks_of
+from finloop.extract.load_given import find_tracks_path
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import SilhouettePlace
@@ -229,14 +229,14 @@ def test_each_of_several_films_has_its_tracks(tmp_path):
     for name in ("a.mp4", "aDLC_resnet.h5", "b.mp4", "b_1.h5", "b_2.h5", "[c].mp4", "[c]x.h5"):
         (tmp_path / name).touch()
     pattern = "{folder}/{name}*.h5"
-    assert tracks_of(tmp_path / "a.mp4", pattern) == str(tmp_path / "aDLC_resnet.h5")
-    assert tracks_of(tmp_path / "[c].mp4", pattern) == str(tmp_path / "[c]x.h5")
-    assert tracks_of(Path("b.mp4"), f"{tmp_path}/{{name}}_2.h5") == str(tmp_path / "b_2.h5")
+    assert find_tracks_path(tmp_path / "a.mp4", pattern) == str(tmp_path / "aDLC_resnet.h5")
+    assert find_tracks_path(tmp_path / "[c].mp4", pattern) == str(tmp_path / "[c]x.h5")
+    assert find_tracks_path(Path("b.mp4"), f"{tmp_path}/{{name}}_2.h5") == str(tmp_path / "b_2.h5")
     for film, said in (("b.mp4", "2 tracks of"), ("d.mp4", "0 tracks of")):
         with pytest.raises(FinloopError, match=said):
-            tracks_of(tmp_path / film, pattern)
+            find_tracks_path(tmp_path / film, pattern)
     with pytest.raises(FinloopError, match="several films, and one file"):
-        tracks_of(tmp_path / "a.mp4", "a.h5")
+        find_tracks_path(tmp_path / "a.mp4", "a.h5")
 
 
 def test_several_films_of_another_programs_tracks_become_one(
@@ -336,7 +336,7 @@ class Anything:
 
 def run(told, frames, cuts=(), least=3):
     """Track numbers by frame of toy silhouettes, and what the run has counted."""
-    followed = GivenTrackLinker(told, 20.0, least)
+    followed = ExternalTrackLinker(told, 20.0, least)
     seen = (Detections(["fish"] * len(spots), spots, [Anything()] * len(spots)) for spots in frames)
     rows = [(f.track_id, f.frame) for _, ready in followed.tracks(seen, cuts) for f in ready]
     return sorted(rows), followed
@@ -368,7 +368,7 @@ def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
     places[::7] = np.inf
     told = map_poses(poses_at(places))
     rows, followed = run(told, [[spot(50, 50), spot(90, 90)]] * 30, least=8)
-    assert not rows and longest_run(told) == 6
+    assert not rows and longest_run_frames(told) == 6
     error = followed.no_track_error()
     assert "for 6 frames at most, and 5 of 30 frames have no place" in error.came
     assert "places: 50 used" in error.came
@@ -380,12 +380,14 @@ def test_places_without_gaps_are_not_told_to_fill_them():
     assert (told.points == 75).all()
     rows, followed = run(told, [[spot(75, 75, isolated=False)]] * 30)
     error = followed.no_track_error()
-    assert not rows and longest_run(told) == 30
+    assert not rows and longest_run_frames(told) == 30
     assert "30 not isolated" in error.came and "extract.tracks_path=null" in error.do
     assert "fill" not in error.do
     places = np.full((12, 2, 2), np.nan)
     places[:6, 0] = places[6:, 1] = 50.0
-    assert longest_run(map_poses(poses_at(places))) == 6  # runs of two animals are not added up
+    assert (
+        longest_run_frames(map_poses(poses_at(places))) == 6
+    )  # runs of two animals are not added up
 
 
 def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypatch):
@@ -406,8 +408,8 @@ def test_frames_of_the_film_are_found_in_a_clip_that_begins_late_repeats_and_dro
     places = np.stack([np.arange(20.0) * 5 + 20, np.full(20, 40.0)], 1)[:, None]
     shown = [5, 6, 6, 8, 9]
     told = map_poses(poses_at(places), shown, frames=20)
-    assert [told.points[told.rows(k)][0, 0, 0] for k in range(5)] == [45, 50, 50, 60, 65]
-    rows = told.row_of(np.arange(5), np.zeros(5, int))
+    assert [told.points[told.rows_of_frame(k)][0, 0, 0] for k in range(5)] == [45, 50, 50, 60, 65]
+    rows = told.find_rows(np.arange(5), np.zeros(5, int))
     assert told.points[rows, 0, 0].tolist() == [45, 50, 50, 60, 65]
     scaled = map_poses(poses_at(places / 2), shown, frames=20, tracks_px_per_unit=2.0)
     np.testing.assert_allclose(scaled.points, told.points)
@@ -439,10 +441,10 @@ def test_keypoints_of_head_and_tail_are_known_or_named(names, expected):
     told = map_poses(poses_from_arrays(("x",), names, np.arange(3), places))
     for name, place in zip(expected, (told.head, told.tail), strict=True):
         assert (place == 50 + names.index(name)).all() if name else np.isnan(place).all()
-    assert keypoint(names, names[1], (), "tracks_head_keypoint") == names[1]
-    assert keypoint(names, "none", names, "tracks_head_keypoint") is None
+    assert find_keypoint(names, names[1], (), "tracks_head_keypoint") == names[1]
+    assert find_keypoint(names, "none", names, "tracks_head_keypoint") is None
     with pytest.raises(FinloopError, match="no keypoint 'nose'"):
-        keypoint(names, "nose", (), "tracks_head_keypoint")
+        find_keypoint(names, "nose", (), "tracks_head_keypoint")
 
 
 def test_which_end_is_told_to_be_the_head():
@@ -479,7 +481,7 @@ def moving(frames=30, animals=3, seed=0):
 def map_and_fit(places, film, names=None):
     told = map_poses(poses_at(places, names=names))
     frames = list(range(len(film)))
-    return told, fit_to_silhouettes(told, frames, film, 12.0)
+    return told, measure_silhouette_fit(told, frames, film, 12.0)
 
 
 def test_tracks_of_this_film_fit_and_those_of_another_do_not():

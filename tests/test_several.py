@@ -18,7 +18,12 @@ import stages.plots.extract
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.extract.join_films import Likeness, join_extractions, likeness, match_cutout
+from finloop.extract.join_films import (
+    FishScaling,
+    find_fish_scaling,
+    join_extractions,
+    match_cutout,
+)
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
@@ -121,21 +126,21 @@ def moments(one):
 @pytest.mark.parametrize("scale", [0.5, 0.8, 1.25])
 def test_a_resized_cut_out_lies_where_its_fish_lies(scale):
     mass, middle = moments(blob(1.0))
-    made = match_cutout(blob(1.0), Likeness(scale))
+    made = match_cutout(blob(1.0), FishScaling(scale))
     assert moments(made)[0] == pytest.approx(scale**2 * mass, rel=0.02)
     assert moments(made)[1] == pytest.approx(scale * middle, abs=0.05)
     assert (made.pixels[..., 0] <= made.pixels[..., 1]).all()
     for gain in (2.0, 3.0):  # light never exceeds alpha
-        lit = match_cutout(blob(1.0), Likeness(gains=(gain,))).pixels
+        lit = match_cutout(blob(1.0), FishScaling(gains=(gain,))).pixels
         assert lit[..., 0].max() == pytest.approx(min(gain * 0.4, 1) * 255, abs=2)
         assert (lit[..., 0] <= lit[..., 1]).all()
 
 
 def test_what_fish_of_one_film_differ_by_is_left():
     light = np.array([100.0])
-    assert likeness(60.0, 62.0, light, light * 1.03, grey=False) == Likeness()
-    assert likeness(60.0, 90.0, light, light, grey=False).scale == 1.5
-    assert likeness(60.0, 60.0, light, light * 0.5, grey=False).gains == (0.5,)
+    assert find_fish_scaling(60.0, 62.0, light, light * 1.03, drop_colour=False) == FishScaling()
+    assert find_fish_scaling(60.0, 90.0, light, light, drop_colour=False).scale == 1.5
+    assert find_fish_scaling(60.0, 60.0, light, light * 0.5, drop_colour=False).gains == (0.5,)
 
 
 # --- the stages
@@ -268,18 +273,18 @@ def test_adding_a_film_makes_that_film_alone(joined_run, tmp_path, monkeypatch, 
     before = {kind: content(home / "data" / kind / "films") for kind in ("clip", "extract")}
     put_film(home / "films/3 broken.mp4", swimming(late=0.3))
     made = Counter()
-    for stage, verb in ((stages.clip, "make_clip"), (stages.extract, "extract")):
+    for stage, verb in ((stages.clip, "make_clip"), (stages.extract, "extract_tracks")):
         whole = getattr(stage, verb)
         monkeypatch.setattr(
             stage, verb, lambda *a, whole=whole, verb=verb: (made.update([verb]), whole(*a))[1]
         )
     run(home, monkeypatch)
-    assert made == {"make_clip": 1, "extract": 1}
+    assert made == {"make_clip": 1, "extract_tracks": 1}
     for kind, files in before.items():
         assert files.items() <= content(home / "data" / kind / "films").items()
     assert table_of(home)["track_id"].nunique() == 3
     run(home, monkeypatch)  # nothing has changed
-    assert made == {"make_clip": 1, "extract": 1}
+    assert made == {"make_clip": 1, "extract_tracks": 1}
 
 
 def test_a_film_without_a_fish_is_left_out_unless_it_is_the_first(tmp_path, monkeypatch, capsys):

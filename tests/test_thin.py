@@ -6,8 +6,8 @@ import pytest
 
 from finloop.base.settings import settings
 from finloop.extract.backbone import trace_backbone
-from finloop.extract.samples import survey
-from finloop.extract.segment import THIN_EDGE, SilhouetteEdge, silhouettes, with_thin_parts
+from finloop.extract.samples import measure_scene_and_fish
+from finloop.extract.segment import THIN_EDGE, SilhouetteEdge, add_thin_parts, find_silhouettes
 from finloop.extract.settings import ExtractSettings
 
 SIZE, TANK, BODY = (160, 240), 200, 100  # grey levels; the body differs by 100
@@ -28,7 +28,7 @@ def animal(tail: float, x: int = 90, gloom: float = 0.0) -> np.ndarray:
 def silhouette(change: np.ndarray) -> np.ndarray:
     """The silhouette that ends at 0.4 of the body's contrast, with its thin parts."""
     above = np.where(change > 0.4 * BODY, 255, 0).astype(np.uint8)
-    return with_thin_parts(above, change, int(THIN_EDGE * BODY))
+    return add_thin_parts(above, change, int(THIN_EDGE * BODY))
 
 
 def test_a_pale_tail_belongs_to_the_body():
@@ -59,12 +59,12 @@ def test_the_backbone_is_as_long_however_pale_the_tail(tail, monkeypatch):
     how = settings("extract")
     sample = [TANK - animal(40, x) for x in range(40, 150, 5)]
     monkeypatch.setattr(ExtractSettings, "thin", "keep")
-    scene, typical = survey(sample, WHOLE, how)
+    scene, typical = measure_scene_and_fish(sample, WHOLE, how)
     assert typical.thin
     lengths = {}
     for thin in (False, True):
         ends = SilhouetteEdge(how.outline_contrast_ratio, how.shadow, "none", thin)
-        (one,) = silhouettes(frame, scene, WHOLE, 60, ends)
+        (one,) = find_silhouettes(frame, scene, WHOLE, 60, ends)
         line = trace_backbone(one.mask, one.field, 33, scene.threshold)
         assert line is not None
         lengths[thin] = line.length_px
@@ -78,8 +78,8 @@ def test_thin_parts_are_looked_for_where_lengths_differ_without_them(monkeypatch
     places = rng.permutation(np.arange(40, 150, 4))
     flickers = [TANK - animal(float(rng.uniform(28, 52)), int(x)) for x in places]
     steady = [TANK - animal(70, int(x)) for x in places]
-    with_thin = survey(flickers, WHOLE, how)[1]
-    assert with_thin.thin and not survey(steady, WHOLE, how)[1].thin
+    with_thin = measure_scene_and_fish(flickers, WHOLE, how)[1]
+    assert with_thin.thin and not measure_scene_and_fish(steady, WHOLE, how)[1].thin
     monkeypatch.setattr(ExtractSettings, "thin", "drop")
-    without = survey(flickers, WHOLE, how)[1]
+    without = measure_scene_and_fish(flickers, WHOLE, how)[1]
     assert not without.thin and with_thin.length_px > without.length_px

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from finloop.extract.tracks import Linker, SilhouettePlace
+from finloop.extract.tracks import SilhouettePlace, TrackLinker
 
 GATE, RATIO = 60.0, 1.4
 LONG = 40  # of a toy fish's box
@@ -18,11 +18,11 @@ def spot(x, y, area=400.0, isolated=True, size=LONG):
 
 def link(film, cuts=(), gate=GATE, ratio=RATIO):
     """Track numbers of every spot of every frame."""
-    linker, numbers = Linker(gate, ratio), []
+    linker, numbers = TrackLinker(gate, ratio), []
     for frame, spots in enumerate(film):
         if frame in cuts:
-            linker.cut()
-        numbers.append(linker.step(spots))
+            linker.end_tracks()
+        numbers.append(linker.link_frame(spots))
     return numbers
 
 

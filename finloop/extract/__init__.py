@@ -8,6 +8,6 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "background": ["Scene", "median_background"],
-    "film": ["Detector", "detections"], "samples": ["Typical", "survey"],
+    "film": ["Detector", "detect_in_clip"], "samples": ["TypicalFish", "measure_scene_and_fish"],
     "table": ["tracks_schema"],
 })  # fmt: skip

@@ -29,13 +29,11 @@ _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see sm
 
 
 class Backbone(NamedTuple):
-    """A backbone in the coordinates of its cut-out (pixel centres at integers).
+    """The backbone of one fish in px of its cut-out; either end may be the head.
 
-    Either end may be the head.
-
-    points_px: (n, 2) float64, columns x, y, equally spaced along the arc, outline to outline.
-    half_width_px: (n,) float64, mean distance from the backbone to its two flanks. length_px: arc
-    length.
+    Pixel centres lie at integers. points_px: (n, 2) float64, columns x, y, equally spaced along the
+    arc, outline to outline. half_width_px: (n,) float64, mean distance from the backbone to its two
+    flanks. length_px: arc length.
     """
 
     points_px: Floats
@@ -44,62 +42,66 @@ class Backbone(NamedTuple):
 
 
 def trace_backbone(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
-    """Trace the backbone of the silhouette `mask` (h, w) with `points` points; None if too short.
+    """Return the backbone of one silhouette, or None if the silhouette is too short.
 
-    field (h, w): the difference image, from which flanks and tips are read at sub-pixel precision;
-    floor: grey levels, lower values are noise.
+    mask: (h, w), the silhouette. field: (h, w), the difference image, from which flanks and tips
+    are read at sub-pixel precision. points: number of backbone points. floor: grey levels, lower
+    values are noise.
     """
-    whole, filled = without_notches(mask, field)
+    whole, filled = close_notches(mask, field)
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
-    path = trim_forks(longest_geodesic(skeleton, half_width), half_width)
+    path = trim_forks(find_longest_path(skeleton, half_width), half_width)
     if len(path) < 4:
         return None
-    return Backbone(*_refine((field, filled), path, smoothing_matrix(points), floor))
+    return Backbone(*_refine_backbone((field, filled), path, smoothing_matrix(points), floor))
 
 
-def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
-    """Return the silhouette (h, w) and the field (h, w) without notches far narrower than the body.
+def close_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
+    """Return a silhouette and its difference image with notches far narrower than the body filled.
 
-    A notch is skin as bright as the tank, like the black eye of a pale fish, and diverts the
-    skeleton. Both are closed (dilated, then eroded) with a disc of half the largest half width. If
-    that would enclose a hole, head and tail are near each other, and both stay unchanged.
+    mask, field: (h, w). A notch is skin as bright as the tank, like the black eye of a pale fish,
+    and diverts the skeleton. Both pictures are closed (dilated, then eroded) with a disc of half
+    the largest half width. If that would enclose a hole, head and tail are near each other, and
+    both stay unchanged.
     """
     picture = mask.view(np.uint8)
     widest = float(cv2.distanceTransform(pad_picture(picture, 1), cv2.DIST_L2, 3).max())
     reach = int(_NOTCH * widest + 0.5)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    closed = _close(picture, disc)
+    closed = _close_gaps(picture, disc)
     kinds = cv2.findContours(closed, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
     if kinds is not None and (kinds[0, :, 3] >= 0).any():  # a hole
         return mask, field
     inside = np.where(closed, field, 0)  # beside it there may be another fish
-    return closed.view(bool), np.maximum(_close(inside, disc) * closed, field)
+    return closed.view(bool), np.maximum(_close_gaps(inside, disc) * closed, field)
 
 
-def _close(picture: Picture, disc: Picture) -> Picture:
-    """Return the closing (h, w) of a picture in which nothing lies beyond the border."""
-    (h, w), rim = picture.shape, len(disc) // 2
-    closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, disc)
+def _close_gaps(picture: Picture, kernel_disc: Picture) -> Picture:
+    """Return a picture (h, w), dilated, then eroded with a disc; nothing lies beyond its border."""
+    (h, w), rim = picture.shape, len(kernel_disc) // 2
+    closed = cv2.morphologyEx(pad_picture(picture, rim), cv2.MORPH_CLOSE, kernel_disc)
     return closed[rim : rim + h, rim : rim + w].copy()
 
 
-def pad_picture(picture: Picture, rim: int) -> Picture:
-    """Return a picture (h, w) with a rim of zeros, `rim` px wide, on all four sides.
+def pad_picture(picture: Picture, rim_px: int) -> Picture:
+    """Return a picture (h, w) with a rim of zeros, `rim_px` wide, on all four sides.
 
     Unlike np.pad it leaves no cycles of references.
     """
-    return np.asarray(cv2.copyMakeBorder(picture, rim, rim, rim, rim, cv2.BORDER_CONSTANT))
+    return np.asarray(
+        cv2.copyMakeBorder(picture, rim_px, rim_px, rim_px, rim_px, cv2.BORDER_CONSTANT)
+    )
 
 
 @kernel
-def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
-    """Return the longest shortest path (m, 2) x, y through a skeleton (§2.2.1, Fig. 4: A to D).
+def find_longest_path(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
+    """Return the longest of all shortest paths (m, 2) x, y through a skeleton (§2.2.1, Fig. 4).
 
-    skeleton: (h, w), True on it. The length of a step is multiplied by the mean `weight` (h, w) of
-    its two pixels. A weight of 1 is the paper's rule. Then an open fin can be longer than the head,
-    before which the skeleton ends. With the distance to the outline as weight a path counts by the
-    area that it passes through, and thin fins are not chosen.
+    skeleton: (h, w), True on it. weight: (h, w); the length of a step is multiplied by the mean
+    weight of its two pixels. A weight of 1 is the paper's rule. Then an open fin can be longer than
+    the head, before which the skeleton ends. With the distance to the outline as weight a path
+    counts by the area that it passes through, and thin fins are not chosen.
 
     Two sweeps: the pixel farthest from any pixel is one end, and the pixel farthest from that end
     is the other. This is exact on a tree, and the skeleton of a silhouette without holes is one. Of
@@ -119,10 +121,13 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
             if number[y, x] >= 0:
                 xs[number[y, x]], ys[number[y, x]] = x, y
     visited = np.zeros(count, np.bool_)
-    best_start, best_size = xs.size, 0  # none yet; a literal -1 would compile `_geodesic` again
+    best_start, best_size = (
+        xs.size,
+        0,
+    )  # none yet; a literal -1 would compile `_measure_paths_from` again
     for start in range(count):
         if not visited[start]:
-            distance, size = _geodesic(number, xs, ys, weight, start)[0], 0
+            distance, size = _measure_paths_from(number, xs, ys, weight, start)[0], 0
             for node in range(count):
                 if np.isfinite(distance[node]):
                     visited[node] = True
@@ -131,9 +136,9 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
                 best_start, best_size = start, size
     if best_size == 0:
         return np.empty((0, 2))
-    one_end = _farthest(_geodesic(number, xs, ys, weight, best_start)[0])
-    distance, previous = _geodesic(number, xs, ys, weight, one_end)
-    node = _farthest(distance)
+    one_end = _farthest_pixel(_measure_paths_from(number, xs, ys, weight, best_start)[0])
+    distance, previous = _measure_paths_from(number, xs, ys, weight, one_end)
+    node = _farthest_pixel(distance)
     path = np.empty((count, 2))
     length = 0
     while node >= 0:
@@ -145,7 +150,7 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
 
 @kernel
 def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
-    """Return the path (k, 2) x, y of a skeleton's path (m, 2) without its forked ends.
+    """Return a skeleton's path (m, 2) x, y without its forked ends, as a path (k, 2).
 
     half_width: (h, w), px from each pixel to the outline. Near a blunt end the skeleton forks into
     the corners of the outline, so the path is cut off within `_FORK` half widths of its ends.
@@ -162,18 +167,23 @@ def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
 
 
 @kernel
-def _farthest(distance: Floats) -> int:
-    """Return the number of the pixel at the largest finite distance."""
+def _farthest_pixel(distances: Floats) -> int:
+    """Return the number of the pixel with the largest finite distance, from distances (pixels,)."""
     best = -1
-    for i in range(distance.size):
-        if np.isfinite(distance[i]) and (best < 0 or distance[i] > distance[best]):
+    for i in range(distances.size):
+        if np.isfinite(distances[i]) and (best < 0 or distances[i] > distances[best]):
             best = i
     return best
 
 
 @kernel
-def _geodesic(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
-    """Return distances from `start` over the 8-connected skeleton, and each pixel's predecessor."""
+def _measure_paths_from(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
+    """Return each pixel's path length from one skeleton pixel, and its predecessor on that path.
+
+    number: (h, w), the number of each pixel on the skeleton, −1 beside it. xs, ys: (pixels,) by
+    number. weight: (h, w), multiplies the length of steps. start: number of the first pixel. Steps
+    lead to all eight neighbours; a pixel that cannot be reached is at infinity.
+    """
     height, width = number.shape
     distance = np.full(xs.size, np.inf)
     previous = np.full(xs.size, -1, np.int64)
@@ -206,18 +216,18 @@ def _geodesic(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
 
 @lru_cache
 def smoothing_matrix(points: int) -> Floats:
-    """Return a Whittaker smoother with a third-difference penalty, a (points, points) matrix.
+    """Return the matrix (points, points) that smooths a line (points, 2) when multiplied by it.
 
-    Multiplied by a line's points (points, 2), it gives the smoothed line. Straight lines and
-    parabolas pass unchanged, so a steady bend is not flattened.
+    It is a Whittaker smoother with a third-difference penalty. Straight lines and parabolas pass
+    unchanged, so a steady bend is not flattened.
     """
     third = np.diff(np.eye(points), n=3, axis=0) * (points - 1) ** 2.5
     return np.linalg.inv(np.eye(points) + _SMOOTHING / points * third.T @ third)
 
 
 @kernel
-def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
-    """Return the field between four pixels, bilinear; 0 outside of the picture."""
+def _interpolate_field(field, x, y):  # type: ignore[no-untyped-def]
+    """Return the grey level of a picture (h, w) at x, y [px], bilinear; 0 outside of it."""
     height, width = field.shape
     x0, y0 = int(np.floor(x)), int(np.floor(y))
     if x0 < 0 or y0 < 0 or x0 >= width - 1 or y0 >= height - 1:
@@ -228,7 +238,7 @@ def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def resample(xy: Floats, points: int) -> Floats:
+def resample_line(xy: Floats, points: int) -> Floats:
     """Return points (points, 2) at equal arc lengths along a line `xy` (m, 2), ends included."""
     arc = np.zeros(len(xy))
     for i in range(1, len(xy)):
@@ -248,18 +258,23 @@ def resample(xy: Floats, points: int) -> Floats:
 
 
 @kernel
-def _share_below(before, here, half):  # type: ignore[no-untyped-def]
-    """Return the share, in [0, 1], of the last step that lies beyond the crossing of `half`."""
-    return 1.0 if before <= half else (half - here) / (before - here)
+def _share_past_crossing(level_before, level_after, crossing_level):  # type: ignore[no-untyped-def]
+    """Return the share of a step that lies past the crossing of a grey level, 0 … 1."""
+    return (
+        1.0
+        if level_before <= crossing_level
+        else (crossing_level - level_after) / (level_before - level_after)
+    )
 
 
 @kernel
-def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
-    """Return the point x, y at which the line `xy`, extended beyond its first end, leaves the fish.
+def _find_tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
+    """Return the point x, y at which a line, extended beyond its first end, leaves the fish.
 
-    There the field has half of its height. The extension is straight, in the direction that the
-    line has one body width inside: nearer to a blunt end the direction is uncertain, farther from a
-    slender end it is a different one.
+    field: (h, w), the difference image; xy: (n, 2) px; width: (n,) px, half widths; floor: grey
+    levels, lower values are noise. At the tip the field has half of its height. The extension is
+    straight, in the direction that the line has one body width inside: nearer to a blunt end the
+    direction is uncertain, farther from a slender end it is a different one.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
     wide, near = 0.0, len(xy) // 10
@@ -273,41 +288,44 @@ def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
     dx, dy = dx / norm, dy / norm
     height, steps = 0.0, int(norm / _STEP) + 1
     for k in range(steps):
-        height += _bilinear(field, inside[0] + k * _STEP * dx, inside[1] + k * _STEP * dy)
+        height += _interpolate_field(field, inside[0] + k * _STEP * dx, inside[1] + k * _STEP * dy)
     half = max(0.5 * height / steps, floor)
     low = 0.0
-    before = _bilinear(field, inside[0], inside[1])
+    before = _interpolate_field(field, inside[0], inside[1])
     for k in range(1, 4 * (field.shape[0] + field.shape[1])):
         low = k * _STEP
-        here = _bilinear(field, inside[0] + low * dx, inside[1] + low * dy)
+        here = _interpolate_field(field, inside[0] + low * dx, inside[1] + low * dy)
         if here < half:
-            low -= _STEP * _share_below(before, here, half)
+            low -= _STEP * _share_past_crossing(before, here, half)
             break
         before = here
     return inside[0] + low * dx, inside[1] + low * dy
 
 
 @kernel
-def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
-    """Return the distance from `point` along `normal` to where the field falls below `half`."""
+def _distance_to_flank(field, point, normal, edge_level, most_px):  # type: ignore[no-untyped-def]
+    """Return the distance [px] from a point along a normal to where the field falls below a level.
+
+    field: (h, w), the difference image; point, normal: x, y. The distance is at most `most_px`.
+    """
     (x, y), (nx, ny) = point, normal
-    before = _bilinear(field, x, y)
+    before = _interpolate_field(field, x, y)
     far = 0.0
-    while far < reach:
+    while far < most_px:
         far += _STEP
-        here = _bilinear(field, x + far * nx, y + far * ny)
-        if here < half:
-            return far - _STEP * _share_below(before, here, half)
+        here = _interpolate_field(field, x + far * nx, y + far * ny)
+        if here < edge_level:
+            return far - _STEP * _share_past_crossing(before, here, edge_level)
         before = here
-    return reach
+    return most_px
 
 
 @kernel
 def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
-    """Return the outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
+    """Return the outline (points, 2) x, y where the alpha of a fish crosses one half.
 
-    `chain` (m, 2) are the pixels just inside it, in order, closed. They are resampled evenly, moved
-    outwards along the normal to the crossing, and resampled again.
+    alpha: (h, w), 255 is fish. chain: (m, 2), the pixels just inside the outline, in order, closed.
+    They are resampled evenly, moved outwards along the normal to the crossing, and resampled again.
     """
     inside = _resample_closed(chain.astype(np.float64), points)
     area = 0.0
@@ -320,7 +338,7 @@ def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Flo
         tx, ty = after[0] - before[0], after[1] - before[1]
         norm = np.copysign(max(np.hypot(tx, ty), 1e-9), area)
         nx, ny = ty / norm, -tx / norm
-        far = _flank(alpha, (inside[i, 0], inside[i, 1]), (nx, ny), 127.5, 3.0)
+        far = _distance_to_flank(alpha, (inside[i, 0], inside[i, 1]), (nx, ny), 127.5, 3.0)
         out[i, 0] += far * nx
         out[i, 1] += far * ny
     return _resample_closed(out, points)
@@ -328,18 +346,19 @@ def refine_outline(alpha: Picture, chain: NDArray[np.int32], points: int) -> Flo
 
 @kernel
 def _resample_closed(xy, points):  # type: ignore[no-untyped-def]
-    """Return `points` points at equal arc lengths along the closed polygon `xy` (m, 2)."""
+    """Return points (points, 2) at equal arc lengths along a closed polygon `xy` (m, 2)."""
     line = np.empty((len(xy) + 1, 2))
     for i in range(len(line)):
         line[i, 0], line[i, 1] = xy[i % len(xy), 0], xy[i % len(xy), 1]
-    return resample(line, points + 1)[:-1].copy()
+    return resample_line(line, points + 1)[:-1].copy()
 
 
 @kernel
-def upper_level(patch: Picture, threshold: float, share: float) -> float:
-    """Return the quantile `share` of the grey levels above `threshold` in a patch (h, w) uint8.
+def quantile_above(patch: Picture, threshold: float, share: float) -> float:
+    """Return a quantile of the grey levels above a threshold in a picture (h, w) uint8.
 
-    It is a whole level; the one above the threshold if no pixel exceeds that.
+    share: the quantile, 0 … 1. The result is a whole level; the one above the threshold if no pixel
+    exceeds that.
     """
     count = np.zeros(256, np.int64)
     for y in range(patch.shape[0]):
@@ -355,24 +374,24 @@ def upper_level(patch: Picture, threshold: float, share: float) -> float:
 
 
 @kernel
-def _median(values, i):  # type: ignore[no-untyped-def]
-    """Return the median of the value i and its two neighbours."""
+def _median_of_three(values, i):  # type: ignore[no-untyped-def]
+    """Return the median of three successive values, those numbered i − 1, i and i + 1."""
     a, b = values[i - 1], values[i]
     return max(min(a, b), min(max(a, b), values[i + 1]))
 
 
 @kernel
-def _median3(values):  # type: ignore[no-untyped-def]
-    """Return the medians of three neighbours each; both ends stay unchanged."""
+def _smooth_by_medians(values):  # type: ignore[no-untyped-def]
+    """Return the medians of three neighbouring values each (n,); both ends stay unchanged."""
     out = values.copy()
     for i in range(1, values.size - 1):
-        out[i] = _median(values, i)
+        out[i] = _median_of_three(values, i)
     return out
 
 
 @kernel
-def _quantile(values, share):  # type: ignore[no-untyped-def]
-    """Return a quantile of few values, linear between them."""
+def _quantile_of_few(values, share):  # type: ignore[no-untyped-def]
+    """Return a quantile, `share` 0 … 1, of few values (n,), linear between them."""
     rising = values.copy()
     for i in range(1, values.size):
         k = i
@@ -386,53 +405,54 @@ def _quantile(values, share):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _refine(fields, path, smooth, floor):  # type: ignore[no-untyped-def]
-    """Extend a path to the outline, centre it between the flanks, smooth and resample it.
+def _refine_backbone(fields, path, smooth, floor):  # type: ignore[no-untyped-def]
+    """Return points, half widths and length of the backbone that begins as a skeleton's path.
 
-    fields: unchanged, for the flanks, and without notches, for the tips. Returns what `Backbone`
-    holds.
+    fields: the difference image (h, w) as it is, for the flanks, and without notches, for the tips;
+    path: (m, 2) px; smooth: from `smoothing_matrix`; floor: grey levels. The path is extended to
+    the outline, centred between the flanks, smoothed and resampled, three times.
     """
     (field, filled), points = fields, len(smooth)
-    xy = smooth @ resample(path, points)
+    xy = smooth @ resample_line(path, points)
     width = np.zeros(points)
     for _ in range(3):
         ends = np.empty((points + 2, 2))
         for i in range(points):
             ends[i + 1, 0], ends[i + 1, 1] = xy[i, 0], xy[i, 1]
-        ends[0, 0], ends[0, 1] = _tip(filled, xy, width, floor)
-        ends[-1, 0], ends[-1, 1] = _tip(filled, xy[::-1].copy(), width[::-1].copy(), floor)
+        ends[0, 0], ends[0, 1] = _find_tip(filled, xy, width, floor)
+        ends[-1, 0], ends[-1, 1] = _find_tip(filled, xy[::-1].copy(), width[::-1].copy(), floor)
         inner = ends.copy()
         # a point already beyond the outline is dropped in favour of the tip itself
         for axis in range(2):
             inner[1, axis] = 0.5 * (ends[0, axis] + ends[2, axis])
             inner[-2, axis] = 0.5 * (ends[-1, axis] + ends[-3, axis])
-        xy = resample(inner, points)
+        xy = resample_line(inner, points)
         length = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]) * (points - 1)
         shift, normal = np.zeros(points), np.zeros((points, 2))
         ridge = np.empty(points)
         for i in range(points):
-            ridge[i] = _bilinear(field, xy[i, 0], xy[i, 1])
+            ridge[i] = _interpolate_field(field, xy[i, 0], xy[i, 1])
         for i in range(1, points - 1):
             tx, ty = xy[i + 1, 0] - xy[i - 1, 0], xy[i + 1, 1] - xy[i - 1, 1]
             norm = max(np.hypot(tx, ty), 1e-9)
             nx, ny = -ty / norm, tx / norm
-            half = 0.5 * _median(ridge, i)
+            half = 0.5 * _median_of_three(ridge, i)
             point = xy[i, 0], xy[i, 1]
-            left = _flank(field, point, (nx, ny), half, 0.25 * length)
-            right = _flank(field, point, (-nx, -ny), half, 0.25 * length)
+            left = _distance_to_flank(field, point, (nx, ny), half, 0.25 * length)
+            right = _distance_to_flank(field, point, (-nx, -ny), half, 0.25 * length)
             normal[i, 0], normal[i, 1] = nx, ny
             shift[i], width[i] = 0.5 * (left - right), 0.5 * (left + right)
         # a fin on one side moves only one flank: limit the shift to the body's width there
-        typical = _quantile(width, 0.8)
+        typical = _quantile_of_few(width, 0.8)
         for i in range(points):
             shift[i] = min(max(shift[i], -typical), typical)
-        shift = _median3(shift)
+        shift = _smooth_by_medians(shift)
         shift[0] = shift[-1] = 0.0
         for i in range(points):
             xy[i, 0] += shift[i] * normal[i, 0]
             xy[i, 1] += shift[i] * normal[i, 1]
-        xy = resample(smooth @ xy, points)
+        xy = resample_line(smooth @ xy, points)
     length = 0.0
     for i in range(1, points):
         length += np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
-    return xy, _median3(width), length
+    return xy, _smooth_by_medians(width), length

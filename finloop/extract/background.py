@@ -39,8 +39,9 @@ Polarity = Literal["dark", "bright", "both", "auto"]
 class Scene:
     """The empty tank of a clip, and how fish differ from it.
 
-    background: (h, w) or (h, w, 3) uint8. polarity: never `auto`. noise: standard deviation of the
-    smoothed difference image, grey levels. threshold: grey levels, noise stays below.
+    background: (h, w) or (h, w, 3) uint8. polarity: whether fish are darker or brighter, never
+    `auto`. noise: standard deviation of the smoothed difference image, grey levels. threshold: grey
+    levels that noise does not reach.
     """
 
     background: Picture
@@ -50,21 +51,22 @@ class Scene:
 
     @cached_property
     def light_meter(self) -> "_LightMeter":
-        """The meter of the light of frames relative to the background."""
+        """Return the meter that compares the light of a frame with the background's."""
         return _LightMeter(self.background)
 
 
 class _LightMeter:
-    """Measures the light of frames relative to a background, by a grid of its bright pixels."""
+    """Measures how bright frames are relative to a background, on a grid of bright pixels."""
 
     def __init__(self, background: Picture) -> None:
+        """Choose the background's pixels that are bright enough to compare."""
         grid = background[::_GRID, ::_GRID].astype(np.float32)
         self._lit = grid > 16
         self._levels = grid[self._lit]
         self._middle = float(np.median(self._levels)) if self._lit.any() else 0.0
 
     def measure(self, frame: Picture) -> float:
-        """Return the median ratio of a frame's pixels to the background's, as `light` does."""
+        """Return the brightness of a frame over that of the background (`relative_brightness`)."""
         if not len(self._levels):
             return 1.0
         # the median; np.median takes twice as long
@@ -73,8 +75,8 @@ class _LightMeter:
         return 1.0 if abs(gain - 1.0) * self._middle < 0.5 or gain <= 0 else gain
 
 
-def light(frame: Picture, background: Picture) -> float:
-    """Return the brightness of `frame` relative to `background`: the median ratio of their pixels.
+def relative_brightness(frame: Picture, background: Picture) -> float:
+    """Return how bright a frame is relative to a background: the median ratio of their pixels.
 
     It is exactly 1.0 if they differ by less than half a grey level: then nothing has to be
     converted.
@@ -82,8 +84,8 @@ def light(frame: Picture, background: Picture) -> float:
     return _LightMeter(background).measure(frame)
 
 
-def in_light_of(scene: Scene, frame: Picture) -> Scene:
-    """Return the scene with its background brought to the light of `frame`."""
+def match_scene_to_light(scene: Scene, frame: Picture) -> Scene:
+    """Return a scene whose background is as bright as in a frame."""
     gain = scene.light_meter.measure(frame)
     if gain == 1.0:
         return scene
@@ -91,7 +93,7 @@ def in_light_of(scene: Scene, frame: Picture) -> Scene:
 
 
 def scale_brightness(picture: Picture, gain: float) -> Picture:
-    """Return the picture in a light `gain` times as strong; itself if the gain is 1."""
+    """Return a picture in a light `gain` times as strong; the picture itself if the gain is 1."""
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
@@ -101,14 +103,19 @@ def median_background(frames: Iterable[Picture], workers: Threads = ALONE) -> Pi
     frames: an odd number of pictures, all (h, w[, 3]).
     """
     first, *others = frames
-    alike = [first, *(scale_brightness(frame, 1 / light(frame, first)) for frame in others)]
+    alike = [
+        first,
+        *(scale_brightness(frame, 1 / relative_brightness(frame, first)) for frame in others),
+    ]
     # a strip of every frame at a time fits into the cache
     strips = [slice(top, top + _STRIP) for top in range(0, len(first), _STRIP)]
-    medians = ordered_map(lambda strip: _median([frame[strip] for frame in alike]), strips, workers)
+    medians = ordered_map(
+        lambda strip: _median_picture([frame[strip] for frame in alike]), strips, workers
+    )
     return np.concatenate(list(medians))
 
 
-def _median(pictures: Sequence[Picture]) -> Picture:
+def _median_picture(pictures: Sequence[Picture]) -> Picture:
     """Return the median of an odd number of pictures, bit by bit from the highest.
 
     A bit is set if at most half of the pictures are below the number with that bit. It is the exact
@@ -127,9 +134,9 @@ def _median(pictures: Sequence[Picture]) -> Picture:
 def flat_background(frames: Sequence[Picture]) -> Picture:
     """Return a background of one even tone, for clips in which the fish hardly leaves its place.
 
-    It has the shape of a frame. Otsu's threshold divides the pixels of all frames in two; the
-    larger part is the tank, and its median tone the background. FinloopError if all pixels are
-    equal.
+    frames: (h, w[, 3]), as the background. Otsu's threshold divides the pixels of all frames in
+    two; the larger part is the tank, and its median tone the background. FinloopError if all pixels
+    are equal.
     """
     sample = np.stack([frame[::4, ::4] for frame in frames])
     grey = sample if sample.ndim == 3 else sample.max(axis=-1)
@@ -144,45 +151,45 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
     return np.full(frames[0].shape, np.median(sample[tank], axis=0), np.uint8)
 
 
-def patched_background(frames: Sequence[Picture], middle: Picture, least: float) -> Picture:
+def background_without_ghosts(frames: Sequence[Picture], median: Picture, least: float) -> Picture:
     """Return the median of frames without the ghost of a fish that moved less than its length.
 
-    middle: the median of `frames`. A *ghost* is a patch of it that differs from its surroundings by
+    median: of `frames`. A *ghost* is a patch of the median that differs from its surroundings by
     more than `least` grey levels, while some frame differs by less than half of that: there the
     fish was away, and the floor is visible. The ghost takes the level of its surroundings. A part
     of the tank, such as a stone, is there in every frame, and stays.
     """
-    height, width = middle.shape[:2]
+    height, width = median.shape[:2]
     reduction = max(1.0, min(height, width) / _SMALL)
     size = round(width / reduction), round(height / reduction)
-    small = cv2.resize(middle, size, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(median, size, interpolation=cv2.INTER_AREA)
     # the median of each pixel's surroundings, in which a narrow fish is a minority
     floor = cv2.medianBlur(small, _AROUND)
     floor = np.asarray(cv2.resize(floor, (width, height), interpolation=cv2.INTER_LINEAR))
-    differs = _smooth_difference(middle, floor) > least
+    differs = _smooth_difference(median, floor) > least
     shown = np.zeros_like(differs)
     for frame in frames:
-        lit = scale_brightness(frame, 1 / light(frame, middle))
+        lit = scale_brightness(frame, 1 / relative_brightness(frame, median))
         shown |= _smooth_difference(lit, floor) <= least / 2
     count, label = cv2.connectedComponents(differs.astype(np.uint8))
     away = np.bincount(label[shown], minlength=count) / np.bincount(label.ravel(), minlength=count)
     away[0] = 0.0  # the part that does not differ
     edge = 2 * round(reduction) + 1  # soft: a pixel of the reduced picture to each side
     ghost = cv2.dilate((away > _AWAY)[label].astype(np.uint8), np.ones((edge, edge), np.uint8)) > 0
-    patched = middle.copy()
+    patched = median.copy()
     patched[ghost] = floor[ghost]
     return patched
 
 
-def _smooth_difference(picture: Picture, floor: Picture) -> Picture:
+def _smooth_difference(picture: Picture, other: Picture) -> Picture:
     """Return the smoothed difference (h, w) of two pictures, of RGB the strongest channel."""
-    change = cv2.absdiff(picture, floor)
+    change = cv2.absdiff(picture, other)
     grey = change if change.ndim == 2 else change.max(axis=-1)
     return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))
 
 
-def difference(frame: Picture, scene: Scene) -> Picture:
-    """Return the difference image (h, w) uint8: how much each pixel differs from the tank.
+def difference_image(frame: Picture, scene: Scene) -> Picture:
+    """Return how much each pixel of a frame differs from the tank, as a picture (h, w) uint8.
 
     It is in grey levels, smoothed over 3×3 px, of RGB the strongest channel. Only changes in the
     direction of the scene's polarity count.
@@ -202,10 +209,11 @@ def difference(frame: Picture, scene: Scene) -> Picture:
 
 @kernel
 def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-def]
-    """Return how much grey pictures are `darker` and `brighter` than the tank, in one pass.
+    """Return the smoothed difference (h, w) of a grey frame from a grey tank, in one pass.
 
-    Weights 1, 2, 1 in both directions are the Gaussian of 0.85 px, mirrored at the edges. Numbers
-    have 16 bits, so many are processed at a time.
+    darker, brighter: 1 if pixels darker, or brighter, than the tank count, else 0. Weights 1, 2, 1
+    in both directions are the Gaussian of 0.85 px, mirrored at the edges. Numbers have 16 bits, so
+    many are processed at a time.
     """
     height, width = frame.shape
     out = np.empty((height, width), np.uint8)
@@ -228,25 +236,25 @@ def _grey_difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-
     return out
 
 
-def survey_noise(
+def measure_scene(
     frames: Sequence[Picture],
     background: Picture,
     polarity: Polarity,
     sigmas: float,
-    least: float,
+    least_threshold: float,
     workers: Threads = ALONE,
 ) -> Scene:
-    """Return the scene of a background: its noise, polarity and threshold, from sample frames.
+    """Measure noise, polarity and threshold on sample frames, and return them with the background.
 
     The noise level is the 68.3 % quantile of the absolute smoothed difference, which is the
     standard deviation of Gaussian noise and ignores fish as long as they cover less than a third of
-    the tank. The threshold is `sigmas` times the noise, and at least `least` grey levels. polarity:
-    `auto` is replaced by the polarity that the frames show.
+    the tank. The threshold is `sigmas` times the noise, and at least `least_threshold` grey levels.
+    polarity: `auto` is replaced by the polarity that the frames show.
     """
     sample = frames[:: max(1, len(frames) // _NOISE_FRAMES)]
-    residue = np.stack(list(ordered_map(partial(_residue, background), sample, workers)))
+    residue = np.stack(list(ordered_map(partial(_signed_difference, background), sample, workers)))
     noise = float(np.quantile(np.abs(residue), 0.6827))
-    threshold = max(sigmas * noise, least)
+    threshold = max(sigmas * noise, least_threshold)
     if polarity == "auto":
         dark, bright = int((residue < -threshold).sum()), int((residue > threshold).sum())
         polarity = "both"
@@ -257,12 +265,14 @@ def survey_noise(
     return Scene(background, polarity, noise, threshold)
 
 
-def _residue(background: Picture, frame: Picture) -> NDArray[np.float32]:
+def _signed_difference(background: Picture, frame: Picture) -> NDArray[np.float32]:
     """Return the signed, smoothed difference of a frame from the tank at every second pixel.
 
     Of three channels it is the one that changed most.
     """
-    change = frame.astype(np.float32) - light(frame, background) * background.astype(np.float32)
+    change = frame.astype(np.float32) - relative_brightness(frame, background) * background.astype(
+        np.float32
+    )
     change = np.asarray(cv2.GaussianBlur(change, _SMOOTH, 0.85)[::2, ::2])
     if change.ndim == 2:
         return change

@@ -1,9 +1,9 @@
 """Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
 
-Three steps: `samples.survey` measures tank, noise and a typical fish on frames of the whole clip;
-`detections` streams the film once and detects the fish of each frame, on every core; `link_tracks`
-links them. Memory holds only some stretches of detections and the fish of `min_track_frames`
-frames.
+Three steps: `samples.measure_scene_and_fish` measures tank, noise and a typical fish on frames of
+the whole clip; `detect_in_clip` streams the film once and detects the fish of each frame, on every
+core; `link_tracks` links them. Memory holds only some stretches of detections and the fish of
+`min_track_frames` frames.
 """
 
 from collections import Counter
@@ -20,18 +20,18 @@ from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError, UndecodableError
 from finloop.base.parallel import Workers, ordered_map
-from finloop.extract.background import Scene, in_light_of
-from finloop.extract.samples import Typical, Verdict, judge
+from finloop.extract.background import Scene, match_scene_to_light
+from finloop.extract.samples import TypicalFish, Verdict, judge_silhouette
 from finloop.extract.segment import (
     SegmentedFish,
     Silhouette,
     SilhouetteEdge,
     edge_pixels,
+    find_silhouettes,
     measure_fish,
-    silhouettes,
 )
 from finloop.extract.settings import ExtractSettings
-from finloop.extract.tracks import Linker, SilhouettePlace
+from finloop.extract.tracks import SilhouettePlace, TrackLinker
 
 _STRETCH = 240  # most frames that a worker takes at a time
 _SPECK = 0.125  # share of a typical fish's area; smaller patches are ignored
@@ -46,24 +46,30 @@ class TrackedFish(NamedTuple):
     fish: SegmentedFish
 
 
-def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int) -> list[int]:
-    """Return an odd number of sample frames spread evenly over a clip, ascending.
+def choose_sample_frames(
+    most_samples: int, frames: int, frame_shape: tuple[int, ...], key_frame_distance: int
+) -> list[int]:
+    """Return the numbers of sample frames spread evenly over a clip, ascending.
 
-    They are at most `samples`, fewer of a short clip or large frames (h, w[, channels]). The
-    numbers are multiples of `stride`, the distance of key frames, where the clip is long enough.
+    They are an odd number, at most `most_samples`, fewer of a short clip or large frames. frames:
+    length of the clip; frame_shape: (h, w[, channels]). The numbers are those of key frames where
+    the clip is long enough.
     """
-    most = max(1, min(samples, frames, _SAMPLE_BYTES // int(np.prod(shape))))
+    most = max(1, min(most_samples, frames, _SAMPLE_BYTES // int(np.prod(frame_shape))))
     count = most - (most + 1) % 2
     numbers = np.linspace(0, frames - 1, count).round().astype(int)
-    if frames >= count * stride:
-        numbers = numbers // stride * stride
+    if frames >= count * key_frame_distance:
+        numbers = numbers // key_frame_distance * key_frame_distance
     return numbers.tolist()
 
 
-def learn_background(
+def add_learnt_backgrounds(
     frames: Iterable[Picture], scene: Scene, rate_hz: float
 ) -> Iterator[tuple[Picture, Scene]]:
-    """Yield each frame with a scene whose background OpenCV's MOG2 learns, renewed every second."""
+    """Yield each frame with a scene whose background OpenCV's MOG2 learns, renewed every second.
+
+    rate_hz: frames per second.
+    """
     history = max(2, round(20 * rate_hz))
     model = cv2.createBackgroundSubtractorMOG2(history=history, detectShadows=False)
     model.apply(scene.background, learningRate=1.0)
@@ -92,28 +98,28 @@ Stretch = list[Detections | None]
 
 @dataclass(frozen=True)
 class Detector:
-    """Detects the fish of one frame.
+    """Finds and measures the fish of one frame.
 
     arena: (h, w) uint8, 255 inside; typical: a typical fish of the clip.
     """
 
     arena: Picture
-    typical: Typical
+    typical: TypicalFish
     settings: ExtractSettings
 
     def __call__(self, frame: Picture, scene: Scene) -> Detections:
-        """Return all silhouettes of `frame`; isolated fish are measured."""
-        return self.detect(frame, in_light_of(scene, frame))
+        """Return all silhouettes of a frame; the scene first gets the light of that frame."""
+        return self.detect(frame, match_scene_to_light(scene, frame))
 
     def detect(self, frame: Picture, scene: Scene) -> Detections:
-        """Return all silhouettes of a frame in the light of `scene`; isolated fish are measured."""
+        """Return all silhouettes of a frame in the scene's light; isolated fish are measured."""
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         ends = SilhouetteEdge(
             settings.outline_contrast_ratio, settings.shadow, self.typical.fins, self.typical.thin
         )
-        patches = list(silhouettes(frame, scene, self.arena, least, ends))
-        verdicts = [judge(s, self.typical, settings) for s in patches]
+        patches = list(find_silhouettes(frame, scene, self.arena, least, ends))
+        verdicts = [judge_silhouette(s, self.typical, settings) for s in patches]
         fish = [
             measure_fish(s, frame, scene, settings.points) if verdict == "fish" else None
             for s, verdict in zip(patches, verdicts, strict=True)
@@ -124,11 +130,11 @@ class Detector:
 
 
 class ClipStream(NamedTuple):
-    """A clip to read: its length, its frames per second, and the distance of its key frames.
+    """A clip to read: its length, its frames per second, and its key frames.
 
-    read: yields the frames start … stop − 1, (h, w) or (h, w, 3) uint8. load_or_make: returns the
-    detections of a stretch that are stored under a name, or makes and stores them; None stores
-    nothing. A cluster pickles both.
+    stride: frames from one key frame to the next. read: yields the frames start … stop − 1, (h, w)
+    or (h, w, 3) uint8. load_or_make: returns the detections of a stretch that are stored under a
+    name, or makes and stores them; None stores nothing. A cluster pickles both.
     """
 
     read: Callable[..., Iterator[Picture]]
@@ -138,80 +144,94 @@ class ClipStream(NamedTuple):
     load_or_make: Callable[[str, Callable[[], "Stretch"]], "Stretch"] | None = None
 
 
-def detections(
-    film: ClipStream, scene: Scene, detector: Detector, workers: Workers
+def detect_in_clip(
+    clip: ClipStream, scene: Scene, detector: Detector, workers: Workers
 ) -> Iterator[Detections | None]:
-    """Yield the detections of every frame in order; None where it cannot be decoded.
+    """Yield the detections of every frame of a clip in order; None for a damaged frame.
 
     Each of `workers` reads its own stretches of the clip. They begin at key frames, so no frame is
     decoded in vain. A background by MOG2 depends on all earlier frames: then one worker reads all,
     nothing is kept, and UndecodableError ends it.
     """
     if detector.settings.background == "mog2":
-        frames = film.read(start=0, stop=film.frames)
-        return (detector(*seen) for seen in learn_background(frames, scene, film.rate_hz))
-    length = min(_STRETCH, max(1, film.frames // (4 * workers.count)))
-    length = max(1, length // film.stride) * film.stride
-    starts = range(0, film.frames, length)
-    spans = [(start, min(start + length, film.frames)) for start in starts]
-    work = partial(_load_or_detect, film, scene, detector)
+        frames = clip.read(start=0, stop=clip.frames)
+        return (detector(*seen) for seen in add_learnt_backgrounds(frames, scene, clip.rate_hz))
+    length = min(_STRETCH, max(1, clip.frames // (4 * workers.count)))
+    length = max(1, length // clip.stride) * clip.stride
+    starts = range(0, clip.frames, length)
+    spans = [(start, min(start + length, clip.frames)) for start in starts]
+    work = partial(_load_or_detect, clip, scene, detector)
     return (frame for stretch in ordered_map(work, spans, workers) for frame in stretch)
 
 
 def _load_or_detect(
-    film: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
+    clip: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> Stretch:
-    """Return the detections in the frames of a span, stored or computed."""
-    compute = partial(_detect_span, film, scene, detector, span)
-    if film.load_or_make is None:
+    """Return the detections in some successive frames of a clip, stored or computed.
+
+    span: (start, stop), the frames start … stop − 1.
+    """
+    compute = partial(_detect_span, clip, scene, detector, span)
+    if clip.load_or_make is None:
         return compute()
-    return film.load_or_make("{:09d}-{:09d}".format(*span), compute)
+    return clip.load_or_make("{:09d}-{:09d}".format(*span), compute)
 
 
 def _detect_span(
-    film: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
+    clip: ClipStream, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> Stretch:
-    """Detect animals in the frames of a span; after a damaged one resume at the next key frame."""
+    """Detect the fish in some successive frames of a clip.
+
+    span: (start, stop), the frames start … stop − 1. After a damaged frame it resumes at the next
+    key frame, and gives None for those between.
+    """
     start, stop = span
     seen: Stretch = []
     while (at := start + len(seen)) < stop:
         try:
-            for frame in film.read(start=at, stop=stop):
+            for frame in clip.read(start=at, stop=stop):
                 seen.append(detector(frame, scene))
             break
         except UndecodableError:
-            key = ((start + len(seen)) // film.stride + 1) * film.stride
+            key = ((start + len(seen)) // clip.stride + 1) * clip.stride
             seen += [None] * (min(key, stop) - start - len(seen))
     return seen
 
 
-def fill_lost_frames(seen: Iterable[Detections | None], lost: list[int]) -> Iterator[Detections]:
-    """Yield detections of every frame, empty for a lost one, whose number is appended to `lost`."""
-    for number, one in enumerate(seen):
+def fill_lost_frames(
+    detections: Iterable[Detections | None], lost_frames: list[int]
+) -> Iterator[Detections]:
+    """Yield detections of every frame, empty ones for a frame that could not be decoded.
+
+    lost_frames: the number of each such frame is appended to it.
+    """
+    for number, one in enumerate(detections):
         if one is None:
-            lost.append(number)
+            lost_frames.append(number)
         yield one or Detections([], [], [])
 
 
 def link_tracks(
     detections: Iterable[Detections],
-    typical: Typical,
+    typical: TypicalFish,
     settings: ExtractSettings,
     cuts: Sequence[int] = (),
 ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
     """Yield for each frame the counts of its verdicts, and the fish of tracks that are long enough.
 
-    A track is given out, with all its fish so far, as soon as it has `min_track_frames` frames. So
-    the fish may be of earlier frames. Tracks end at `cuts`, the numbers of the first frames of
-    further segments.
+    A track is given out, with all its fish until then, when it has `min_track_frames` frames. So
+    the fish may be of earlier frames. cuts: numbers of frames before which the film is cut, and
+    tracks end.
     """
-    linker = Linker(settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio)
+    linker = TrackLinker(
+        settings.max_link_distance_bl * typical.length_px, settings.step_area_ratio
+    )
     waiting: dict[int, list[TrackedFish]] = {}
     long: set[int] = set()
     for number, (verdicts, spots, fish) in enumerate(detections):
         if number in cuts:
-            linker.cut()
-        ids = linker.step(spots)
+            linker.end_tracks()
+        ids = linker.link_frame(spots)
         ready: list[TrackedFish] = []
         for track, animal in zip(ids, fish, strict=True):
             if track is None or animal is None:
@@ -227,20 +247,27 @@ def link_tracks(
 
 
 def _silhouette_place(
-    silhouette: Silhouette, fish: SegmentedFish | None, outlined: bool
+    silhouette: Silhouette, fish: SegmentedFish | None, with_outline: bool
 ) -> SilhouettePlace:
-    """Return the place of a silhouette: a fish's mass centre, else the middle of its box."""
+    """Return the place of a silhouette: a fish's mass centre, else the middle of its box.
+
+    fish: the measures of the silhouette, None if it is no isolated fish; with_outline: whether to
+    add the pixels of its edge.
+    """
     h, w = silhouette.mask.shape
     x0, y0 = silhouette.x0, silhouette.y0
     box = (x0, y0, x0 + w, y0 + h)
-    outline = edge_pixels(silhouette) if outlined else None
+    outline = edge_pixels(silhouette) if with_outline else None
     if fish is None:
         return SilhouettePlace(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False, outline)
     return SilhouettePlace(fish.x_px, fish.y_px, silhouette.area_px, box, True, outline)
 
 
-def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
-    """Yield the same fish in batches of at least 512, faster to write; the last may be smaller."""
+def batch_fish(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
+    """Yield tracked fish in batches of at least 512, faster to write; the last may be smaller.
+
+    fish: lists of any length.
+    """
     batch: list[TrackedFish] = []
     for some in fish:
         batch += some
@@ -250,14 +277,14 @@ def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
     yield batch
 
 
-class FollowedNoneError(FinloopError):
+class NoTrackError(FinloopError):
     """No track of a film is long enough."""
 
 
-def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> FollowedNoneError:
+def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> NoTrackError:
     """Return the error to raise where no track is long enough; it counts silhouettes by verdict."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
-    return FollowedNoneError(
+    return NoTrackError(
         f"no fish could be followed for {settings.min_track_frames} frames (silhouettes: {counts})",
         "fish that swim by themselves, clear of the border",
         "allow shorter tracks (extract.min_track_frames), other sizes "
@@ -265,14 +292,14 @@ def no_track_error(settings: ExtractSettings, verdicts: Counter[Verdict]) -> Fol
     )
 
 
-def cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
+def fish_cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
     """Yield the cut-out of each fish, with its track, its frame and its place in the picture."""
     for f in fish:
         yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
 
 
-def track_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
-    """Return rows of the table of tracks (`tracks_schema`), one a fish, in the same order."""
+def track_table_rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:
+    """Return the rows of the table of tracks (`tracks_schema`) for some fish, in their order."""
     return pd.DataFrame(
         {
             "track_id": [f.track_id for f in fish],

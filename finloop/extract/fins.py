@@ -3,7 +3,7 @@
 A silhouette ends where the difference from the tank falls to a share of the fish's contrast. Paler
 pixels that are no noise are a fin that light passes through, the tip of a tail, a shadow, or the
 gloom around an animal that takes the light from its floor. Many fish together show which of them it
-is (`classify_pale`). Pixels brighter than the tank are no shadow.
+is (`classify_pale_pixels`). Pixels brighter than the tank are no shadow.
 """
 
 from collections.abc import Iterable
@@ -30,8 +30,8 @@ Kind = Literal["fins", "shadow", "gloom"]
 """The nature of the pale pixels about the fish of a film."""
 
 
-class Pale(NamedTuple):
-    """The pale pixels about one silhouette.
+class PalePixels(NamedTuple):
+    """The pale pixels about one silhouette, which may be fins.
 
     x0, y0: the upper left pixel, in px of the picture. mask: (h, w) bool, without the silhouette.
     field: (h, w) uint8, the difference image.
@@ -43,8 +43,8 @@ class Pale(NamedTuple):
     field: Picture
 
 
-def with_fins(
-    alpha: Picture, corner: tuple[int, int], fins: Pale, levels: tuple[float, float]
+def add_fins_to_alpha(
+    alpha: Picture, corner: tuple[int, int], fins: PalePixels, levels: tuple[float, float]
 ) -> tuple[Picture, tuple[int, int]]:
     """Return the soft alpha (h, w) uint8 of a silhouette with its fins, and its first pixel x, y.
 
@@ -54,14 +54,18 @@ def with_fins(
     and the threshold, grey levels.
     """
     at = corner[0] - fins.x0, corner[1] - fins.y0
-    shown, x, y = _add_fins(alpha, at, fins.mask, fins.field, levels)
+    shown, x, y = _draw_fins(alpha, at, fins.mask, fins.field, levels)
     return shown, (x + fins.x0, y + fins.y0)
 
 
 @kernel
-def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
-    """Return alpha with fins and its first pixel x, y; at: first pixel of `alpha` in the mask."""
-    (left, top), (contrast, threshold) = at, levels
+def _draw_fins(alpha, corner, mask, field, levels):  # type: ignore[no-untyped-def]
+    """Return a silhouette's alpha with fins, and its first pixel x, y in the mask of pale pixels.
+
+    alpha: of the silhouette alone, whose first pixel is at `corner` of the mask; mask, field: (h,
+    w), of `PalePixels`; levels: the fish's contrast, and the threshold, grey levels.
+    """
+    (left, top), (contrast, threshold) = corner, levels
     (h, w), (height, width) = alpha.shape, mask.shape
     x, y, right, bottom = left, top, left + w, top + h
     for v in range(height):
@@ -85,7 +89,7 @@ def _add_fins(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
     return shown, x, y
 
 
-class Side(NamedTuple):
+class PaleSide(NamedTuple):
     """Where the pale pixels of one fish lie, as seen from the middle of its silhouette.
 
     in_picture: (2,) px, to the right and down in the picture; on_fish: (2,) px, ahead of the fish
@@ -97,7 +101,9 @@ class Side(NamedTuple):
     around: float
 
 
-def pale_side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pale) -> Side | None:
+def find_pale_side(
+    mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: PalePixels
+) -> PaleSide | None:
     """Return the side on which the pale pixels of a fish lie; None if it has next to none.
 
     mask: (h, w), the silhouette, whose first pixel is at `corner`, x and y. backbone: in px of the
@@ -107,7 +113,7 @@ def pale_side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pal
     if np.count_nonzero(fins.mask) < _LEAST * np.count_nonzero(mask):
         return None
     origin = np.subtract(fins[:2], corner)
-    away = _middle(fins.mask * fins.field) + origin - _middle(mask)
+    away = _centre_of_mass(fins.mask * fins.field) + origin - _centre_of_mass(mask)
     line, width = backbone.points_px, backbone.half_width_px
     half = len(line) // 2
     ahead = line[0] - line[-1]
@@ -120,16 +126,16 @@ def pale_side(mask: Mask, corner: tuple[int, int], backbone: Backbone, fins: Pal
     beyond[y : y + mask.shape[0], x : x + mask.shape[1]] -= mask
     distance = cv2.distanceTransform(beyond, cv2.DIST_L2, cv2.DIST_MASK_5)
     ring = np.abs(distance - _EDGE - width.max() / 2) <= 1
-    return Side(away, np.array([away @ ahead, away @ across]), float(fins.mask[ring].mean()))
+    return PaleSide(away, np.array([away @ ahead, away @ across]), float(fins.mask[ring].mean()))
 
 
-def _middle(weight: Picture | Mask) -> Floats:
-    """Return the centre of mass (2,) x, y px of a picture."""
-    moments = cv2.moments(weight.astype(np.uint8))
+def _centre_of_mass(picture: Picture | Mask) -> Floats:
+    """Return the centre of mass (2,) x, y [px] of a picture's grey levels."""
+    moments = cv2.moments(picture.astype(np.uint8))
     return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
 
 
-def classify_pale(sides: Iterable[Side | None]) -> Kind:
+def classify_pale_pixels(sides: Iterable[PaleSide | None]) -> Kind:
     """Return whether the pale pixels about the fish of a film are fins, shadows or gloom.
 
     sides: of each fish, None where it has next to none. A shadow keeps its side of the picture,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
-from finloop.extract.film import Detections, FollowedNoneError, TrackedFish
+from finloop.extract.film import Detections, NoTrackError, TrackedFish
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.tracks import SilhouettePlace
@@ -46,7 +46,7 @@ SHOWN_ALONE = (
 
 
 @dataclass(frozen=True)
-class Given:
+class ExternalTracks:
     """Where another program places animals, by frames of the clip.
 
     names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
@@ -63,22 +63,25 @@ class Given:
     stop: NDArray[np.int64]
     film: "FilmSize"
 
-    def rows(self, frame: int) -> slice:
+    def rows_of_frame(self, frame: int) -> slice:
         """Return the rows that belong to one frame of the clip, as a slice."""
         return slice(int(self.start[frame]), int(self.stop[frame]))
 
-    def row_of(
-        self, frame: NDArray[np.integer], individual: NDArray[np.integer]
+    def find_rows(
+        self, frames: NDArray[np.integer], individuals: NDArray[np.integer]
     ) -> NDArray[np.int64]:
-        """Return the row (n,) of an animal (n,) in a frame (n,) of the clip; all must exist."""
-        row = self.start[frame].copy()
-        while (wrong := self.individual[row] != individual).any():
+        """Return the row of each animal in a frame of the clip; every pair must exist.
+
+        frames, individuals: (n,), as the result.
+        """
+        row = self.start[frames].copy()
+        while (wrong := self.individual[row] != individuals).any():
             row[wrong] += 1
         return row
 
 
 class FilmSize(NamedTuple):
-    """The size of the film that was tracked: its frames, and its picture."""
+    """The size of the film that was tracked: its number of frames, and the sides of its picture."""
 
     frames: int
     width_px: int
@@ -87,15 +90,19 @@ class FilmSize(NamedTuple):
 
 def map_poses_to_clip(
     poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: ExtractSettings
-) -> Given:
-    """Return another program's poses by frames of the clip.
+) -> ExternalTracks:
+    """Return another program's poses, sorted by the frames of the clip.
 
     clip_frames: (frames of the clip,) the film's frame that each shows. FinloopError if a named
     keypoint is missing, the file has places beyond the film's end or none in the clip, or the
     places are not in px of the picture.
     """
-    head = keypoint(poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint")
-    tail = keypoint(poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint")
+    head = find_keypoint(
+        poses.keypoints, p.tracks_head_keypoint, HEADS, "extract.tracks_head_keypoint"
+    )
+    tail = find_keypoint(
+        poses.keypoints, p.tracks_tail_keypoint, TAILS, "extract.tracks_tail_keypoint"
+    )
     sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: unknown
     points = np.where(sure[..., None], poses.places * p.tracks_px_per_unit, np.nan)
     there: Mask = np.all(np.isfinite(points), axis=2)
@@ -110,7 +117,7 @@ def map_poses_to_clip(
     _refuse_other_length(frame, clip_frames, film)
     _refuse_other_units(points, film)
     none = np.full((len(points), 2), np.nan)
-    return Given(
+    return ExternalTracks(
         poses.individuals,
         poses.individual[rows],
         points,
@@ -122,17 +129,18 @@ def map_poses_to_clip(
     )
 
 
-def keypoint(
-    keypoints: Sequence[str], name: str, common: Sequence[str], parameter: str
+def find_keypoint(
+    keypoints: Sequence[str], name: str, common_names: Sequence[str], parameter: str
 ) -> str | None:
-    """Return the keypoint called `name`; for `auto` the first one that has a common name.
+    """Return the keypoint that a parameter names; for `auto` the first one that has a common name.
 
-    It is None for `none`, and where `auto` finds nothing. common: names, the best first.
-    FinloopError, which mentions `parameter`, if a named keypoint does not exist.
+    name: the parameter's value; the result is None for `none`, and where `auto` finds nothing.
+    common_names: the best first. FinloopError, which mentions `parameter`, if a named keypoint does
+    not exist.
     """
     if name == "auto":
         plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(keypoints)}
-        return next((plain[one] for one in common if one in plain), None)
+        return next((plain[one] for one in common_names if one in plain), None)
     if name == "none" or name in keypoints:
         return None if name == "none" else name
     raise FinloopError(
@@ -143,20 +151,25 @@ def keypoint(
 
 
 def _refuse_other_length(
-    frame: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
+    tracked_frames: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
 ) -> None:
-    """Raise FinloopError if places lie beyond the film's end, or in less than half of the clip."""
-    if frame[-1] >= film.frames + _AT_THE_END:
+    """Raise FinloopError if places lie beyond the film's end, or in less than half of the clip.
+
+    tracked_frames: (rows,) ascending; clip_frames: the film's frame that each frame of the clip
+    shows.
+    """
+    first, last = tracked_frames[0], tracked_frames[-1]
+    if last >= film.frames + _AT_THE_END:
         raise FinloopError(
-            f"the tracks continue to frame {frame[-1]}, and the film has {film.frames} frames",
+            f"the tracks continue to frame {last}, and the film has {film.frames} frames",
             "tracks of this film, whose frames are counted from 0",
             "use the film that was tracked, or this film's own tracks",
         )
-    common = np.isin(clip_frames, frame)
-    reached = float((clip_frames <= frame[-1]).mean())
+    common = np.isin(clip_frames, tracked_frames)
+    reached = float((clip_frames <= last).mean())
     if not common.any() or reached < 0.5:
         raise FinloopError(
-            f"the tracks have frames {frame[0]} … {frame[-1]} of the film, and the clip shows "
+            f"the tracks have frames {first} … {last} of the film, and the clip shows "
             f"its frames {clip_frames.min()} … {clip_frames.max()}",
             "tracks of at least half of the clip",
             "set clip.start_s and clip.end_s to the range that was tracked; frames count from the "
@@ -165,7 +178,10 @@ def _refuse_other_length(
 
 
 def _refuse_other_units(points: Floats, film: FilmSize) -> None:
-    """Raise FinloopError if most places lie outside the picture, or all in its first pixels."""
+    """Raise FinloopError if most places lie outside the picture, or all in its first pixels.
+
+    points: (rows, k, 2).
+    """
     place = np.nanmean(points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
     if max(-x0, -y0, x1, y1) <= _MOST_NORMAL:
@@ -186,11 +202,14 @@ def _refuse_other_units(points: Floats, film: FilmSize) -> None:
 
 
 def _silhouette_distances(
-    points: Floats, spots: Sequence[SilhouettePlace], most_px: float
+    points: Floats, silhouettes: Sequence[SilhouettePlace], most_px: float
 ) -> Floats:
-    """Return the distances (animals, silhouettes) px of places (animals, k, 2); inf if too far."""
-    result = np.full((len(points), len(spots)), np.inf)
-    for j, spot in enumerate(spots):
+    """Return the distances (animals, silhouettes) [px] of animals from silhouettes in one frame.
+
+    points: (animals, k, 2) px. Beyond `most_px` the distance is infinite.
+    """
+    result = np.full((len(points), len(silhouettes)), np.inf)
+    for j, spot in enumerate(silhouettes):
         low, high = np.array(spot.box[:2]), np.array(spot.box[2:])
         outside = np.maximum(np.maximum(low - points, points - high), 0)
         least = np.nanmean(np.hypot(*outside.transpose(2, 0, 1)), axis=1)
@@ -203,17 +222,17 @@ def _silhouette_distances(
 
 
 def match_silhouettes(
-    points: Floats, spots: Sequence[SilhouettePlace], length_px: float
+    points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
 ) -> list[tuple[Outcome, int | None]]:
-    """Return for each place (animals, k, 2) px its outcome and the number of its silhouette.
+    """Return for each animal of a frame the outcome and the number of its silhouette.
 
-    spots: the silhouettes of the same frame; length_px: a body length. The number is None where no
+    points: (animals, k, 2) px, its place; length_px: a body length. The number is None where no
     silhouette is near.
     """
-    if not len(points) or not spots:
+    if not len(points) or not silhouettes:
         return [("no silhouette", None)] * len(points)
-    apart = _silhouette_distances(points, spots, length_px)
-    centres = np.array([(spot.x_px, spot.y_px) for spot in spots])
+    apart = _silhouette_distances(points, silhouettes, length_px)
+    centres = np.array([(spot.x_px, spot.y_px) for spot in silhouettes])
     off = np.hypot(*(np.nanmean(points, axis=1)[:, None] - centres).transpose(2, 0, 1))
     apart += _TIE * off  # of overlapping silhouettes the one with the nearest centre
     nearest = apart.argmin(axis=1)
@@ -230,11 +249,11 @@ def match_silhouettes(
         elif claims[j] > 1:
             result.append(("shared", j))
         else:
-            result.append(("used" if spots[j].isolated else "not isolated", j))
+            result.append(("used" if silhouettes[j].isolated else "not isolated", j))
     return result
 
 
-class GivenTrackLinker:
+class ExternalTrackLinker:
     """Links silhouettes to tracks by another program's places: a track is a run of one animal.
 
     A run is successive frames in which the animal has its own isolated silhouette; at least
@@ -245,7 +264,8 @@ class GivenTrackLinker:
     Both are complete after the film has run.
     """
 
-    def __init__(self, given: Given, length_px: float, least_frames: int) -> None:
+    def __init__(self, given: ExternalTracks, length_px: float, least_frames: int) -> None:
+        """Begin without runs; length_px: a body length."""
         self._given, self._length, self._least = given, length_px, least_frames
         self.outcomes: Counter[tuple[int, Outcome]] = Counter()
         self.short = 0
@@ -262,14 +282,14 @@ class GivenTrackLinker:
     ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
         """Yield for each frame the counts of its verdicts, and the fish of runs long enough.
 
-        A run's fish so far come at once when it is long enough. Runs also end at `cuts`, the
-        numbers of the first frames of further segments.
+        A run's fish until then come at once when it is long enough. cuts: numbers of frames before
+        which the film is cut, and runs end.
         """
         waiting: dict[int, list[TrackedFish]] = {}  # by animal, runs that are still too short
         running: dict[int, int] = {}  # animal → its track
         runs: Counter[int] = Counter()
         for number, (verdicts, spots, fish) in enumerate(detections):
-            rows = self._given.rows(number)
+            rows = self._given.rows_of_frame(number)
             animals = self._given.individual[rows].tolist()
             found = match_silhouettes(self._given.points[rows], spots, self._length)
             seen: dict[int, TrackedFish] = {}
@@ -292,10 +312,10 @@ class GivenTrackLinker:
             yield Counter(verdicts), ready
         self._end(set(), waiting, running)
 
-    def no_track_error(self) -> FollowedNoneError:
+    def no_track_error(self) -> NoTrackError:
         """Return the error to raise where no animal has silhouettes long enough for a track."""
         given, least = self._given, self._least
-        longest, without = longest_run(given), int((given.stop == given.start).sum())
+        longest, without = longest_run_frames(given), int((given.stop == given.start).sum())
         became = ", ".join(f"{count} {outcome}" for outcome, count in self.outcome_counts().items())
         do = SHOWN_ALONE
         if longest < least:
@@ -303,7 +323,7 @@ class GivenTrackLinker:
                 f"fill the gaps (a place that is NaN, infinite or of a confidence below "
                 f"{ExtractSettings.tracks_least_confidence:g} is none) and export the tracks again"
             )
-        return FollowedNoneError(
+        return NoTrackError(
             f"no animal of the file of tracks has a silhouette for {least} frames on end "
             f"(places: {became}); the places of an animal in the file of tracks continue for "
             f"{longest} frames at most, and {without} of {len(given.start)} frames have no place",
@@ -311,7 +331,7 @@ class GivenTrackLinker:
             f"{do}; or allow shorter tracks (extract.min_track_frames)",
         )
 
-    def metrics(self, agreement: "SilhouetteFit") -> dict[str, float]:
+    def metrics(self, fit: "SilhouetteFit") -> dict[str, float]:
         """Return counts and shares (0 … 1) of the places' outcomes by name, for metrics.json."""
         given, counts = self._given, self.outcome_counts()
         return {
@@ -319,8 +339,8 @@ class GivenTrackLinker:
             **{f"places_{what.replace(' ', '_')}": counts[what] for what in get_args(Outcome)},
             "places_in_short_runs": self.short,
             "places_used_share": (counts["used"] - self.short) / max(1, counts.total()),
-            "places_near_a_silhouette_share": agreement.share,
-            "places_near_by_chance_share": agreement.chance,
+            "places_near_a_silhouette_share": fit.share,
+            "places_near_by_chance_share": fit.chance,
             "animals": len({animal for animal, _ in self.outcomes}),
             "animals_used": len({animal for animal, what in self.outcomes if what == "used"}),
             "frames_without_place": int((given.stop == given.start).sum()),
@@ -337,7 +357,7 @@ class GivenTrackLinker:
             del running[animal]
 
 
-def longest_run(given: Given) -> int:
+def longest_run_frames(given: ExternalTracks) -> int:
     """Return the largest number of successive frames of the clip in which an animal has a place."""
     frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
     row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
@@ -349,7 +369,7 @@ def longest_run(given: Given) -> int:
 
 
 class SilhouetteFit(NamedTuple):
-    """How well given places agree with silhouettes in sample frames.
+    """How well another program's places agree with silhouettes in sample frames.
 
     share: of the places, those with a silhouette of any kind within a body length, 0 … 1; chance:
     the same share with silhouettes of other moments; places: their number; lost: numbers of the
@@ -373,56 +393,65 @@ class SilhouetteFit(NamedTuple):
         return min(_MOST_NEEDED, (1 + self.chance) / 2)
 
 
-def fit_to_silhouettes(
-    tracks: Given,
+def measure_silhouette_fit(
+    tracks: ExternalTracks,
     frames: Sequence[int],
-    spots: Sequence[Sequence[SilhouettePlace]],
+    silhouettes: Sequence[Sequence[SilhouettePlace]],
     length_px: float,
 ) -> SilhouetteFit:
-    """Return how well given places agree with the silhouettes of sample frames.
+    """Return how well another program's places agree with the silhouettes of sample frames.
 
-    frames: numbers of the sample frames; spots: the silhouettes of each; length_px: a body length.
+    frames: numbers of the sample frames; silhouettes: those of each; length_px: a body length.
     """
     shift = len(frames) // 2
     own, other = [], []
     for number, frame in enumerate(frames):
-        points = tracks.points[tracks.rows(frame)]
-        own.append(_near(points, spots[number], length_px))
+        points = tracks.points[tracks.rows_of_frame(frame)]
+        own.append(_have_near_silhouette(points, silhouettes[number], length_px))
         if shift:
-            other.append(_near(points, spots[(number + shift) % len(frames)], length_px))
+            other.append(
+                _have_near_silhouette(
+                    points, silhouettes[(number + shift) % len(frames)], length_px
+                )
+            )
     near = np.concatenate(own)
-    animals = np.concatenate([tracks.individual[tracks.rows(frame)] for frame in frames])
+    animals = np.concatenate([tracks.individual[tracks.rows_of_frame(frame)] for frame in frames])
     lost = tuple(
         int(animal)
         for animal in np.unique(animals)
         if (animals == animal).sum() > 2 and not near[animals == animal].any()
     )
     chance = float(np.concatenate(other).mean()) if other else 0.0
-    return SilhouetteFit(float(near.mean()), chance, len(near), lost, max(map(len, spots)))
+    return SilhouetteFit(float(near.mean()), chance, len(near), lost, max(map(len, silhouettes)))
 
 
-def _near(points: Floats, spots: Sequence[SilhouettePlace], length_px: float) -> Mask:
-    """Return which places (animals, k, 2) px have a silhouette within a body length, (animals,)."""
-    if not spots or not len(points):
+def _have_near_silhouette(
+    points: Floats, silhouettes: Sequence[SilhouettePlace], length_px: float
+) -> Mask:
+    """Return whether each animal (animals,) has a silhouette within a body length of its place.
+
+    points: (animals, k, 2) px, its place; length_px: a body length.
+    """
+    if not silhouettes or not len(points):
         return np.zeros(len(points), bool)
-    return _silhouette_distances(points, spots, length_px).min(axis=1) <= length_px
+    return _silhouette_distances(points, silhouettes, length_px).min(axis=1) <= length_px
 
 
-def refuse_other_film(tracks: Given, agreement: SilhouetteFit) -> None:
-    """Raise FinloopError if fewer given places have a silhouette than tracks of this film need."""
-    if agreement.share >= agreement.least_share:
+def refuse_other_film(tracks: ExternalTracks, fit: SilhouetteFit) -> None:
+    """Raise FinloopError if fewer places have a silhouette than tracks of this film need."""
+    if fit.share >= fit.least_share:
         return
     film = tracks.film
     place = np.nanmean(tracks.points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
-    lost = ", ".join(tracks.names[animal] for animal in agreement.lost[:8])
+    lost = ", ".join(tracks.names[animal] for animal in fit.lost[:8])
     raise FinloopError(
-        f"of {agreement.places} places of {len(tracks.names)} animals in sample frames "
-        f"{agreement.share:.0%} show an animal; at other moments of the film it is "
-        f"{agreement.chance:.0%}. At most {agreement.seen} silhouettes are seen in a frame; "
+        f"of {fit.places} places of {len(tracks.names)} animals in sample frames "
+        f"{fit.share:.0%} show an animal; at other moments of the film it is "
+        f"{fit.chance:.0%}. At most {fit.seen} silhouettes are seen in a frame; "
         f"places lie at x {x0:.4g} … {x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of "
         f"{film.width_px}×{film.height_px}" + (f"; never at an animal: {lost}" if lost else ""),
-        f"tracks of this film: at least {agreement.least_share:.0%}, midway between chance and all",
+        f"tracks of this film: at least {fit.least_share:.0%}, midway between chance and all",
         "use this film's tracks, in px (extract.tracks_px_per_unit), without animals that are not "
         f"there; where they are this film's, {SHOWN_ALONE}",
     )

@@ -35,20 +35,20 @@ _MOST_LIGHT = 3.0  # a larger gain would show noise instead of a fish
 Rows = NDArray[np.intp]
 
 
-class Likeness(NamedTuple):
-    """The change that makes a film's fish like those of the first film."""
+class FishScaling(NamedTuple):
+    """How a film's fish change in size, light and colour to be like those of the first film."""
 
     scale: float = 1.0  # factor on lengths
     gains: tuple[float, ...] = ()  # factor on each channel's light; none: as filmed
     grey: bool = False  # whether colours are dropped
 
     @property
-    def none(self) -> bool:
+    def is_identity(self) -> bool:
         """Return whether the change leaves every fish as it is filmed."""
-        return self == Likeness()
+        return self == FishScaling()
 
 
-class Contribution(NamedTuple):
+class FilmContribution(NamedTuple):
     """A film's part of the motion base: how many rows and tracks, and the scaling of its fish.
 
     like: makes its fish as long and as bright as those of the first film.
@@ -57,7 +57,7 @@ class Contribution(NamedTuple):
     name: str
     rows: int
     tracks: int
-    like: Likeness
+    like: FishScaling
 
 
 class _FilmTracks(NamedTuple):
@@ -75,7 +75,7 @@ class _FilmTracks(NamedTuple):
     home: Path
 
 
-def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Contribution]:
+def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[FilmContribution]:
     """Write the joint tracks, cut-outs, scene and background of several films; return their parts.
 
     clip, folder: what `clip` and `extract` have written, a folder a film in `films`; the joint
@@ -96,7 +96,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
     for name in (SCENE_NAME, BACKGROUND_NAME):
         shutil.copyfile(first / name, folder / name)
     scene = load_record(folder / SCENE_NAME, SceneFacts, "extract")
-    contributions: list[Contribution] = []
+    contributions: list[FilmContribution] = []
     light = None
     with ExitStack() as stack:
         write = stack.enter_context(table_writer(folder / TRACKS_NAME, tracks_schema(scene.points)))
@@ -107,9 +107,9 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
         for part in parts:
             if part.name in errors:
                 continue
-            film = _load_film(part, clip, folder, whole)
+            film = _load_film_tracks(part, clip, folder, whole)
             if not len(film.rows):
-                contributions.append(Contribution(part.name, 0, 0, Likeness()))
+                contributions.append(FilmContribution(part.name, 0, 0, FishScaling()))
                 continue
             grey = film.facts.colour and not whole.colour
             sample = film.rows[np.unique(np.linspace(0, len(film.rows) - 1, _SAMPLE).astype(int))]
@@ -117,37 +117,47 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
                 film_levels = _median_levels((store[row] for row in sample.tolist()), grey)
                 light = film_levels if light is None else light
                 length = film.scene.typical_length_px
-                like = likeness(length, scene.typical_length_px, film_levels, light, grey)
-                table = _number_tracks(film, like, sum(earlier.tracks for earlier in contributions))
+                like = find_fish_scaling(length, scene.typical_length_px, film_levels, light, grey)
+                table = _scale_and_number_tracks(
+                    film, like, sum(earlier.tracks for earlier in contributions)
+                )
                 write(table)
                 if write_given:
                     write_given(_external_rows(film, table, like))
-                _copy(cutouts, store, film.rows, table, like)
+                _copy_cutouts(cutouts, store, film.rows, table, like)
             tracks = table["track_id"].nunique()
-            contributions.append(Contribution(part.name, len(film.rows), tracks, like))
+            contributions.append(FilmContribution(part.name, len(film.rows), tracks, like))
     return contributions
 
 
-def _number_tracks(film: _FilmTracks, like: Likeness, tracks: int) -> pd.DataFrame:
-    """Scale a film's tracks to the first film's fish, and number them after `tracks` others."""
-    table = _match_measures(film.table, like)
+def _scale_and_number_tracks(
+    film: _FilmTracks, scaling: FishScaling, earlier_tracks: int
+) -> pd.DataFrame:
+    """Return a film's tracks, scaled to the first film's fish and numbered after earlier tracks.
+
+    earlier_tracks: how many tracks the films before this one have.
+    """
+    table = _scale_measures(film.table, scaling)
     number = np.unique(table["track_id"], return_inverse=True)[1]
-    return table.assign(track_id=(number + tracks).astype("int32"))
+    return table.assign(track_id=(number + earlier_tracks).astype("int32"))
 
 
-def _external_rows(film: _FilmTracks, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
+def _external_rows(film: _FilmTracks, table: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
     """Return the rows of another program's tracks of a film, in the order of the common table.
 
     An animal's name begins with that of its film, for every film has an animal number 1.
     """
     rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
-    rows = _match_measures(rows.reset_index(drop=True), Likeness(like.scale))
+    rows = _scale_measures(rows.reset_index(drop=True), FishScaling(scaling.scale))
     names = film.part.name + "-" + rows["animal"].astype(str)
     return rows.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
 
 
-def _load_film(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> _FilmTracks:
-    """Load the tracks of one film, those of its rows that the common frame rate shows."""
+def _load_film_tracks(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> _FilmTracks:
+    """Load those rows of one film's tracks that the common frame rate shows.
+
+    clip, folder: of all films together; whole: facts about the joint clip.
+    """
     home = folder / FILMS / part.name
     scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
     facts = load_facts(clip / FILMS / part.name / FACTS_NAME)
@@ -159,90 +169,95 @@ def _load_film(part: FilmPart, clip: Path, folder: Path, whole: VideoFacts) -> _
     return _FilmTracks(part, facts, scene, table.assign(frame=at.astype("int32")), rows, home)
 
 
-def _copy(
-    writer: CutoutWriter, store: CutoutStore, rows: Rows, table: pd.DataFrame, like: Likeness
+def _copy_cutouts(
+    writer: CutoutWriter, store: CutoutStore, rows: Rows, table: pd.DataFrame, scaling: FishScaling
 ) -> None:
-    """Write the cut-outs of these rows under the keys of the table."""
+    """Write the scaled cut-outs of some rows of a film, with the keys of the joint table.
+
+    store: the film's cut-outs; rows (k,): their numbers in it; table: the same rows of the joint
+    table.
+    """
     keys = table[["track_id", "frame"]].to_numpy()
-    if like.none:
+    if scaling.is_identity:
         writer.copy_cutouts(store, rows, keys)
         return
     for row, (track_id, frame) in zip(rows.tolist(), keys.tolist(), strict=True):
-        writer.write(match_cutout(store[row], like)._replace(track_id=track_id, frame=frame))
+        writer.write(match_cutout(store[row], scaling)._replace(track_id=track_id, frame=frame))
 
 
-def _median_levels(cutouts: Iterable[Cutout], grey: bool) -> Floats:
+def _median_levels(cutouts: Iterable[Cutout], drop_colour: bool) -> Floats:
     """Return the median levels (channels,), 0 … 255, of the opaque pixels in cut-outs."""
     opaque = []
     for one in cutouts:
-        pixels = _drop_colour(one.pixels) if grey else one.pixels
+        pixels = _drop_colour(one.pixels) if drop_colour else one.pixels
         opaque.append(pixels[pixels[..., -1] >= _OPAQUE][:, :-1])
     return np.median(np.concatenate(opaque), axis=0)
 
 
-def likeness(
-    length_px: float, first_length_px: float, light: Floats, first_light: Floats, grey: bool
-) -> Likeness:
-    """Return the change that makes fish of this length and light like those of the first film.
+def find_fish_scaling(
+    length_px: float, first_length_px: float, light: Floats, first_light: Floats, drop_colour: bool
+) -> FishScaling:
+    """Return the change that makes a film's fish like those of the first film.
 
-    light, first_light (channels,): median levels, 0 … 255; grey: whether colours are dropped.
-    Differences that also occur within one film are ignored.
+    length_px, first_length_px: typical body lengths; light, first_light (channels,): median levels,
+    0 … 255; drop_colour: whether colours are dropped. Differences that also occur within one film
+    are ignored.
     """
     scale = first_length_px / length_px
     if abs(scale - 1) <= _SAME_LENGTH:
         scale = 1.0
     gains = np.clip(first_light / np.maximum(light, 1.0), 1 / _MOST_LIGHT, _MOST_LIGHT)
     same = bool((np.abs(gains - 1) <= _SAME_LIGHT).all())
-    return Likeness(scale, () if same else tuple(gains.tolist()), grey)
+    return FishScaling(scale, () if same else tuple(gains.tolist()), drop_colour)
 
 
 def _drop_colour(pixels: Picture) -> Picture:
-    """Return the pixels (h, w, 4) of a cut-out as grey and alpha (h, w, 2), uint8."""
+    """Return the RGB and alpha pixels (h, w, 4) of a cut-out as grey and alpha (h, w, 2), uint8."""
     mono = cv2.cvtColor(np.ascontiguousarray(pixels[..., :-1]), cv2.COLOR_RGB2GRAY)
     return np.dstack([mono, pixels[..., -1]])
 
 
-def match_cutout(one: Cutout, like: Likeness) -> Cutout:
+def match_cutout(cutout: Cutout, scaling: FishScaling) -> Cutout:
     """Return a cut-out in the first film's size and light; its place is scaled about (0, 0)."""
-    pixels = _drop_colour(one.pixels) if like.grey else one.pixels
-    if like.gains:
-        lit = pixels[..., :-1] * np.array(like.gains)
+    pixels = _drop_colour(cutout.pixels) if scaling.grey else cutout.pixels
+    if scaling.gains:
+        lit = pixels[..., :-1] * np.array(scaling.gains)
         lit = np.minimum(np.rint(lit), pixels[..., -1:]).astype(np.uint8)
         pixels = np.concatenate([lit, pixels[..., -1:]], axis=-1)
-    if like.scale == 1.0:
-        return one._replace(pixels=pixels)
-    return _resample(one._replace(pixels=pixels), like.scale)
+    if scaling.scale == 1.0:
+        return cutout._replace(pixels=pixels)
+    return _resize_cutout(cutout._replace(pixels=pixels), scaling.scale)
 
 
-def _resample(one: Cutout, scale: float) -> Cutout:
-    """Resample a cut-out on the first film's grid: pixel X shows what X / scale showed."""
-    h, w = one.pixels.shape[:2]
-    x0, y0 = (int(np.floor(scale * (start - 0.5))) for start in (one.x0_px, one.y0_px))
+def _resize_cutout(cutout: Cutout, scale: float) -> Cutout:
+    """Return a cut-out drawn `scale` times as large: pixel X shows what X / scale showed."""
+    h, w = cutout.pixels.shape[:2]
+    x0, y0 = (int(np.floor(scale * (start - 0.5))) for start in (cutout.x0_px, cutout.y0_px))
     x1, y1 = (
         int(np.ceil(scale * (start + size - 0.5))) + 1
-        for start, size in ((one.x0_px, w), (one.y0_px, h))
+        for start, size in ((cutout.x0_px, w), (cutout.y0_px, h))
     )
-    pixels = one.pixels
+    pixels = cutout.pixels
     if scale < 1:  # avoids aliasing
         blur = 0.4 * float(np.sqrt(scale**-2 - 1))
         pixels = cv2.GaussianBlur(pixels, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
     to_film = np.array([
-        [1 / scale, 0, x0 / scale - one.x0_px], [0, 1 / scale, y0 / scale - one.y0_px],
+        [1 / scale, 0, x0 / scale - cutout.x0_px], [0, 1 / scale, y0 / scale - cutout.y0_px],
     ])  # fmt: skip
     how = cv2.INTER_LINEAR if scale < 1 else cv2.INTER_CUBIC
     drawn = cv2.warpAffine(pixels, to_film, (x1 - x0, y1 - y0), flags=how | cv2.WARP_INVERSE_MAP)
     drawn = np.minimum(drawn, drawn[..., -1:])  # a colour never exceeds its alpha
-    return one._replace(x0_px=x0, y0_px=y0, pixels=drawn)
+    return cutout._replace(x0_px=x0, y0_px=y0, pixels=drawn)
 
 
-def _match_measures(tracks: pd.DataFrame, like: Likeness) -> pd.DataFrame:
+def _scale_measures(tracks: pd.DataFrame, scaling: FishScaling) -> pd.DataFrame:
     """Return rows of the table of tracks, with lengths and contrast scaled to the first film's."""
-    if like.none:
+    if scaling.is_identity:
         return tracks
     made = tracks.copy()
     for name in tracks.columns[tracks.columns.str.endswith("_px")]:
         power = 2 if name == "area_px" else 1
-        made[name] = [one * like.scale**power for one in tracks[name]]
-    if like.gains:
-        made["contrast"] = tracks["contrast"] * np.float32(np.mean(like.gains))
+        made[name] = [one * scaling.scale**power for one in tracks[name]]
+    if scaling.gains:
+        made["contrast"] = tracks["contrast"] * np.float32(np.mean(scaling.gains))
     return made

@@ -12,11 +12,11 @@ from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.background import Scene
 from finloop.extract.given import (
+    ExternalTracks,
     FilmSize,
-    Given,
     SilhouetteFit,
-    fit_to_silhouettes,
     map_poses_to_clip,
+    measure_silhouette_fit,
     refuse_other_film,
 )
 from finloop.extract.settings import ExtractSettings
@@ -27,8 +27,8 @@ from finloop.io.table import load_table, save_table
 from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_chosen_frames
 
 
-def tracks_of(film: Path, pattern: str) -> str:
-    """Return the path of the tracks, a file or a folder, that belong to one of several films.
+def find_tracks_path(film: Path, pattern: str) -> str:
+    """Return the path of the file or folder of tracks that belongs to one of several films.
 
     film: its path. pattern: a path in which {folder} and {name} stand for the film's, without
     ending, and `*`, `?`, `[…]` for unknown parts. FinloopError if it matches none, or more than
@@ -52,8 +52,8 @@ def tracks_of(film: Path, pattern: str) -> str:
     return str(paths[0])
 
 
-def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> Given:
-    """Load another program's tracks, which `p.tracks_path` names, by frames of the clip.
+def load_external_tracks(clip: Path, facts: VideoFacts, p: ExtractSettings) -> ExternalTracks:
+    """Load the tracks of another program, which `p.tracks_path` names, by frames of the clip.
 
     clip: the folder of the clip; facts: about it. FinloopError if the tracks cannot be read, or do
     not fit the clip.
@@ -65,10 +65,10 @@ def load_given(clip: Path, facts: VideoFacts, p: ExtractSettings) -> Given:
     return map_poses_to_clip(poses, source_frames, size, p)
 
 
-def check_given(
-    given: Given, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
+def check_external_tracks(
+    given: ExternalTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
 ) -> SilhouetteFit:
-    """Return how well given places agree with silhouettes in sample frames of the clip.
+    """Return how well another program's places agree with silhouettes in sample frames of the clip.
 
     clip: its folder. FinloopError if so few agree that the tracks are of another film.
     """
@@ -77,20 +77,20 @@ def check_given(
     sample = there[np.unique(spread.round().astype(int))].tolist()
     frames = read_chosen_frames(clip / CLIP_NAME, sample, colour=facts.colour)
     spots = [detector(frame, scene).spots for frame in frames]
-    agreement = fit_to_silhouettes(given, sample, spots, detector.typical.length_px)
+    agreement = measure_silhouette_fit(given, sample, spots, detector.typical.length_px)
     refuse_other_film(given, agreement)
     return agreement
 
 
-def save_given(folder: Path, given: Given, points: int) -> None:
-    """Write a table of another program's animal, head and tail, row by row of the table of tracks.
+def save_external_tracks(folder: Path, given: ExternalTracks, points: int) -> None:
+    """Write which animal each row of the table of tracks is, and where its head and tail are.
 
-    folder: holds the table of tracks, and receives `GIVEN_NAME`. points: the number of points of a
-    backbone in the table of tracks.
+    given: what another program says of these. folder: holds the table of tracks, and receives
+    `GIVEN_NAME`. points: the number of points of a backbone in the table of tracks.
     """
     rows = load_table(folder / TRACKS_NAME, tracks_schema(points), ["track_id", "frame"])
     animal = rows["track_id"].to_numpy() % len(given.names)
-    at = given.row_of(rows["frame"].to_numpy(), animal)
+    at = given.find_rows(rows["frame"].to_numpy(), animal)
     rows["animal"] = np.array(given.names, object)[animal]
     for name, place in (("head", given.head), ("tail", given.tail)):
         rows[f"{name}_x_px"], rows[f"{name}_y_px"] = place[at].T

@@ -8,18 +8,18 @@ import cv2
 import numpy as np
 
 from finloop.extract.background import Scene
-from finloop.extract.segment import SilhouetteEdge, measure_fish, silhouettes
+from finloop.extract.segment import SilhouetteEdge, find_silhouettes, measure_fish
 
 _TONE, _NOISE, _POINTS = 200, 6.0, 21
 
 
-def _measure_one() -> None:
-    """Measure a drawn fish, so that every kernel is loaded."""
+def _measure_drawn_fish() -> None:
+    """Measure a drawn fish, so that every compiled kernel is loaded."""
     tank = np.full((48, 96), _TONE, np.uint8)
     film = np.asarray(cv2.ellipse(tank.copy(), (48, 24), (30, 6), 0, 0, 360, (40,), cv2.FILLED))
     scene, arena = Scene(tank, "dark", 1.0, _NOISE), np.full(tank.shape, 255, np.uint8)
-    for silhouette in silhouettes(film, scene, arena, 50.0, SilhouetteEdge(0.4, 0.5, "all")):
+    for silhouette in find_silhouettes(film, scene, arena, 50.0, SilhouetteEdge(0.4, 0.5, "all")):
         measure_fish(silhouette, film, scene, _POINTS)
 
 
-_measure_one()
+_measure_drawn_fish()

@@ -21,18 +21,18 @@ from finloop.base.parallel import ALONE, Threads, ordered_map
 from finloop.extract.backbone import trace_backbone
 from finloop.extract.background import (
     Scene,
+    background_without_ghosts,
     flat_background,
-    in_light_of,
+    match_scene_to_light,
+    measure_scene,
     median_background,
-    patched_background,
-    survey_noise,
 )
-from finloop.extract.fins import Fins, classify_pale, pale_side
-from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
+from finloop.extract.fins import Fins, classify_pale_pixels, find_pale_side
+from finloop.extract.segment import Silhouette, SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
 
 
-class Typical(NamedTuple):
+class TypicalFish(NamedTuple):
     """A typical fish of the clip: its silhouette's area, backbone's length [px], and contrast.
 
     contrast: grey levels of the difference image. fins: which pale pixels beyond silhouettes are
@@ -58,7 +58,9 @@ _BETTER = 0.67
 _UNSTEADY = 0.04
 
 
-def judge(silhouette: Silhouette, typical: Typical, settings: ExtractSettings) -> Verdict:
+def judge_silhouette(
+    silhouette: Silhouette, typical: TypicalFish, settings: ExtractSettings
+) -> Verdict:
     """Return whether a silhouette is one isolated fish, or why not, by place, size and contrast."""
     if silhouette.contrast < settings.min_contrast_ratio * typical.contrast:
         return "too pale"
@@ -79,31 +81,35 @@ class _BackgroundSurvey(NamedTuple):
     """
 
     scene: Scene
-    typical: Typical
+    typical: TypicalFish
     spread: float
 
 
-def survey(
-    sample: Sequence[Picture], arena: Picture, settings: ExtractSettings, workers: Threads = ALONE
-) -> tuple[Scene, Typical]:
+def measure_scene_and_fish(
+    sample_frames: Sequence[Picture],
+    arena: Picture,
+    settings: ExtractSettings,
+    workers: Threads = ALONE,
+) -> tuple[Scene, TypicalFish]:
     """Measure the scene and a typical fish on sample frames spread over the clip.
 
-    sample: frames (h, w[, 3]); arena: (h, w) uint8, 255 inside. FinloopError if nothing stands out
+    sample_frames: (h, w[, 3]); arena: (h, w) uint8, 255 inside. FinloopError if nothing stands out
     from the background, or no silhouette can be an isolated fish.
     """
-    measure = partial(_survey_background, sample, arena, settings, workers)
+    measure = partial(_survey_background, sample_frames, arena, settings, workers)
     if settings.background == "threshold":
-        return measure(flat_background(sample))[:2]
-    median, spread = median_background(sample, workers), attrgetter("spread")
+        return measure(flat_background(sample_frames))[:2]
+    median, spread = median_background(sample_frames, workers), attrgetter("spread")
     if settings.background != "auto":  # `mog2` starts from the median
         return measure(median)[:2]
 
     def without_ghosts() -> Iterator[_BackgroundSurvey]:
+        """Yield the measurements with those other backgrounds on which a fish is found."""
         with suppress(FinloopError):
             ghost = max(settings.least_contrast, _GHOST)
-            yield measure(patched_background(sample, median, ghost))
+            yield measure(background_without_ghosts(sample_frames, median, ghost))
         with suppress(FinloopError):
-            yield measure(flat_background(sample))
+            yield measure(flat_background(sample_frames))
 
     try:
         usual = measure(median)
@@ -118,59 +124,62 @@ def survey(
 
 
 def _survey_background(
-    sample: Sequence[Picture],
+    sample_frames: Sequence[Picture],
     arena: Picture,
     settings: ExtractSettings,
     workers: Threads,
     background: Picture,
 ) -> _BackgroundSurvey:
-    """Measure scene and fish with a background; FinloopError as in `survey`."""
+    """Measure the scene and a typical fish with one background.
+
+    FinloopError as in `measure_scene_and_fish`.
+    """
     sigmas, least = settings.noise_sigmas, settings.least_contrast
-    scene = survey_noise(sample, background, settings.polarity, sigmas, least, workers)
+    scene = measure_scene(sample_frames, background, settings.polarity, sigmas, least, workers)
     fins: Fins = "darker" if settings.fins == "auto" and scene.polarity != "bright" else "none"
     ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, fins)
 
     def find_in_frame(ends: SilhouetteEdge, frame: Picture) -> list[Silhouette]:
-        lit = in_light_of(scene, frame)
-        return list(silhouettes(frame, lit, arena, settings.least_area_px, ends))
+        lit = match_scene_to_light(scene, frame)
+        return list(find_silhouettes(frame, lit, arena, settings.least_area_px, ends))
 
-    def find_silhouettes(thin: bool) -> tuple[list[Silhouette], Typical, float]:
+    def search_sample(thin: bool) -> tuple[list[Silhouette], TypicalFish, float]:
         find = partial(find_in_frame, ends._replace(thin=thin))
-        found = [s for one in ordered_map(find, sample, workers) for s in one]
-        typical, unsteady = typical_fish(found, scene, settings)
-        return found, typical._replace(thin=thin), unsteady
+        silhouettes = [s for one in ordered_map(find, sample_frames, workers) for s in one]
+        typical, unsteady = find_typical_fish(silhouettes, scene, settings)
+        return silhouettes, typical._replace(thin=thin), unsteady
 
-    candidates, typical, unsteady = find_silhouettes(settings.thin == "keep")
+    candidates, typical, unsteady = search_sample(settings.thin == "keep")
     if settings.thin == "auto" and unsteady > _UNSTEADY:
-        with_thin = find_silhouettes(thin=True)
+        with_thin = search_sample(thin=True)
         if with_thin[-1] < _BETTER * unsteady:
             candidates, typical, _ = with_thin
-    areas = [s.area_px for s in candidates if judge(s, typical, settings) == "fish"]
-    spread = _relative_spread(areas)[1] if 2 * len(areas) >= len(sample) else np.inf
+    areas = [s.area_px for s in candidates if judge_silhouette(s, typical, settings) == "fish"]
+    spread = _median_and_spread(areas)[1] if 2 * len(areas) >= len(sample_frames) else np.inf
     return _BackgroundSurvey(scene, typical, spread)
 
 
-def _relative_spread(values: Sequence[float]) -> tuple[float, float]:
+def _median_and_spread(values: Sequence[float]) -> tuple[float, float]:
     """Return the median, and half the width of the middle 68 % of the values relative to it.
 
-    Of Gaussian values it is the standard deviation over the mean.
+    Of Gaussian values the second is the standard deviation over the mean.
     """
     low, middle, high = np.quantile(values, (0.16, 0.5, 0.84))
     return float(middle), float((high - low) / 2 / middle)
 
 
-def typical_fish(
-    candidates: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
-) -> tuple[Typical, float]:
-    """Return the typical fish of silhouettes in sample frames, and the relative spread of lengths.
+def find_typical_fish(
+    silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
+) -> tuple[TypicalFish, float]:
+    """Return the typical fish in silhouettes of sample frames, and the relative spread of lengths.
 
     Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt,
     bubbles and figures of a clock count little; length and contrast are the medians of the
     silhouettes of about that area. FinloopError if no silhouette can be an isolated fish.
     """
-    free = sorted((s for s in candidates if not s.at_border), key=attrgetter("area_px"))
+    free = sorted((s for s in silhouettes if not s.at_border), key=attrgetter("area_px"))
     if not free:
-        raise _no_fish_error(candidates, scene, settings)
+        raise _no_fish_error(silhouettes, scene, settings)
     weight = np.cumsum([s.area_px * s.contrast for s in free])
     area = free[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
     alike = [s for s in free if 0.7 * area <= s.area_px <= 1.4 * area][:200]
@@ -180,29 +189,31 @@ def typical_fish(
         if (line := trace_backbone(s.mask, s.field, settings.points, scene.threshold)) is not None
     ]
     if not traced:
-        raise _no_fish_error(candidates, scene, settings)
+        raise _no_fish_error(silhouettes, scene, settings)
     sides = (
-        pale_side(s.mask, (s.x0, s.y0), line, s.fins) for s, line in traced if s.fins is not None
+        find_pale_side(s.mask, (s.x0, s.y0), line, s.fins)
+        for s, line in traced
+        if s.fins is not None
     )
-    pale = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or classify_pale(sides)
+    pale = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or classify_pale_pixels(sides)
     fins: Fins = "none"
     if pale == "fins":
         fins = "all"
     elif pale == "shadow" and scene.polarity == "both":
         fins = "brighter"
     contrast = float(np.median([s.contrast for s in alike]))
-    length, spread = _relative_spread([line.length_px for _, line in traced])
-    return Typical(area, length, contrast, fins), spread
+    length, spread = _median_and_spread([line.length_px for _, line in traced])
+    return TypicalFish(area, length, contrast, fins), spread
 
 
 def _no_fish_error(
-    candidates: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
+    silhouettes: Sequence[Silhouette], scene: Scene, settings: ExtractSettings
 ) -> FinloopError:
     """Return the error for sample frames without an isolated fish, with the reason."""
-    if not candidates:
+    if not silhouettes:
         why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
-    elif all(s.at_border for s in candidates):
-        why = f"all {len(candidates)} silhouettes touch the edge of the picture or of the arena"
+    elif all(s.at_border for s in silhouettes):
+        why = f"all {len(silhouettes)} silhouettes touch the edge of the picture or of the arena"
     else:
         why = "every shape that differs from the background is too round to have a backbone"
     return FinloopError(

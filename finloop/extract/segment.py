@@ -23,12 +23,12 @@ from finloop.base.kernel import kernel
 from finloop.extract.backbone import (
     Backbone,
     pad_picture,
+    quantile_above,
     refine_outline,
     trace_backbone,
-    upper_level,
 )
-from finloop.extract.background import Scene, difference
-from finloop.extract.fins import Fins, Pale, with_fins
+from finloop.extract.background import Scene, difference_image
+from finloop.extract.fins import Fins, PalePixels, add_fins_to_alpha
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -56,12 +56,12 @@ class Silhouette:
     contrast: float
     area_px: float
     at_border: bool
-    fins: Pale | None = None
+    fins: PalePixels | None = None
 
 
 @dataclass(frozen=True)
 class SegmentedFish:
-    """One isolated fish in one frame. Coordinates in px of the picture, pixel centres at integers.
+    """One isolated fish in one frame, in px of the picture, with pixel centres at integers.
 
     x_px, y_px: its mass centre; area_px: in px²; contrast: to the tank, grey levels. backbone: its
     points are in picture coordinates, too. outline_px: (m, 2), closed, its first point not
@@ -84,7 +84,7 @@ class SilhouetteEdge(NamedTuple):
 
     share: of a fish's own contrast, at which its edge lies; shadow: most of the tank's light that a
     shadow takes; fins: which pale pixels beyond a silhouette belong to it; thin: whether its pale
-    thin parts belong to it (`with_thin_parts`).
+    thin parts belong to it (`add_thin_parts`).
     """
 
     share: float
@@ -93,38 +93,38 @@ class SilhouetteEdge(NamedTuple):
     thin: bool = False
 
 
-def silhouettes(
-    frame: Picture, scene: Scene, arena: Picture, least_area: float, ends: SilhouetteEdge
+def find_silhouettes(
+    frame: Picture, scene: Scene, arena: Picture, least_area_px: float, ends: SilhouetteEdge
 ) -> Iterator[Silhouette]:
-    """Yield every patch of `frame` of at least `least_area` px² that differs from the background.
+    """Yield every patch of a frame that differs from the background and is large enough.
 
-    scene: in the light of the frame (`in_light_of`); arena: (h, w) uint8, 255 inside; ends: where a
-    silhouette ends.
+    scene: in the light of the frame (`match_scene_to_light`); arena: (h, w) uint8, 255 inside;
+    least_area_px: px²; ends: where a silhouette ends.
     """
-    change = difference(frame, scene)
+    change = difference_image(frame, scene)
     height, width = change.shape
-    for candidate in _candidates(change, arena, int(scene.threshold)):
+    for candidate in _find_candidate_edges(change, arena, int(scene.threshold)):
         x, y, w, h = cv2.boundingRect(candidate)
-        if w * h < least_area:
+        if w * h < least_area_px:
             continue
         left, top = max(x - _PAD, 0), max(y - _PAD, 0)
         right, bottom = min(x + w + _PAD, width), min(y + h + _PAD, height)
         patch = change[top:bottom, left:right]
-        contrast = upper_level(patch, scene.threshold, _CONTRAST)
+        contrast = quantile_above(patch, scene.threshold, _CONTRAST)
         level = max(int(scene.threshold), int(ends.share * contrast))
         above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
         if ends.thin:
             edge_level = max(int(scene.threshold), int(THIN_EDGE * contrast))
-            above = with_thin_parts(above, patch, edge_level)
+            above = add_thin_parts(above, patch, edge_level)
         film, tank = (picture[top:bottom, left:right] for picture in (frame, scene.background))
         if scene.polarity == "both":
-            above = _with_dark_skin(above, patch > scene.threshold, film, tank, ends.shadow)
+            above = _add_dark_skin(above, patch > scene.threshold, film, tank, ends.shadow)
         parts = []
         for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
             pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
             if cv2.pointPolygonTest(candidate, pixel, measureDist=False) >= 0:
-                part = _silhouette(edge, patch, (left, top), contrast, arena)
-                if part.area_px >= least_area:
+                part = _silhouette_inside_edge(edge, patch, (left, top), contrast, arena)
+                if part.area_px >= least_area_px:
                     parts.append((part, edge))
         if ends.fins == "none" or not parts:
             yield from (part for part, _ in parts)
@@ -134,17 +134,18 @@ def silhouettes(
                 gain = film.astype(np.int16) - tank
                 darker = (gain if gain.ndim == 2 else gain.sum(axis=2)) < 0
                 pale &= darker if ends.fins == "darker" else ~darker
-            yield from _with_pale_pixels(parts, candidate, patch, (left, top), pale)
+            yield from _assign_pale_pixels(parts, candidate, patch, (left, top), pale)
 
 
-def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
+def add_thin_parts(silhouettes: Picture, change: Picture, least_level: int) -> Picture:
     """Return silhouettes (h, w), 0 or 255, together with the pale thin parts that touch them.
 
-    above: the silhouettes, 0 or 255; change: the difference image; level: grey levels that a thin
-    part exceeds. A pale and wide part, such as a shadow or the gloom around an animal, is not thin.
+    silhouettes: (h, w), 0 or 255; change: (h, w), the difference image; least_level: grey levels
+    that a thin part exceeds. A pale and wide part, such as a shadow or the gloom around an animal,
+    is not thin.
     """
-    body = np.minimum(above, 1)
-    pale = cv2.threshold(change, level, 1, cv2.THRESH_BINARY)[1] | body
+    body = np.minimum(silhouettes, 1)
+    pale = cv2.threshold(change, least_level, 1, cv2.THRESH_BINARY)[1] | body
     half_width = float(cv2.distanceTransform(pad_picture(body, 1), cv2.DIST_L2, 3).max())
     reach = max(1, int(_THIN * half_width + 0.5))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
@@ -156,29 +157,31 @@ def with_thin_parts(above: Picture, change: Picture, level: int) -> Picture:
     _, part, sizes, _ = cv2.connectedComponentsWithStats(both * touch & (1 - body))
     long = sizes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= reach
     long[0] = False  # the rest of the picture
-    return np.where(long[part], np.uint8(255), above)
+    return np.where(long[part], np.uint8(255), silhouettes)
 
 
-def _with_dark_skin(
-    above: Picture, changed: Mask, film: Picture, tank: Picture, shadow: float
+def _add_dark_skin(
+    silhouette: Picture, changed: Mask, film: Picture, tank: Picture, shadow: float
 ) -> Picture:
-    """Return the mask `above` (0 or 255) of a fish with its patches darker than a shadow.
+    """Return the silhouette (h, w), 0 or 255, of a fish with its patches darker than a shadow.
 
-    These lack more than the share `shadow` of the tank's light in all channels. Where bright skin
-    becomes dark skin, a pixel is as bright as the tank: such gaps are closed.
+    These lack more than the share `shadow` of the tank's light in all channels. changed: (h, w),
+    where the film differs from the tank. Where bright skin becomes dark skin, a pixel is as bright
+    as the tank: such gaps are closed.
     """
     dark = cv2.subtract(tank, film) > shadow * tank
     dark = changed & (dark if dark.ndim == 2 else dark.all(axis=-1))
-    if not (dark & (above == 0)).any():
-        return above
-    both = np.where(dark, np.uint8(255), above)
+    if not (dark & (silhouette == 0)).any():
+        return silhouette
+    both = np.where(dark, np.uint8(255), silhouette)
     return np.asarray(cv2.morphologyEx(both, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
 
 
-def _candidates(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
-    """Yield the edges of the connected pixels above `level` inside the arena, from below up.
+def _find_candidate_edges(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
+    """Yield the edges of the connected pixels above a level inside the arena, from below up.
 
-    Only rows near such pixels are processed; outside of the arena `change` becomes 0 in these.
+    change: (h, w), the difference image; level: grey levels. Only rows near such pixels are
+    processed; outside of the arena `change` becomes 0 in these.
     """
     rows = np.flatnonzero(change.max(axis=1) > level)
     if not len(rows):
@@ -193,12 +196,13 @@ def _candidates(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
         )[0]
 
 
-def _silhouette(
+def _silhouette_inside_edge(
     edge: Edge, patch: Picture, corner: tuple[int, int], contrast: float, arena: Picture
 ) -> Silhouette:
-    """Return the part of a candidate inside `edge`, without holes.
+    """Return the silhouette that an edge encloses, without holes.
 
-    edge: px of the patch; corner: x, y of the patch in the picture.
+    edge: px of the patch; patch: part of the difference image; corner: x, y of the patch in the
+    picture; contrast: of the candidate, grey levels.
     """
     x, y, w, h = cv2.boundingRect(edge)
     at_edge = min(x + corner[0], y + corner[1]) <= 1
@@ -215,11 +219,15 @@ def _silhouette(
     return Silhouette(x0, y0, mask.view(bool), field, contrast, area, at_border)
 
 
-def _with_pale_pixels(
+def _assign_pale_pixels(
     parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
     pale: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
-    """Yield the silhouettes of a candidate, each with those pale pixels to which it is nearest."""
+    """Yield the silhouettes of one candidate, each with those pale pixels to which it is nearest.
+
+    parts: the silhouettes, and their edges; candidate: its edge; patch: part of the difference
+    image, at `corner` x, y of the picture; pale: (h, w), mask of the patch.
+    """
     left, top = corner
     inside = np.zeros(patch.shape, np.uint8)
     cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-left, -top))
@@ -239,7 +247,7 @@ def _with_pale_pixels(
         window = np.s_[y0 : y + h + reach, x0 : x + w + reach]
         mask = own[window].copy()
         mask[y - y0 : y - y0 + h, x - x0 : x - x0 + w] &= ~part.mask
-        yield replace(part, fins=Pale(x0 + left, y0 + top, mask, patch[window].copy()))
+        yield replace(part, fins=PalePixels(x0 + left, y0 + top, mask, patch[window].copy()))
 
 
 def edge_pixels(silhouette: Silhouette) -> Edge:
@@ -269,7 +277,7 @@ def measure_fish(
     shown, (left, top) = alpha, (x0, y0)
     if silhouette.fins is not None:
         levels = silhouette.contrast, scene.threshold
-        shown, (left, top) = with_fins(alpha, (x0, y0), silhouette.fins, levels)
+        shown, (left, top) = add_fins_to_alpha(alpha, (x0, y0), silhouette.fins, levels)
     h, w = shown.shape
     window = np.s_[top : top + h, left : left + w]
     return SegmentedFish(
@@ -278,20 +286,21 @@ def measure_fish(
         area_px=moments["m00"] / 255,
         contrast=silhouette.contrast,
         backbone=backbone._replace(points_px=backbone.points_px + corner),
-        outline_px=_outline(alpha) + corner,
+        outline_px=_trace_outline(alpha) + corner,
         x0=left,
         y0=top,
-        cutout=premultiply(frame[window], scene.background[window], shown),
+        cutout=premultiply_cutout(frame[window], scene.background[window], shown),
     )
 
 
 @kernel
 def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
-    """Return the soft alpha (h, w) uint8, 0 … 255, of a silhouette `mask` (h, w).
+    """Return the soft alpha (h, w) uint8, 0 … 255, of a silhouette.
 
-    Near the outline a pixel is a blend of fish and tank, so alpha is its difference (`field`)
-    divided by the largest difference within two pixels inside the fish, `floor` at least. Deep
-    inside, where patterned skin may resemble the tank, alpha is 255; beyond the next pixel it is 0.
+    mask: (h, w), the silhouette; field: (h, w), the difference image. Near the outline a pixel is a
+    blend of fish and tank, so alpha is its difference divided by the largest difference within two
+    pixels inside the fish, `floor` at least. Deep inside, where patterned skin may resemble the
+    tank, alpha is 255; beyond the next pixel it is 0.
     """
     height, width = mask.shape
     alpha = np.zeros((height, width), np.uint8)
@@ -315,7 +324,7 @@ def soft_alpha(mask: Mask, field: Picture, floor: int) -> Picture:
     return alpha
 
 
-def _outline(alpha: Picture) -> Floats:
+def _trace_outline(alpha: Picture) -> Floats:
     """Return the outline (OUTLINE_POINTS, 2) x, y at equal arc lengths, where alpha is one half.
 
     alpha: (h, w) uint8; x and y are px of it.
@@ -325,7 +334,7 @@ def _outline(alpha: Picture) -> Floats:
     return refine_outline(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
 
 
-def premultiply(film: Picture, tank: Picture, alpha: Picture) -> Picture:
+def premultiply_cutout(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     """Return the cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, premultiplied.
 
     It is film − (1 − alpha) · tank: laid over the same tank it gives back the film, and over any
@@ -333,12 +342,12 @@ def premultiply(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     `alpha` (h, w).
     """
     deep = (*alpha.shape, film.size // alpha.size)
-    return _premultiply(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
+    return _premultiply_channels(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
 
 
 @kernel
-def _premultiply(film, tank, alpha):  # type: ignore[no-untyped-def]
-    """Return the cut-out (h, w, k + 1) of pictures (h, w, k) of k channels."""
+def _premultiply_channels(film, tank, alpha):  # type: ignore[no-untyped-def]
+    """Return the premultiplied cut-out (h, w, k + 1) of pictures (h, w, k) and alpha (h, w)."""
     height, width, channels = film.shape
     out = np.empty((height, width, channels + 1), np.uint8)
     for y in range(height):

@@ -41,6 +41,8 @@ class SilhouettePlace:
 
 @dataclass
 class _Track:
+    """A track that still runs: its number, its last place, and its step to there (vx, vy) in px."""
+
     number: int
     spot: SilhouettePlace
     vx: float = 0.0
@@ -48,11 +50,11 @@ class _Track:
 
     @property
     def next_place(self) -> tuple[float, float]:
-        """The place x, y where the fish is expected in the next frame."""
+        """Return the place x, y [px] where the fish is expected in the next frame."""
         return self.spot.x_px + self.vx, self.spot.y_px + self.vy
 
 
-class Linker:
+class TrackLinker:
     """Joins silhouettes of successive frames to tracks: nearest pairs, limited in step and area.
 
     gate_px: largest distance of a fish from the place expected from its last two frames. Beyond a
@@ -61,28 +63,29 @@ class Linker:
     """
 
     def __init__(self, gate_px: float, area_ratio: float) -> None:
+        """Begin without tracks."""
         self._gate, self._ratio = gate_px, area_ratio
         self._tracks: list[_Track] = []
         self._before: list[SilhouettePlace] = []  # every spot of the frame before, isolated or not
         self._next = 0
 
-    def cut(self) -> None:
-        """End every track: the film has a cut here."""
+    def end_tracks(self) -> None:
+        """End every track, because the film has a cut here."""
         self._tracks, self._before = [], []
 
-    def step(self, spots: list[SilhouettePlace]) -> list[int | None]:
+    def link_frame(self, silhouettes: list[SilhouettePlace]) -> list[int | None]:
         """Return the track number of each silhouette of the next frame; None if it has no track."""
-        owner = self._assign(spots)
+        owner = self._assign(silhouettes)
         alone = [track for track in self._tracks if track not in owner.values()]
-        numbers: list[int | None] = [None] * len(spots)
+        numbers: list[int | None] = [None] * len(silhouettes)
         tracks = []
-        for i, spot in enumerate(spots):
+        for i, spot in enumerate(silhouettes):
             if not spot.isolated:
                 continue
             track = owner.get(i)
             if track is not None and _has_swallowed(track, spot, alone):
                 continue
-            if track is not None and self._has_split(track.spot, i, spots, owner):
+            if track is not None and self._has_split(track.spot, i, silhouettes, owner):
                 track = None
             if track is None:
                 track = _Track(self._next, spot)
@@ -92,51 +95,64 @@ class Linker:
                 track.spot = spot
             numbers[i] = track.number
             tracks.append(track)
-        self._tracks, self._before = tracks, spots
+        self._tracks, self._before = tracks, silhouettes
         return numbers
 
-    def _assign(self, spots: list[SilhouettePlace]) -> dict[int, _Track]:
-        """Return spot index → track for the pairs of an optimal assignment that pass both gates."""
-        if not self._tracks or not spots:
+    def _assign(self, silhouettes: list[SilhouettePlace]) -> dict[int, _Track]:
+        """Return the running track of each silhouette that has one, by the silhouette's number.
+
+        It is the assignment with the smallest distances, of pairs within the limits of step and
+        area.
+        """
+        if not self._tracks or not silhouettes:
             return {}
-        cost = _distances([t.next_place for t in self._tracks], [(s.x_px, s.y_px) for s in spots])
+        cost = _pairwise_distances(
+            [t.next_place for t in self._tracks], [(s.x_px, s.y_px) for s in silhouettes]
+        )
         clear = cost < self._gate / 4
-        clear |= (_CLEARLY * cost < _others(cost)) & (_CLEARLY * cost < _others(cost.T).T)
-        ratio = np.log([[s.area_px / t.spot.area_px for s in spots] for t in self._tracks])
+        clear |= (_CLEARLY * cost < _least_other_costs(cost)) & (
+            _CLEARLY * cost < _least_other_costs(cost.T).T
+        )
+        ratio = np.log([[s.area_px / t.spot.area_px for s in silhouettes] for t in self._tracks])
         allowed = (cost <= self._gate) & clear & (np.abs(ratio) <= np.log(self._ratio))
         rows, columns = scipy.optimize.linear_sum_assignment(np.where(allowed, cost, 1e6))
         return {
             int(j): self._tracks[i]
             for i, j in zip(rows, columns, strict=True)
-            if allowed[i, j] and spots[j].isolated
+            if allowed[i, j] and silhouettes[j].isolated
         }
 
     def _has_split(
         self,
         before: SilhouettePlace,
-        own: int,
-        spots: list[SilhouettePlace],
-        owner: dict[int, _Track],
+        number: int,
+        silhouettes: list[SilhouettePlace],
+        tracks: dict[int, _Track],
     ) -> bool:
-        """Return whether spot `own` has shrunk, and a spot without a track has left its place."""
-        if before.area_px <= _GREW * spots[own].area_px:
+        """Return whether a silhouette has shrunk because another one has left its place.
+
+        before: its place in the frame before; silhouettes: of this frame, where it has this
+        `number`; tracks: of the silhouettes, by number.
+        """
+        if before.area_px <= _GREW * silhouettes[number].area_px:
             return False
+        others = [other for other in self._before if other != before]
         born = (
             (s.x_px, s.y_px)
-            for i, s in enumerate(spots)
-            if i != own and i not in owner and s.area_px * 4 > before.area_px
-            and not any(_holds_any(b.box, [(s.x_px, s.y_px)]) for b in self._before if b != before)
+            for i, s in enumerate(silhouettes)
+            if i != number and i not in tracks and s.area_px * 4 > before.area_px
+            and not any(_contains_any(b.box, [(s.x_px, s.y_px)]) for b in others)
         )  # fmt: skip
-        return _holds_any(before.box, born)
+        return _contains_any(before.box, born)
 
 
-def _has_swallowed(track: _Track, spot: SilhouettePlace, alone: list[_Track]) -> bool:
-    """Return whether a track's spot has grown over the expected place of a track without a spot."""
-    grown = spot.area_px > _GREW * track.spot.area_px
-    return grown and _holds_any(spot.box, (other.next_place for other in alone))
+def _has_swallowed(track: _Track, silhouette: SilhouettePlace, lost_tracks: list[_Track]) -> bool:
+    """Return whether a silhouette has grown over the expected place of a lost track."""
+    grown = silhouette.area_px > _GREW * track.spot.area_px
+    return grown and _contains_any(silhouette.box, (other.next_place for other in lost_tracks))
 
 
-def _others(cost: Floats) -> Floats:
+def _least_other_costs(cost: Floats) -> Floats:
     """Return, for each entry, the least other entry in its row; infinity where there is none."""
     if cost.shape[1] < 2:
         return np.full_like(cost, np.inf)
@@ -144,13 +160,13 @@ def _others(cost: Floats) -> Floats:
     return np.where(cost == two[:, :1], two[:, 1:], two[:, :1])
 
 
-def _distances(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> Floats:
-    """Return the distances (n, m) of n places from m others."""
+def _pairwise_distances(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> Floats:
+    """Return the distances (n, m) of n places x, y from m others."""
     difference = np.asarray(a)[:, None] - np.asarray(b)[None]
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
-def _holds_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:
+def _contains_any(box: Box, places: Iterable[tuple[float, float]]) -> bool:
     """Return whether any of the places x, y lies in a box."""
     x0, y0, x1, y1 = box
     return any(x0 <= x < x1 and y0 <= y < y1 for x, y in places)

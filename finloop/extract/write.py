@@ -17,10 +17,13 @@ from finloop.base.arrays import Picture
 from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
-from finloop.extract.background import Scene
-from finloop.extract.given import GivenTrackLinker
-from finloop.extract.load_given import check_given, load_given, save_given
-from finloop.extract.samples import Typical, Verdict, survey
+from finloop.extract.given import ExternalTrackLinker
+from finloop.extract.load_given import (
+    check_external_tracks,
+    load_external_tracks,
+    save_external_tracks,
+)
+from finloop.extract.samples import Verdict, measure_scene_and_fish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import require_free_space
@@ -50,8 +53,8 @@ _LOOKED_AT = 8  # most frames from which the space on the disk is estimated
 class Extraction(NamedTuple):
     """The results of a clip: facts, counts of silhouettes by verdict, counts of frames by track.
 
-    given: outcomes of the places in a file of tracks; empty without one. lost:
-    numbers of the frames that could not be decoded.
+    given: outcomes of the places in a file of tracks; empty without one. lost: numbers of the
+    frames that could not be decoded.
     """
 
     scene: SceneFacts
@@ -61,7 +64,7 @@ class Extraction(NamedTuple):
     lost: list[int]
 
 
-def extract(
+def extract_tracks(
     clip: Path,
     p: ExtractSettings,
     folder: Path,
@@ -69,19 +72,19 @@ def extract(
     advance: Callable[[], None] = lambda: None,
     pieces: Pieces | None = None,
 ) -> Extraction:
-    """Write the tracks, cut-outs, scene and background of a clip to a folder.
+    """Write the tracks, cut-outs, scene and background of a clip to a folder, and return a summary.
 
     clip: the folder of the clip. Each of `workers` decodes and measures its own stretches;
-    `advance()` after each frame. A frame that cannot be decoded counts as one without fish.
-    `pieces` stores the detections of stretches. FinloopError if the clip cannot be read, the disk
-    has too little space, or no fish can be followed.
+    `advance()` is called after each frame. A frame that cannot be decoded counts as one without
+    fish. `pieces` stores the detections of stretches. FinloopError if the clip cannot be read, the
+    disk has too little space, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
-    given = load_given(clip, facts, p) if p.tracks_path else None
+    given = load_external_tracks(clip, facts, p) if p.tracks_path else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     frames = load_sample_frames(clip / CLIP_NAME, facts, p.samples)
-    scene, typical = survey(frames, arena, p, Threads(THREADS))
+    scene, typical = measure_scene_and_fish(frames, arena, p, Threads(THREADS))
     # One thread per worker: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
     store = pieces.load_or_make if pieces else None
@@ -93,11 +96,12 @@ def extract(
     verdicts, lengths, lost = Counter[Verdict](), Counter[int](), list[int]()
     linker, agreement = None, None
     if given:
-        agreement = check_given(given, clip, facts, scene, detector)
-        linker = GivenTrackLinker(given, typical.length_px, p.min_track_frames)
+        agreement = check_external_tracks(given, clip, facts, scene, detector)
+        linker = ExternalTrackLinker(given, typical.length_px, p.min_track_frames)
 
     def track_frames() -> Iterator[list[film.TrackedFish]]:
-        found = film.fill_lost_frames(film.detections(whole, scene, detector, workers), lost)
+        """Yield the fish of long tracks, frame by frame, and count them."""
+        found = film.fill_lost_frames(film.detect_in_clip(whole, scene, detector, workers), lost)
         runs = linker.tracks(found, cuts) if linker else film.link_tracks(found, typical, p, cuts)
         for judged, fish in runs:
             verdicts.update(judged)
@@ -106,25 +110,20 @@ def extract(
             yield fish
 
     with tracks_writer(folder, tracks_schema(p.points)) as write:
-        for fish in film.batches(track_frames()):
-            write(film.track_rows(fish), film.cutouts(fish))
+        for fish in film.batch_fish(track_frames()):
+            write(film.track_table_rows(fish), film.fish_cutouts(fish))
     if not lengths:
         raise linker.no_track_error() if linker else film.no_track_error(p, verdicts)
-    tank = _scene_facts(scene, typical, p.points)
+    area, length, contrast, fins, thin = typical
+    levels = scene.polarity, scene.noise, scene.threshold
+    tank = SceneFacts(*levels, area, length, contrast, fins, p.points, thin)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
     numbers = {}
     if given and linker and agreement:
-        save_given(folder, given, p.points)
+        save_external_tracks(folder, given, p.points)
         numbers = linker.metrics(agreement)
     return Extraction(tank, verdicts, lengths, numbers, lost)
-
-
-def _scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
-    """Return the facts about the tank and its fish that later stages need."""
-    area, length, contrast, fins, thin = typical
-    levels = scene.polarity, scene.noise, scene.threshold
-    return SceneFacts(*levels, area, length, contrast, fins, points, thin)
 
 
 def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
@@ -134,14 +133,15 @@ def describe_lost_frames(lost: Sequence[int], facts: VideoFacts) -> str:
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
 
 
-def load_sample_frames(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
-    """Return up to `samples` frames (h, w[, 3]) spread over a clip, but no damaged ones.
+def load_sample_frames(path: Path, facts: VideoFacts, most_samples: int) -> list[Picture]:
+    """Return frames (h, w[, 3]) spread over a clip, without damaged ones.
 
-    path: of the clip's film; facts: about it. UndecodableError if none can be decoded.
+    path: of the clip's film; facts: about it; most_samples: how many frames at most.
+    UndecodableError if none can be decoded.
     """
     require_frame_count(path, facts.frames)
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    numbers = film.sample_frames(samples, facts.frames, shape, KEY_FRAME_EVERY)
+    numbers = film.choose_sample_frames(most_samples, facts.frames, shape, KEY_FRAME_EVERY)
     # One thread per decoder: several threads would decode frames after a key frame in vain.
     read = partial(read_chosen_frames, path, colour=facts.colour, threads=1)
 
@@ -166,17 +166,17 @@ def _refuse_small_disk(
 ) -> None:
     """Raise FinloopError if a disk has too little space for all results of a film.
 
-    sample: detections in some of its frames. While rows are put in order, table and cut-outs exist
-    twice, beside the pieces.
+    frames: length of the film; sample: detections in some of its frames. While rows are put in
+    order, table and cut-outs exist twice, beside the pieces.
     """
     isolated = [one for detections in sample for one in detections.fish if one is not None]
     fish = [film.TrackedFish(0, number, one) for number, one in enumerate(isolated)]
     size = 0.0
     if fish:
         table = arrow_table(
-            film.track_rows(fish), tracks_schema(len(fish[0].fish.backbone.points_px)), ""
+            film.track_table_rows(fish), tracks_schema(len(fish[0].fish.backbone.points_px)), ""
         )
-        size = 2 * (table.nbytes + sum(map(compressed_size, film.cutouts(fish))))
+        size = 2 * (table.nbytes + sum(map(compressed_size, film.fish_cutouts(fish))))
     written = 0
     if pieces is not None:
         size += len(pack_result(list(sample)))

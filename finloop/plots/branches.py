@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from finloop.base.arrays import Floats, Ints, Mask, Picture
-from finloop.extract.backbone import longest_geodesic, trace_backbone, without_notches
-from finloop.extract.background import Scene, in_light_of
-from finloop.extract.samples import Typical, judge
-from finloop.extract.segment import Silhouette, SilhouetteEdge, silhouettes
+from finloop.extract.backbone import close_notches, find_longest_path, trace_backbone
+from finloop.extract.background import Scene, match_scene_to_light
+from finloop.extract.samples import TypicalFish, judge_silhouette
+from finloop.extract.segment import Silhouette, SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.plots.parts import message
 
@@ -146,17 +146,17 @@ def _step_back(number: Ints, x: int, y: int) -> tuple[int, int]:
 
 
 def thin_fish(
-    frame: Picture, label: str, scene: Scene, typical: Typical, arena: Picture,
+    frame: Picture, label: str, scene: Scene, typical: TypicalFish, arena: Picture,
     settings: ExtractSettings,
 ) -> Iterator[ThinnedFish]:  # fmt: skip
     """Yield every isolated fish of a frame (h, w) or (h, w, 3), thinned with its pale pixels.
 
     label: film and frame, for the figure; arena: 255 inside.
     """
-    lit = in_light_of(scene, frame)
+    lit = match_scene_to_light(scene, frame)
     ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, "all", typical.thin)
-    for silhouette in silhouettes(frame, lit, arena, settings.least_area_px, ends):
-        if judge(silhouette, typical, settings) == "fish":
+    for silhouette in find_silhouettes(frame, lit, arena, settings.least_area_px, ends):
+        if judge_silhouette(silhouette, typical, settings) == "fish":
             yield _thin(silhouette, frame, label, settings.points, scene.threshold)
 
 
@@ -181,13 +181,13 @@ def _thin(
     skeleton = skimage.morphology.skeletonize(whole)
     half_width = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
     backbone = trace_backbone(silhouette.mask, silhouette.field, points, floor)
-    alone, _ = without_notches(silhouette.mask, silhouette.field)
+    alone, _ = close_notches(silhouette.mask, silhouette.field)
     corner = np.array([silhouette.x0 - left, silhouette.y0 - top])
     y = np.clip(np.arange(whole.shape[0]) + top, 0, frame.shape[0] - 1)
     x = np.clip(np.arange(whole.shape[1]) + left, 0, frame.shape[1] - 1)
     return ThinnedFish(
         label, frame[np.ix_(y, x)], body[window], whole, skeleton, half_width,
-        find_branches(skeleton), longest_geodesic(skeleton, half_width).astype(np.int64),
+        find_branches(skeleton), find_longest_path(skeleton, half_width).astype(np.int64),
         None if backbone is None else backbone.points_px + corner,
         len(_find_ends(skimage.morphology.skeletonize(alone))),
     )  # fmt: skip

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Picture
-from finloop.extract.background import Scene, in_light_of
-from finloop.extract.samples import Typical, judge
-from finloop.extract.segment import SilhouetteEdge, silhouettes
+from finloop.extract.background import Scene, match_scene_to_light
+from finloop.extract.samples import TypicalFish, judge_silhouette
+from finloop.extract.segment import SilhouetteEdge, find_silhouettes
 from finloop.extract.settings import ExtractSettings
 from finloop.plots.parts import convert_to_colour, in_rows, write
 
@@ -22,7 +22,7 @@ _COLOURS = {  # RGB; colour-blind people distinguish them, too (Okabe-Ito)
 
 
 def detections_picture(
-    frames: Sequence[Picture], labels: Sequence[str], scene: Scene, typical: Typical,
+    frames: Sequence[Picture], labels: Sequence[str], scene: Scene, typical: TypicalFish,
     arena: Picture, settings: ExtractSettings,
 ) -> Picture:  # fmt: skip
     """Draw frames, two per row, with each silhouette's outline in the colour of its verdict.
@@ -32,14 +32,17 @@ def detections_picture(
     panels = []
     for frame, label in zip(frames, labels, strict=True):
         panel, scale = convert_to_colour(frame), frame.shape[1] / 900
-        lit = in_light_of(scene, frame)
+        lit = match_scene_to_light(scene, frame)
         ends = SilhouetteEdge(settings.outline_contrast_ratio, settings.shadow, thin=typical.thin)
-        for s in silhouettes(frame, lit, arena, settings.least_area_px, ends):
+        for s in find_silhouettes(frame, lit, arena, settings.least_area_px, ends):
             contours = cv2.findContours(
                 s.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE,
                 offset=(s.x0, s.y0),
             )[0]  # fmt: skip
-            outline, colour = max(contours, key=len), _COLOURS[judge(s, typical, settings)]
+            outline, colour = (
+                max(contours, key=len),
+                _COLOURS[judge_silhouette(s, typical, settings)],
+            )
             cv2.drawContours(panel, [outline], -1, colour, max(1, frame.shape[1] // 600))
         place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
         write(panel, label, place, (255, 255, 255), 0.9 * scale, line)

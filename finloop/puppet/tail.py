@@ -12,7 +12,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Points, Reals
 from finloop.base.schema import lists_to_array, lists_to_points
-from finloop.extract.backbone import resample
+from finloop.extract.backbone import resample_line
 
 
 class Tail(NamedTuple):
@@ -102,4 +102,4 @@ def _smooth_line(line: Floats, width: Floats, smoothing: float) -> Floats:
     long = np.concatenate([2 * line[0] - line[:0:-1], line, 2 * line[-1] - line[-2::-1]])
     places = np.arange(len(long)) - (count - 1)
     weight = np.exp(-0.5 * ((places - np.arange(count)[:, None]) / spread[:, None]) ** 2)
-    return resample(weight / weight.sum(1, keepdims=True) @ long, count)
+    return resample_line(weight / weight.sum(1, keepdims=True) @ long, count)

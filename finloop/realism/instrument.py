@@ -19,8 +19,8 @@ from finloop.base.arrays import Floats, Ints, Picture
 from finloop.base.stretches import sample_stretches
 from finloop.edit.schema import FRAME, filmed_edit_list
 from finloop.extract.background import Scene
-from finloop.extract.film import Detections, Detector, link_tracks, track_rows
-from finloop.extract.samples import Typical
+from finloop.extract.film import Detections, Detector, link_tracks, track_table_rows
+from finloop.extract.samples import TypicalFish
 from finloop.extract.segment import SegmentedFish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
@@ -75,11 +75,11 @@ class Instrument:
         return edit.assign(**places, **scales)
 
     @property
-    def typical(self) -> Typical:
+    def typical(self) -> TypicalFish:
         """Return the film's typical fish; its fins are not measured."""
         facts = self.facts
         size = facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey
-        return Typical(*size, fins="none", thin=facts.thin)
+        return TypicalFish(*size, fins="none", thin=facts.thin)
 
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
         """Yield the detections of extraction in each frame, which shows the tank with one fish.
@@ -109,7 +109,7 @@ class Instrument:
         fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]
         if not fish_frames:
             return FEATURES.empty()
-        table = track_rows(fish_frames).sort_values(["track_id", "frame"], ignore_index=True)
+        table = track_table_rows(fish_frames).sort_values(["track_id", "frame"], ignore_index=True)
         return measure_features(table, self.rate_hz, self.features)[0]
 
 

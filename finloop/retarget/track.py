@@ -9,8 +9,8 @@ from scipy.interpolate import make_interp_spline
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
-from finloop.extract.backbone import resample
-from finloop.extract.given import HEADS, TAILS, keypoint
+from finloop.extract.backbone import resample_line
+from finloop.extract.given import HEADS, TAILS, find_keypoint
 from finloop.features.area import interpolate_lines
 from finloop.retarget.settings import RetargetSettings
 
@@ -65,7 +65,7 @@ def track_of(poses: Poses, rate_hz: float, steps: int, p: RetargetSettings) -> T
         share = (at - first) / (last - first)
         line = resample_body_lines(points[:, order], share, name)
     else:
-        heads = [keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
+        heads = [find_keypoint(poses.keypoints, p.head, HEADS, "retarget.body_keypoints")]
         single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
         at = np.array([first, last] if len(order) == 2 else [single])
         line = points[:, order]
@@ -143,8 +143,8 @@ def body_points(keypoints: Sequence[str], points: Floats, p: RetargetSettings) -
                 "correct retarget.body_keypoints",
             )
         return np.array([keypoints.index(one) for one in p.body_keypoints])
-    head = keypoint(keypoints, p.head, HEADS, "retarget.body_keypoints")
-    tail = keypoint(keypoints, p.tail, TAILS, "retarget.body_keypoints")
+    head = find_keypoint(keypoints, p.head, HEADS, "retarget.body_keypoints")
+    tail = find_keypoint(keypoints, p.tail, TAILS, "retarget.body_keypoints")
     if head is None or tail is None or head == tail:
         one = next((k for k, name in enumerate(keypoints) if _plain(name) in _CENTRES), 0)
         return np.array([one if head is None else keypoints.index(head)])
@@ -190,7 +190,7 @@ def resample_body_lines(points: Floats, share: Floats, name: str) -> Floats:
         curve = make_interp_spline(way, some, min(3, len(some) - 1))
         dense = curve(np.linspace(0, way[-1], _FINE * len(share) + 1))
         ratio.append(way[-1] / max(float(np.hypot(*(some[-1] - some[0]))), 1e-9))
-        even = resample(dense, _FINE * len(share) + 1)
+        even = resample_line(dense, _FINE * len(share) + 1)
         places[t] = interpolate_lines(even[None], share * (len(even) - 1))[0]
     if ratio and np.median(ratio) > _ZIGZAG:
         raise FinloopError(

@@ -11,7 +11,7 @@ import numpy as np
 from finloop.base.arrays import Picture
 from finloop.extract.background import Polarity, Scene
 from finloop.extract.fins import Fins
-from finloop.extract.samples import Typical
+from finloop.extract.samples import TypicalFish
 from finloop.extract.settings import ExtractSettings
 from finloop.extract.table import SceneFacts
 from finloop.io.picture import load_picture, save_figure, save_picture
@@ -43,7 +43,7 @@ class ExtractedFilm(NamedTuple):
     clip: Path
     facts: VideoFacts
     scene: Scene
-    typical: Typical
+    typical: TypicalFish
     arena: Picture
 
     def read(self, count: int) -> Iterator[tuple[str, Picture]]:
@@ -81,7 +81,7 @@ def _load_film(name: str, home: Path) -> ExtractedFilm:
     background = load_picture(tracks_folder / "background.png")
     polarity, fins = cast(Polarity, record.polarity), cast(Fins, record.fins)
     scene = Scene(background, polarity, record.noise_grey, record.threshold_grey)
-    typical = Typical(
+    typical = TypicalFish(
         record.typical_area_px, record.typical_length_px, record.typical_contrast_grey, fins,
         record.thin,
     )  # fmt: skip
